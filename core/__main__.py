@@ -1,0 +1,137 @@
+"""The command line: ``python -m core render | turntable | fit | dataset | train``. Degrees here, radians inside."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        print(f"{self.prog}: {message}", file=sys.stderr)
+        sys.exit(2)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run one command. Whatever is wrong with its input is said in one line on stderr, with status 2."""
+    chosen = parser().parse_args(arguments)
+    # Imported late: `--help` answers before torch is loaded.
+    from core import commands
+
+    try:
+        getattr(commands, chosen.run)(chosen)
+    except (ValueError, OSError) as error:
+        print(f"python -m core: {' '.join(str(error).split())}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def parser() -> argparse.ArgumentParser:
+    """The words of the command line."""
+    top = _Parser(prog="python -m core", description="CodeNeRF without a window.", allow_abbrev=False)
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    _add_render(commands)
+    _add_turntable(commands)
+    _add_fit(commands)
+    _add_dataset(commands)
+    _add_train(commands)
+    return top
+
+
+def _command(commands: argparse._SubParsersAction, name: str, run: str, about: str) -> argparse.ArgumentParser:
+    command = commands.add_parser(
+        name, help=about, description=about, formatter_class=argparse.ArgumentDefaultsHelpFormatter, allow_abbrev=False
+    )
+    command.set_defaults(run=run)
+    return command
+
+
+def _add_scene_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    what = command.add_mutually_exclusive_group()
+    what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
+    what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene")
+    command.add_argument("--azimuth", type=_degrees, metavar="D", help="degrees; the front is seen from 90")
+    command.add_argument("--elevation", type=_degrees, metavar="D", help="degrees, -90 to 90")
+    command.add_argument("--distance", type=float, metavar="X", help="scene units (an object's diagonal is 1)")
+
+
+def _add_render(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "render", "render", "draw one picture")
+    _add_scene_options(command)
+    command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
+    command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
+    command.add_argument("--out", type=Path, required=True, metavar="X.png")
+
+
+def _add_turntable(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "turntable", "turntable_command", "film one turn around an object")
+    _add_scene_options(command)
+    command.add_argument("--frames", type=_count, default=72)
+    command.add_argument("--size", type=_count, default=256, metavar="PX", help="width and height")
+    command.add_argument("--out", type=Path, required=True, metavar="X.mp4|.gif|.webp")
+
+
+def _add_fit(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands, "fit", "fit_command", "find camera and codes of an object in pictures; ends with one JSON line"
+    )
+    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="pictures of one object")
+    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    command.add_argument(
+        "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
+    )
+    command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
+    command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
+    command.add_argument("--seed", type=int, default=0)
+
+
+def _add_dataset(commands: argparse._SubParsersAction) -> None:
+    kinds = commands.add_parser("dataset", help="render a dataset in ShapeNet-SRN's layout").add_subparsers(
+        required=True, metavar="KIND"
+    )
+    meshes = _command(kinds, "meshes", "dataset_meshes", "render a folder of GLB files with its index.json")
+    meshes.add_argument("folder", type=Path, metavar="DIR")
+    procedural = _command(kinds, "procedural", "dataset_procedural", "render objects of the built-in generator")
+    procedural.add_argument("--count", type=_count, required=True, metavar="N", help="objects")
+    for command in (meshes, procedural):
+        command.add_argument("--out", type=Path, required=True, metavar="DIR")
+        command.add_argument("--split", choices=("train", "test"), default="train")
+        command.add_argument("--views", type=_count, help="per object (default: 50 to train on, 251 to test on)")
+        command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
+        command.add_argument("--category", choices=("cars", "chairs"), required=True)
+
+
+def _add_train(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "train", "train", "train a category model; stop it and go on with --resume")
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    command.add_argument("--resume", action="store_true", help="go on from M.state, written beside M")
+    command.add_argument("--steps", type=_count, default=100_000)
+    command.add_argument("--width", type=_count, default=128, help="of the network")
+    command.add_argument("--latent", type=_count, nargs=2, default=(64, 64), metavar=("SHAPE", "TEXTURE"))
+    command.add_argument("--device", default="cpu", help="cpu or cuda")
+    command.add_argument("--seed", type=int, default=0)
+
+
+def _degrees(text: str) -> float:
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return math.radians(value)
+
+
+def _count(text: str) -> int:
+    value = int(text)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
+    return value
+
+
+if __name__ == "__main__":
+    main()

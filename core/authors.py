@@ -1,0 +1,72 @@
+"""Reads checkpoints written by the authors' own trainer (github.com/wbjang/code-nerf)."""
+
+import json
+import pickle
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from core.codes import CodeBook, Entry
+from core.field import Field, FieldConfig
+from core.model import Model
+
+_LAYERS = {
+    "encoding_xyz.0": "point_layer",
+    "encoding_shape": "feature_layer",
+    "sigma.0": "density_layer",
+    "encoding_viewdir.0": "direction_layer",
+    "rgb.0": "colour_hidden",
+    "rgb.2": "colour_layer",
+}
+
+
+def load_authors(path: Path) -> Model:
+    """A model from ``models.pth`` with ``hpam.json`` beside it; nothing in the file is executed.
+
+    Their network paints the white ground itself (``painted_ground``) and leaves its colours unbounded.
+    Raises ``ValueError`` naming the file where one of the two is missing or holds something else.
+    """
+    settings_path = path.with_name("hpam.json")
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=True)
+        settings = json.loads(settings_path.read_text())
+        sizes = settings["net_hyperparams"]
+        config = FieldConfig(
+            width=sizes["W"],
+            shape_blocks=sizes["shape_blocks"],
+            texture_blocks=sizes["texture_blocks"],
+            shape_latent=sizes["latent_dim"],
+            texture_latent=sizes["latent_dim"],
+            point_octaves=sizes["num_xyz_freq"],
+            direction_octaves=sizes["num_dir_freq"],
+            density_scale=1.0,
+            bounded_colour=False,
+        )
+        field = Field(config)
+        field.load_state_dict(_renamed(state["model_params"]))
+        shapes, textures = state["shape_code_params"]["weight"], state["texture_code_params"]["weight"]
+        middle = (settings["near"] + settings["far"]) / 2
+        category = settings["data"]["cat"].removeprefix("srn_")
+    except FileNotFoundError as error:
+        raise ValueError(f"no such file: {error.filename}") from None
+    except (KeyError, TypeError, RuntimeError, OSError, pickle.UnpicklingError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is not a checkpoint of the authors' trainer: {error}") from None
+    names = tuple(Entry(f"{index:04d}", index, index) for index in range(len(shapes)))
+    codes = CodeBook(shapes.float(), textures.float(), names)
+    # Their rays run 0.5 to either side of the middle: the box that holds every object is that of diagonal 1.
+    return Model(field, codes, (0.5, 0.5, 0.5), category, 128, 131.25, middle, painted_ground=True)
+
+
+def _renamed(state: dict[str, Tensor]) -> dict[str, Tensor]:
+    renamed = {}
+    for name, tensor in state.items():
+        layer, kind = name.rsplit(".", 1)
+        if layer in _LAYERS:
+            target = _LAYERS[layer]
+        else:  # e.g. shape_latent_layer_1.0, texture_layer_1.0
+            part, _, number = layer.removesuffix(".0").rpartition("_layer_")
+            part = part if part.endswith("latent") else f"{part}_block"
+            target = f"{part}.{int(number) - 1}"
+        renamed[f"{target}.{kind}"] = tensor
+    return renamed

@@ -1,0 +1,127 @@
+"""Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Self
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Codes:
+    """One shape code and one texture code, or a batch of pairs. Raises ``ValueError`` where a number is not finite."""
+
+    shape: Float[Tensor, "*batch shape_latent"]
+    texture: Float[Tensor, "*batch texture_latent"]
+
+    def __post_init__(self) -> None:
+        if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
+            raise ValueError("codes must be finite")
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Codes):
+            return NotImplemented
+        return torch.equal(self.shape, other.shape) and torch.equal(self.texture, other.texture)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def mixed(self, other: Self, shape: float, texture: float) -> "Codes":
+        """These codes at 0, the other's at 1, straight lines between, for shape and texture separately."""
+        return Codes(torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture))
+
+
+@dataclass(frozen=True, eq=False)
+class CodeSpace:
+    """The cloud of one kind of trained codes: its mean and its principal directions, strongest first."""
+
+    mean: Float[Tensor, "latent"]
+    directions: Float[Tensor, "rank latent"]
+    """orthonormal rows"""
+    spread: Float[Tensor, "rank"]
+    """standard deviation along each direction, descending"""
+
+    @classmethod
+    def of(cls, codes: Float[Tensor, "objects latent"]) -> Self:
+        """PCA of the rows; the sign of each direction is fixed by its largest component."""
+        mean = codes.mean(0)
+        _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)
+        spread = singular / max(1, len(codes) - 1) ** 0.5
+        kept = spread > 1e-6 * spread.max().clamp_min(1e-12)
+        directions, spread = directions[kept], spread[kept]
+        largest = directions.gather(1, directions.abs().argmax(1, keepdim=True))
+        return cls(mean, directions * largest.sign(), spread)
+
+    def coordinates(self, code: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch rank"]:
+        """A code in standard deviations along the principal directions."""
+        return (code - self.mean) @ self.directions.T / self.spread
+
+    def code(self, coordinates: Float[Tensor, "*batch some"]) -> Float[Tensor, "*batch latent"]:
+        """The code at these coordinates (standard deviations); directions left out count as zero."""
+        some = coordinates.shape[-1]
+        return self.mean + (coordinates * self.spread[:some]) @ self.directions[:some]
+
+    def moved(self, code: Float[Tensor, "latent"], direction: int, to: float) -> Float[Tensor, "latent"]:
+        """The same code with one coordinate set to ``to`` standard deviations; nothing else changes."""
+        step = to - float(self.coordinates(code)[direction])
+        return code + step * self.spread[direction] * self.directions[direction]
+
+    @property
+    def explained(self) -> Float[Tensor, "rank"]:
+        """The share of the cloud's variance along each direction."""
+        return self.spread**2 / (self.spread**2).sum()
+
+
+class Entry(NamedTuple):
+    """An object of a code book: a name and the rows of its shape and its texture code."""
+
+    name: str
+    shape: int
+    texture: int
+
+
+@dataclass(frozen=True, eq=False)
+class CodeBook:
+    """The codes of a trained model. Objects may share a shape or a texture, so each kind has its own rows."""
+
+    shapes: Float[Tensor, "shapes shape_latent"]
+    textures: Float[Tensor, "textures texture_latent"]
+    objects: tuple[Entry, ...]
+
+    def __post_init__(self) -> None:
+        for entry in self.objects:
+            if not (0 <= entry.shape < len(self.shapes) and 0 <= entry.texture < len(self.textures)):
+                raise ValueError(f"object {entry.name} has codes outside the book")
+
+    def __len__(self) -> int:
+        return len(self.objects)
+
+    def __getitem__(self, index: int) -> Codes:
+        if not 0 <= index < len(self.objects):
+            raise ValueError(f"object must be 0 to {len(self.objects) - 1}, got {index}")
+        entry = self.objects[index]
+        return Codes(self.shapes[entry.shape], self.textures[entry.texture])
+
+    @cached_property
+    def shape_space(self) -> CodeSpace:
+        """The cloud of the shape codes."""
+        return CodeSpace.of(self.shapes)
+
+    @cached_property
+    def texture_space(self) -> CodeSpace:
+        """The cloud of the texture codes."""
+        return CodeSpace.of(self.textures)
+
+    @property
+    def mean(self) -> Codes:
+        """The mean shape in the mean texture, where the paper's fit begins."""
+        return Codes(self.shape_space.mean, self.texture_space.mean)
+
+    def drawn(self, generator: torch.Generator) -> Codes:
+        """A pair drawn from the two clouds, taken as normal."""
+        shape, texture = (
+            space.code(torch.randn(len(space.spread), generator=generator))
+            for space in (self.shape_space, self.texture_space)
+        )
+        return Codes(shape, texture)

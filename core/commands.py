@@ -1,0 +1,150 @@
+"""What the commands do: each reads the parsed words of :mod:`core.__main__` and drives a stream to its end."""
+
+import argparse
+import json
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+from PIL import Image
+from tqdm import tqdm
+
+from core.camera import Camera
+from core.codes import Codes
+from core.data.meshes import mesh_plan, render_meshes
+from core.data.procedural import procedural_plan, render_procedural
+from core.data.views import SPIRAL_VIEWS
+from core.dataset import read_dataset
+from core.field import FieldConfig
+from core.fit import FitJob, FitStep, fit
+from core.library import load_model
+from core.model import Model
+from core.photos import load_photo
+from core.render import render_exact
+from core.scene import Scene
+from core.train import Trainer, TrainSettings, held_out_psnr, hold_out
+from core.video import picture, turntable
+
+_MEASURED_EVERY = 5000
+"""Steps between two measurements of a model in training, which is saved at the same time."""
+_VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
+
+
+def render(chosen: argparse.Namespace) -> None:
+    """``render``: one picture."""
+    model, codes, camera = _viewed(chosen)
+    _require_folder(chosen.out)
+    camera = camera.resized(chosen.size, chosen.size)
+    if chosen.exact:
+        colour = render_exact(model, codes, camera).colour.clamp(0, 1)
+        image = (colour * 255 + 0.5).byte().cpu().numpy()
+    else:
+        image = picture(model, codes, camera).image
+    Image.fromarray(image).save(chosen.out)
+
+
+def turntable_command(chosen: argparse.Namespace) -> None:
+    """``turntable``: a video of one turn."""
+    model, codes, camera = _viewed(chosen)
+    written = turntable(model, codes, camera, chosen.out, chosen.frames, chosen.size)
+    _drive(written, chosen.frames, "frame")
+
+
+def fit_command(chosen: argparse.Namespace) -> None:
+    """``fit``: camera and codes of the object in the pictures; the last line on stdout is the result as JSON."""
+    if chosen.pose and len(chosen.pose) != len(chosen.images):
+        raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
+    model = load_model(chosen.model)
+    poses = chosen.pose or [None] * len(chosen.images)
+    photos = tuple(load_photo(image, model, pose) for image, pose in zip(chosen.images, poses, strict=True))
+    for path in filter(None, (chosen.out, chosen.log)):
+        _require_folder(path)
+    last = None
+    with chosen.log.open("w") if chosen.log else nullcontext() as log, tqdm(unit="step", leave=False) as bar:
+        for last in fit(model, FitJob(photos, seed=chosen.seed)):
+            bar.total = last.steps
+            bar.set_postfix_str(f"{last.psnr:.2f} dB")
+            bar.update()
+            if log:
+                log.write(json.dumps(_told(last) | {"loss": last.loss, "start": last.start}) + "\n")
+    if last is None:
+        raise ValueError("the fit made no step")
+    if chosen.out:
+        Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
+    print(json.dumps(_told(last)), flush=True)
+
+
+def dataset_meshes(chosen: argparse.Namespace) -> None:
+    """``dataset meshes``: GLB files rendered into SRN folders."""
+    plan = mesh_plan(chosen.folder, chosen.category, chosen.split)
+    views = chosen.views or _VIEWS[chosen.split]
+    made = render_meshes(chosen.folder, chosen.out, chosen.category, chosen.split, views, chosen.size)
+    _drive(made, len(plan), "object")
+
+
+def dataset_procedural(chosen: argparse.Namespace) -> None:
+    """``dataset procedural``: generated objects rendered into SRN folders."""
+    plan = procedural_plan(chosen.category, chosen.count, chosen.split)
+    views = chosen.views or _VIEWS[chosen.split]
+    made = render_procedural(chosen.category, chosen.count, chosen.out, chosen.split, views, chosen.size)
+    _drive(made, len(plan), "object")
+
+
+def train(chosen: argparse.Namespace) -> None:
+    """``train``: a model from datasets, saved with its state as it goes."""
+    _require_folder(chosen.out)
+    shape, texture = chosen.latent
+    config = FieldConfig(width=chosen.width, shape_latent=shape, texture_latent=texture)
+    training, held_out = hold_out(read_dataset(chosen.datasets))
+    trainer = Trainer(training, TrainSettings(field=config, steps=chosen.steps, seed=chosen.seed), chosen.device)
+    state = chosen.out.with_suffix(".state")
+    if chosen.resume:
+        trainer.load_state(state)
+    with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01) as bar:
+        for step in trainer.steps():
+            bar.update()
+            if step.step % 100 == 0:
+                bar.set_postfix_str(f"rays {step.psnr:.2f} dB")
+            if step.step % _MEASURED_EVERY == 0 or step.step == step.steps:
+                model = trainer.model()
+                model.save(chosen.out)
+                trainer.save_state(state)
+                found = held_out_psnr(model, held_out)
+                tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
+
+
+def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
+    """The model, codes and camera that the options name: a scene's or an object's, seen as told or from the front left."""
+    model = load_model(chosen.model)
+    if chosen.scene:
+        scene = Scene.load(chosen.scene, model)
+        codes, camera = scene.codes, scene.camera
+    else:
+        codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
+        camera = model.camera(math.radians(60), math.radians(20))
+    told = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
+    return model, codes, replace(camera, **{name: value for name, value in told.items() if value is not None})
+
+
+def _told(step: FitStep) -> dict[str, float]:
+    camera = step.cameras[0]
+    return {
+        "azimuth": round(math.degrees(camera.azimuth), 4),
+        "elevation": round(math.degrees(camera.elevation), 4),
+        "distance": round(camera.distance, 5),
+        "psnr": round(step.psnr, 3),
+        "seconds": round(step.seconds, 3),
+        "steps": step.step,
+    }
+
+
+def _drive(stream: Iterable[object] | Iterator[object], total: int, unit: str) -> None:
+    for _ in tqdm(stream, total=total, unit=unit):
+        pass
+
+
+def _require_folder(path: Path) -> None:
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"cannot write {path}: there is no folder {path.parent}")

@@ -1,0 +1,132 @@
+"""The conditional radiance field: one MLP for a whole category (Eqs. 1 and 2 and the architecture figure).
+
+Density is computed from a point and a shape code alone, colour from the features found there, the viewing
+direction and a texture code. That texture cannot move density is a property of the two signatures.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+
+@dataclass(frozen=True)
+class FieldConfig:
+    """The size and the conventions of a field."""
+
+    width: int = 128
+    shape_blocks: int = 2
+    texture_blocks: int = 1
+    shape_latent: int = 64
+    texture_latent: int = 64
+    point_octaves: int = 10
+    direction_octaves: int = 4
+    density_scale: float = 30.0
+    """Multiplies the softplus: an object is opaque within a hundredth of a scene unit, so the layer before it
+    need not grow to hundreds. 1 in the authors' files."""
+    bounded_colour: bool = True
+    """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
+
+    def __post_init__(self) -> None:
+        sizes = (self.width, self.shape_latent, self.texture_latent, self.shape_blocks, self.texture_blocks)
+        if min(sizes) < 1 or self.width % 2 or min(self.point_octaves, self.direction_octaves) < 0:
+            raise ValueError(f"no field has these sizes: {self}")
+
+
+def encode(values: Float[Tensor, "*batch 3"], octaves: int) -> Float[Tensor, "*batch encoded"]:
+    """Positional encoding :math:`\\gamma`: the values, then sin, then cos of every octave :math:`2^k x`.
+
+    As in the authors' code there is no factor pi; the order is octave by octave, three axes each.
+    """
+    frequencies = 2.0 ** torch.arange(octaves, device=values.device, dtype=values.dtype)
+    angles = (values[..., None, :] * frequencies[:, None]).flatten(-2)
+    return torch.cat((values, angles.sin(), angles.cos()), -1)
+
+
+class Field(nn.Module):
+    """The network. Its shape part ends in density and features, its texture part turns features into colour.
+
+    Every code enters through a latent layer whose output is added to the features in front of a block:
+    ``block(y + latent(z))``. As the block begins with a linear map, the code's part is an additional bias,
+    ``W (y + latent(z)) + b = W y + (W latent(z) + b)``, the same for all points of an object. It is computed once
+    per code (:meth:`shape_bias`, :meth:`texture_bias`), which is exact and makes the cost per point independent
+    of the size of the codes.
+    """
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        width = config.width
+        self.config = config
+        self.point_layer = nn.Linear(3 + 6 * config.point_octaves, width)
+        self.shape_latent = nn.ModuleList(nn.Linear(config.shape_latent, width) for _ in range(config.shape_blocks))
+        self.shape_block = nn.ModuleList(nn.Linear(width, width) for _ in range(config.shape_blocks))
+        self.feature_layer = nn.Linear(width, width)
+        self.density_layer = nn.Linear(width, 1)
+        self.direction_layer = nn.Linear(width + 3 + 6 * config.direction_octaves, width)
+        self.texture_latent = nn.ModuleList(
+            nn.Linear(config.texture_latent, width) for _ in range(config.texture_blocks)
+        )
+        self.texture_block = nn.ModuleList(nn.Linear(width, width) for _ in range(config.texture_blocks))
+        self.colour_hidden = nn.Linear(width, width // 2)
+        self.colour_layer = nn.Linear(width // 2, 3)
+
+    def shape_bias(self, shape: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
+        """The biases of the shape blocks with a shape code folded in."""
+        return _folded(self.shape_latent, self.shape_block, shape)
+
+    def texture_bias(self, texture: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
+        """The biases of the texture blocks with a texture code folded in."""
+        return _folded(self.texture_latent, self.texture_block, texture)
+
+    def density(
+        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
+        """Eq. 2's :math:`F^s`: density per scene unit, and features for the texture part.
+
+        Args:
+            points: world, within the scene's box.
+            shape_bias: from :meth:`shape_bias`; broadcast over the points.
+        """
+        y = self.point_layer(encode(points, self.config.point_octaves)).relu()
+        for block, bias in zip(self.shape_block, shape_bias.unbind(-2), strict=True):
+            y = (functional.linear(y, block.weight) + bias.to(y.dtype)).relu()
+        features = self.feature_layer(y)
+        logit = self.density_layer(features)[..., 0].float()
+        return self.config.density_scale * functional.softplus(logit), features
+
+    def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
+        """The viewing direction's part of the layer that it enters, its bias included: one for all samples of a ray.
+
+        Args:
+            directions: world, unit length.
+        """
+        weight = self.direction_layer.weight[:, self.config.width :]
+        return functional.linear(encode(directions, self.config.direction_octaves), weight, self.direction_layer.bias)
+
+    def colour(
+        self,
+        features: Float[Tensor, "*batch width"],
+        direction_bias: Float[Tensor, "*#batch width"],
+        texture_bias: Float[Tensor, "*#batch blocks width"],
+    ) -> Float[Tensor, "*batch 3"]:
+        """Eq. 2's :math:`F^t`: rgb, in [0, 1] where ``bounded_colour``.
+
+        Args:
+            features: from :meth:`density`.
+            direction_bias: from :meth:`direction_bias`; broadcast over the samples of a ray.
+            texture_bias: from :meth:`texture_bias`; broadcast over the points of an object.
+        """
+        weight = self.direction_layer.weight[:, : self.config.width]
+        y = functional.linear(features, weight)
+        y = (y + direction_bias.to(y.dtype)).relu()
+        for block, bias in zip(self.texture_block, texture_bias.unbind(-2), strict=True):
+            y = (functional.linear(y, block.weight) + bias.to(y.dtype)).relu()
+        logits = self.colour_layer(self.colour_hidden(y).relu()).float()
+        return logits.sigmoid() if self.config.bounded_colour else logits
+
+
+def _folded(latent: nn.ModuleList, blocks: nn.ModuleList, code: Tensor) -> Tensor:
+    biases = [block(layer(code).relu()) for layer, block in zip(latent, blocks, strict=True)]
+    return torch.stack(biases, -2).float()

@@ -1,0 +1,29 @@
+"""Which models there are: the shipped ones by name, any other by its path."""
+
+from pathlib import Path
+
+from core.authors import load_authors
+from core.model import Model
+
+SHIPPED = Path(__file__).resolve().parent.parent / "assets" / "models"
+
+
+def shipped_models() -> tuple[str, ...]:
+    """The names of the models that come with the program."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
+
+
+def load_model(name: str) -> Model:
+    """The model of a shipped name (``chairs``) or of a path; ``.pth`` is a checkpoint of the authors' trainer.
+
+    Raises ``ValueError`` where there is none.
+    """
+    if name in shipped_models():
+        return Model.load(SHIPPED / f"{name}.safetensors")
+    path = Path(name)
+    if path.suffix == ".pth":
+        return load_authors(path)
+    if path.suffix or path.exists():
+        return Model.load(path)
+    have = ", ".join(shipped_models()) or "none"
+    raise ValueError(f"no model called {name!r} (shipped: {have}); give one of these or the path of a model file")

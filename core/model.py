@@ -1,0 +1,116 @@
+"""A trained category model: the field, its code book and the scene it was trained in; one safetensors file."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from core.camera import Camera
+from core.codes import CodeBook, Entry
+from core.field import Field, FieldConfig
+
+FORMAT = "codenerf-1"
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """What rendering and fitting need to know of a category. Neither ever changes it."""
+
+    field: Field
+    codes: CodeBook
+    extent: tuple[float, float, float]
+    """Half the size of the box that holds every training object, along x, y, z (scene units)."""
+    category: str
+    image_size: int
+    """px, the size of the training pictures"""
+    focal: float
+    """px at ``image_size``"""
+    distance: float
+    """scene units, from which the training pictures were taken"""
+    painted_ground: bool = False
+    """The network itself paints the white ground (the authors' checkpoints): light never passes the last sample."""
+
+    def __post_init__(self) -> None:
+        self.field.requires_grad_(False).eval()
+
+    @property
+    def device(self) -> torch.device:
+        """Where the field lives."""
+        return self.field.density_layer.weight.device
+
+    @cached_property
+    def extent_tensor(self) -> Tensor:
+        """``extent`` on the model's device."""
+        return torch.tensor(self.extent, device=self.device)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """A hash of weights and codes, by which a scene recognises its model."""
+        digest = hashlib.sha256()
+        for name, tensor in sorted(_tensors(self).items()):
+            digest.update(name.encode())
+            digest.update(tensor.numpy().tobytes())
+        return digest.hexdigest()[:16]
+
+    def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
+        """A camera (rad, rad, scene units) at the training pictures' size, focal length and, unless given, distance."""
+        size = self.image_size
+        return Camera(azimuth, elevation, distance or self.distance, self.focal, size, size)
+
+    def save(self, path: Path) -> None:
+        """Write weights, codes and configuration as one safetensors file; an interrupted write leaves no file."""
+        about = {
+            "config": asdict(self.field.config),
+            "objects": [list(entry) for entry in self.codes.objects],
+            "extent": list(self.extent),
+            "category": self.category,
+            "image_size": self.image_size,
+            "focal": self.focal,
+            "distance": self.distance,
+            "painted_ground": self.painted_ground,
+        }
+        partial = path.with_name(path.name + ".partial")
+        save_file(_tensors(self), partial, metadata={"format": FORMAT, "model": json.dumps(about)})
+        partial.replace(path)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a model file. Raises ``ValueError`` naming the file where it is none."""
+        try:
+            with safe_open(path, framework="pt") as file:
+                about = (file.metadata() or {}).get("model")
+                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        except FileNotFoundError:
+            raise ValueError(f"no such model file: {path}") from None
+        except (SafetensorError, OSError) as error:
+            raise ValueError(f"{path} is not a model file: {error}") from None
+        if about is None:
+            raise ValueError(f"{path} is not a model file of this program")
+        try:
+            return cls._from_parts(json.loads(about), tensors)
+        except (KeyError, TypeError, RuntimeError, ValueError) as error:
+            raise ValueError(f"{path} does not hold a whole model: {error}") from None
+
+    @classmethod
+    def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> Self:
+        field = Field(FieldConfig(**about["config"]))
+        shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
+        field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
+        codes = CodeBook(shapes, textures, tuple(Entry(*entry) for entry in about["objects"]))
+        about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "painted_ground")} | {
+            "extent": tuple(about["extent"])
+        }
+        return cls(field, codes, **about)
+
+
+def _tensors(model: Model) -> dict[str, Tensor]:
+    tensors = {f"field.{name}": tensor for name, tensor in model.field.state_dict().items()}
+    tensors |= {"codes.shapes": model.codes.shapes, "codes.textures": model.codes.textures}
+    return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}

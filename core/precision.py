@@ -1,0 +1,35 @@
+"""Which number format the linear layers run in: measured on the machine at hand, never assumed."""
+
+import time
+from functools import cache
+
+import torch
+
+
+@cache
+def linear_dtype(device_type: str) -> torch.dtype:
+    """bfloat16 where this machine multiplies it clearly faster than float32, else float32.
+
+    Processors with bfloat16 units run a field's layers 2 to 5 times faster; without them bfloat16 is emulated and
+    slower. Encoding, compositing and optimisation stay in float32 either way.
+    """
+    if device_type == "cuda":
+        return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
+    rounds = {dtype: min(_layer_seconds(dtype) for _ in range(5)) for dtype in (torch.float32, torch.bfloat16)}
+    return min(rounds, key=lambda dtype: rounds[dtype] * (1.2 if dtype == torch.bfloat16 else 1.0))
+
+
+def autocast(device: torch.device) -> torch.autocast:
+    """A context in which linear layers run in :func:`linear_dtype`."""
+    dtype = linear_dtype(device.type)
+    return torch.autocast(device.type, dtype=torch.bfloat16, enabled=dtype == torch.bfloat16)
+
+
+def _layer_seconds(dtype: torch.dtype) -> float:
+    layer = torch.nn.Linear(128, 128).to(dtype)
+    values = torch.ones(4096, 128, dtype=dtype)
+    with torch.no_grad():
+        layer(values)
+        began = time.perf_counter()
+        layer(values).relu()
+    return time.perf_counter() - began

@@ -1,0 +1,319 @@
+"""Training (Eq. 4): the field and both code books from posed pictures, looking only where the object can be."""
+
+import copy
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+from torch.nn import functional
+
+from core.codes import CodeBook, Entry
+from core.composite import over_white, weights
+from core.dataset import Dataset, ObjectViews
+from core.field import Field, FieldConfig
+from core.hull import grid_centres, shared_extent, visual_hull
+from core.metrics import psnr
+from core.model import Model
+from core.precision import autocast
+from core.rays import Rays, cast
+from core.render import render_exact
+from core.sampling import jittered, points_at, uniform_edges
+
+_HULL_CELLS = 64
+"""Cells of a hull along each axis: a cell is about one pixel of the training pictures."""
+_EMPTY = 0.02
+"""A cell that takes less of the light than this is empty."""
+_PRUNED_AT = (0.08, 0.2, 0.4, 0.7)
+"""Shares of the schedule after which hulls are pruned to where the field has found the object."""
+_BORDER = 2
+"""px around the mask from which rays are drawn too: as far as the hull may reach beyond the object."""
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """How long and how to train."""
+
+    field: FieldConfig = field(default_factory=FieldConfig)
+    steps: int = 100_000
+    rays: int = 768
+    samples: int = 64
+    """intervals along a ray through the box; only those inside the hull are evaluated"""
+    outside: int = 512
+    """points outside the hulls whose density is penalised, per step"""
+    network_rate: float = 1e-3
+    """peak learning rate; the paper's is 1e-4"""
+    code_rate: float = 4e-3
+    """peak learning rate of the codes; the paper's is 1e-3"""
+    prior: float = 1e-4
+    """weight of the squared norm of the codes, 1 / nu^2"""
+    emptiness: float = 0.02
+    """weight of the density found outside the hulls"""
+    silhouette: float = 0.1
+    """weight of the squared error of the opacity against the mask, off the mask's border"""
+    average: float = 0.999
+    """decay of the moving average of the weights"""
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class TrainStep:
+    """Where a training run stands."""
+
+    step: int
+    steps: int
+    loss: float
+    psnr: float
+    """dB of this step's rays, which lie on and around the objects"""
+    seconds: float
+    """spent on training, resumed runs included"""
+
+
+class _RayBank:
+    """All training pixels on and around the objects, ready to be drawn from."""
+
+    def __init__(self, dataset: Dataset, extent: tuple[float, float, float], device: torch.device) -> None:
+        objects = dataset.objects
+        cameras = [camera for views in objects for camera in views.cameras]
+        self.size = (dataset.image_size, dataset.image_size)
+        self.focal = dataset.focal
+        self.extent = torch.tensor(extent, device=device)
+        angles = [(camera.azimuth, camera.elevation, camera.distance) for camera in cameras]
+        self.angles = torch.tensor(angles, device=device)
+        owners = [index for index, views in enumerate(objects) for _ in views.cameras]
+        self.owner = torch.tensor(owners, device=device)
+        self.images = torch.from_numpy(np.concatenate([views.images for views in objects])).to(device).flatten(1, 2)
+        masks = torch.from_numpy(np.concatenate([views.masks for views in objects]))
+        grown, shrunk = _grown(masks), ~_grown(~masks)
+        self.kind = (grown.to(torch.uint8) + shrunk.to(torch.uint8)).flatten(1).to(device)
+        view, pixel = grown.flatten(1).nonzero(as_tuple=True)
+        self.view, self.pixel = view.to(torch.int32).to(device), pixel.to(torch.int32).to(device)
+        hulls = [visual_hull(views, extent, _HULL_CELLS) for views in objects]
+        self.hulls = torch.stack(hulls).to(device)
+
+    def draw(self, count: int, generator: torch.Generator) -> tuple[Rays, Int[Tensor, "rays"], Tensor, Tensor]:
+        """Rays with the objects they meet, their colours (0..1), and 0, 1 or 2 for off, across or on the object."""
+        at = torch.randint(len(self.view), (count,), generator=generator, device=self.view.device)
+        view, pixel = self.view[at].long(), self.pixel[at].long()
+        width = self.size[0]
+        centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
+        rays = cast(centres, *self.angles[view].unbind(-1), self.focal, self.size, self.extent)
+        return rays, self.owner[view], self.images[view, pixel].float() / 255, self.kind[view, pixel]
+
+    def inside(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*batch"]) -> Tensor:
+        """Whether each point lies in its object's hull."""
+        cells = ((points / self.extent + 1) * (_HULL_CELLS / 2)).long().clamp(0, _HULL_CELLS - 1)
+        x, y, z = cells.unbind(-1)
+        return self.hulls.flatten()[((owner * _HULL_CELLS + x) * _HULL_CELLS + y) * _HULL_CELLS + z]
+
+    @torch.no_grad()
+    def prune(self, field: Field, shape_bias: Float[Tensor, "objects blocks width"]) -> None:
+        """Drop the cells that the field has found empty and whose neighbours are empty too."""
+        centres = grid_centres(tuple(self.extent.tolist()), _HULL_CELLS).to(self.extent.device)
+        step = 2 * self.extent.amin() / _HULL_CELLS
+        for hull, bias in zip(self.hulls, shape_bias, strict=True):
+            cells = hull.flatten().nonzero()[:, 0]
+            with autocast(hull.device):
+                found = [field.density(centres[part], bias)[0] for part in cells.split(16384)]
+            taken = torch.zeros(hull.numel(), device=hull.device)
+            taken[cells] = -torch.expm1(-torch.cat(found) * step)
+            near = functional.max_pool3d(taken.reshape(1, *hull.shape), 3, 1, 1)[0]
+            hull &= near > _EMPTY
+
+
+def _grown(masks: Tensor) -> Tensor:
+    """Masks (views, height, width) dilated by the border."""
+    grown = functional.max_pool2d(masks.to(torch.float16)[:, None].float(), 2 * _BORDER + 1, 1, _BORDER)
+    return grown[:, 0] > 0
+
+
+class Trainer:
+    """A training run: its whole state, saved and resumed to the step."""
+
+    def __init__(self, dataset: Dataset, settings: TrainSettings, device: str = "cpu") -> None:
+        self.settings, self.dataset = settings, dataset
+        self.device = torch.device(device)
+        self.generator = torch.Generator(device).manual_seed(settings.seed)
+        torch.manual_seed(settings.seed)
+        self.extent = shared_extent(dataset.objects)
+        self.bank = _RayBank(dataset, self.extent, self.device)
+        self.entries, shapes, textures = _entries(dataset)
+        config = settings.field
+        self.field = Field(config).to(self.device)
+        self.shapes = nn.Parameter(_first_codes(shapes, config.shape_latent).to(self.device))
+        self.textures = nn.Parameter(_first_codes(textures, config.texture_latent).to(self.device))
+        self.averages = [parameter.detach().clone() for parameter in self._parameters()]
+        groups = [
+            {"params": list(self.field.parameters()), "lr": settings.network_rate},
+            {"params": [self.shapes, self.textures], "lr": settings.code_rate},
+        ]
+        self.optimiser = torch.optim.AdamW(groups, weight_decay=1e-4, eps=1e-12, fused=True)
+        self.schedule = torch.optim.lr_scheduler.LambdaLR(self.optimiser, self._rate)
+        rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
+        self.shape_row, self.texture_row = rows.unbind(-1)
+        self.step, self.seconds = 0, 0.0
+
+    def steps(self) -> Iterator[TrainStep]:
+        """Train to the end of the schedule, one step per value; to stop, ask for no more."""
+        while self.step < self.settings.steps:
+            began = time.perf_counter()
+            if self.step in (int(share * self.settings.steps) for share in _PRUNED_AT):
+                self.bank.prune(self.field, self.field.shape_bias(self.shapes)[self.shape_row])
+            loss, error = self._advance()
+            self.step += 1
+            self.seconds += time.perf_counter() - began
+            if not math.isfinite(loss):
+                raise ValueError(f"training diverged at step {self.step}: lower the learning rates")
+            yield TrainStep(self.step, self.settings.steps, loss, -10 * math.log10(max(error, 1e-12)), self.seconds)
+
+    def model(self) -> Model:
+        """The model as it stands, from the moving average of the weights."""
+        now, averaged = self._parameters(), copy.deepcopy(self.field).cpu()
+        *layers, shapes, textures = self.averages
+        assert len(layers) == len(now) - 2
+        for parameter, value in zip(averaged.parameters(), layers, strict=True):
+            parameter.data.copy_(value)
+        book = CodeBook(shapes.clone().cpu(), textures.clone().cpu(), self.entries)
+        distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
+        size, focal = self.dataset.image_size, self.dataset.focal
+        typical = float(np.median(distances))
+        return Model(averaged, book, self.extent, self.dataset.category, size, focal, typical)
+
+    def save_state(self, path: Path) -> None:
+        """Write everything that :meth:`load_state` needs; an interrupted write leaves the last file whole."""
+        state = {
+            "field": self.field.state_dict(),
+            "codes": (self.shapes.detach(), self.textures.detach()),
+            "averages": self.averages,
+            "optimiser": self.optimiser.state_dict(),
+            "schedule": self.schedule.state_dict(),
+            "generator": self.generator.get_state(),
+            "hulls": self.bank.hulls,
+            "progress": (self.step, self.seconds),
+        }
+        partial = path.with_name(path.name + ".partial")
+        torch.save(state, partial)
+        partial.replace(path)
+
+    def load_state(self, path: Path) -> None:
+        """Go on where a saved run stood. Raises ``ValueError`` where it had another size or other objects."""
+        try:
+            state = torch.load(path, map_location=self.device, weights_only=True)
+            self.field.load_state_dict(state["field"])
+            with torch.no_grad():
+                for parameter, value in zip((self.shapes, self.textures), state["codes"], strict=True):
+                    parameter.copy_(value)
+            self.averages = state["averages"]
+            self.bank.hulls.copy_(state["hulls"])
+            self.optimiser.load_state_dict(state["optimiser"])
+            self.schedule.load_state_dict(state["schedule"])
+            self.generator.set_state(state["generator"].cpu())
+            self.step, self.seconds = state["progress"]
+        except (OSError, KeyError, RuntimeError) as error:
+            raise ValueError(f"{path} does not fit this dataset and these settings: {error}") from None
+
+    def _advance(self) -> tuple[float, float]:
+        """One optimisation step; its loss and its squared error."""
+        rays, owner, truth, kind = self.bank.draw(self.settings.rays, self.generator)
+        with autocast(self.device):
+            loss, error = self._loss(rays, owner, truth, kind)
+        self.optimiser.zero_grad()
+        loss.backward()
+        self.optimiser.step()
+        self.schedule.step()
+        decay = min(self.settings.average, (1 + self.step) / (10 + self.step))
+        torch._foreach_lerp_(self.averages, [p.detach() for p in self._parameters()], 1 - decay)
+        return float(loss.detach()), float(error.detach())
+
+    def _loss(self, rays: Rays, owner: Tensor, truth: Tensor, kind: Tensor) -> tuple[Tensor, Tensor]:
+        """Eq. 4 with the terms for silhouette and emptiness; and the squared error alone."""
+        settings = self.settings
+        edges = uniform_edges(rays, settings.samples)
+        depths = jittered(edges, self.generator)
+        points = points_at(rays, depths)
+        hit = self.bank.inside(points, owner[:, None])
+        ray = hit.nonzero()[:, 0]
+        shape_bias, texture_bias = self.field.shape_bias(self.shapes), self.field.texture_bias(self.textures)
+        rows, looks = self.shape_row[owner[ray]], self.texture_row[owner[ray]]
+        found, features = self.field.density(points[hit], shape_bias.index_select(0, rows))
+        towards = self.field.direction_bias(rays.directions).index_select(0, ray)
+        seen = self.field.colour(features, towards, texture_bias.index_select(0, looks))
+        density = torch.zeros_like(depths).masked_scatter(hit, found)
+        colours = torch.zeros_like(points).masked_scatter(hit[..., None], seen)
+        shares, left = weights(density, edges)
+        error = functional.mse_loss(over_white(shares, left, colours), truth)
+        sure = kind != 1
+        silhouette = ((1 - left - kind.float() / 2) * sure).square().sum() / sure.sum().clamp_min(1)
+        shape, texture = self.shapes[self.shape_row[owner]], self.textures[self.texture_row[owner]]
+        prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
+        loss = error + settings.silhouette * silhouette + settings.prior * prior
+        return loss + settings.emptiness * self._stray_density(shape_bias), error
+
+    def _stray_density(self, shape_bias: Tensor) -> Tensor:
+        """The mean share of light that density outside the hulls would take within one interval of a ray."""
+        count, device = self.settings.outside, self.device
+        points = (torch.rand(count, 3, generator=self.generator, device=device) * 2 - 1) * self.bank.extent
+        owner = torch.randint(len(self.entries), (count,), generator=self.generator, device=device)
+        outside = ~self.bank.inside(points, owner)
+        density, _ = self.field.density(points[outside], shape_bias.index_select(0, self.shape_row[owner[outside]]))
+        step = 2 * self.bank.extent.amin() / self.settings.samples
+        return -torch.expm1(-density * step).sum() / count
+
+    def _parameters(self) -> list[Tensor]:
+        return [*self.field.parameters(), self.shapes, self.textures]
+
+    def _rate(self, step: int) -> float:
+        """The learning rates' factor: a short climb, then a half cosine down to a hundredth."""
+        climb = min(1.0, (step + 1) / 500)
+        return climb * (0.01 + 0.99 * (1 + math.cos(math.pi * min(1.0, step / self.settings.steps))) / 2)
+
+
+def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
+    """The dataset without the last view of every object, and that view of a few objects spread over the dataset."""
+
+    def part(views: ObjectViews, kept: slice) -> ObjectViews:
+        return replace(views, images=views.images[kept], masks=views.masks[kept], cameras=views.cameras[kept])
+
+    if min(len(views.cameras) for views in dataset.objects) < 2:
+        raise ValueError("training needs at least two views of every object: one is held out to measure by")
+    rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
+    some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
+    held = tuple(part(views, slice(-1, None)) for views in some)
+    return replace(dataset, objects=rest), replace(dataset, objects=held)
+
+
+def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
+    """Mean PSNR (dB) of whole pictures of a model's own objects against a dataset of views not trained on."""
+    index = {entry.name: row for row, entry in enumerate(model.codes.objects)}
+    found = []
+    for views in dataset.objects:
+        codes = model.codes[index[views.name]]
+        for image, camera in zip(views.images, views.cameras, strict=True):
+            colour = render_exact(model, codes, camera, samples).colour.clamp(0, 1)
+            found.append(psnr(colour, torch.from_numpy(image).float() / 255))
+    return sum(found) / len(found)
+
+
+def _first_codes(count: int, latent: int) -> Tensor:
+    """Codes before training: small and random, as the authors draw them."""
+    return torch.randn(count, latent) / math.sqrt(latent / 2)
+
+
+def _entries(dataset: Dataset) -> tuple[tuple[Entry, ...], int, int]:
+    """The code book's objects, and how many shapes and textures they share."""
+    shapes: dict[str, int] = {}
+    textures: dict[str, int] = {}
+    entries = tuple(
+        Entry(
+            views.name,
+            shapes.setdefault(views.shape_id, len(shapes)),
+            textures.setdefault(views.texture_id, len(textures)),
+        )
+        for views in dataset.objects
+    )
+    return entries, len(shapes), len(textures)
