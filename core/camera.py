@@ -8,7 +8,6 @@ down, looking along +z.
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Self
 
 import numpy as np
 import torch
@@ -44,7 +43,7 @@ class Camera:
         if self.width < 1 or self.height < 1:
             raise ValueError(f"camera size must be at least 1x1, got {self.width}x{self.height}")
 
-    def resized(self, width: int, height: int) -> Self:
+    def resized(self, width: int, height: int) -> "Camera":
         """The same view at another size: the vertical field of view stays."""
         return replace(self, focal=self.focal * height / self.height, width=width, height=height)
 
@@ -57,7 +56,7 @@ class Camera:
         return matrix @ torch.from_numpy(_OPENCV_FROM_OPENGL)
 
     @classmethod
-    def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> Self:
+    def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":
         """The orbit camera at an SRN pose. Raises ``ValueError`` where the pose does not look at the origin upright.
 
         Example:

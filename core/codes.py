@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -27,7 +27,7 @@ class Codes:
 
     __hash__ = None  # type: ignore[assignment]
 
-    def mixed(self, other: Self, shape: float, texture: float) -> "Codes":
+    def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
         """These codes at 0, the other's at 1, straight lines between, for shape and texture separately."""
         return Codes(torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture))
 
@@ -43,7 +43,7 @@ class CodeSpace:
     """standard deviation along each direction, descending"""
 
     @classmethod
-    def of(cls, codes: Float[Tensor, "objects latent"]) -> Self:
+    def of(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
         """PCA of the rows; the sign of each direction is fixed by its largest component."""
         mean = codes.mean(0)
         _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)

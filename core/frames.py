@@ -1,7 +1,7 @@
 """The progressive stream of pictures that a viewer shows: coarse at once, fine when the hand rests."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,20 +10,26 @@ from jaxtyping import Float32, UInt8
 
 from core.camera import Camera
 from core.codes import Codes
+from core.march import march
 from core.model import Model
 from core.render import Rendered, exact_rays, render_rays
 
-_CHUNK_POINTS = 8192
+_CHUNK_POINTS = 16384
+"""Points the reference evaluates at a time, at the most: what a newer job waits for."""
 
 
 @dataclass(frozen=True)
 class RenderSettings:
     """Every field is an axis of the speed-against-accuracy chart."""
 
-    samples: int = 64
-    """along a ray, at every stage"""
+    samples: int = 96
+    """intervals along the longest side of the scene's box"""
     stages: tuple[int, ...] = (8, 4, 2, 1)
     """what the size of the picture is divided by, stage after stage"""
+
+    def __post_init__(self) -> None:
+        if self.samples < 2 or not self.stages or min(self.stages) < 1:
+            raise ValueError(f"rendering needs at least 2 samples and a stage, got {self}")
 
 
 @dataclass(frozen=True)
@@ -66,31 +72,25 @@ def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
     """Coarse to fine: a Frame after every stage, None after every chunk between, so that a newer job waits for one
     chunk at the most. To stop, ask for no more.
     """
-    began = time.perf_counter()
-    shape_bias = model.field.shape_bias(job.codes.shape)
-    texture_bias = model.field.texture_bias(job.codes.texture)
-    settings = job.settings
+    began, settings = time.perf_counter(), job.settings
+    draw = _exactly if model.painted_ground else march
     for stage, divisor in enumerate(settings.stages):
         width, height = (max(1, size // divisor) for size in (job.camera.width, job.camera.height))
-        camera = job.camera.resized(width, height)
-        rays = exact_rays(model, camera)
-        hit = rays.near < rays.far
-        met = rays[hit]
-        parts = []
-        chunk = max(1, _CHUNK_POINTS // settings.samples)
-        for first in range(0, len(met.near), chunk):
-            with torch.no_grad():
-                parts.append(render_rays(model, met[first : first + chunk], settings.samples, shape_bias, texture_bias))
-            yield None
-        yield _frame(parts, hit, stage, settings, time.perf_counter() - began)
+        seen = yield from draw(model, job.codes, job.camera.resized(width, height), settings.samples)
+        image = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+        depth, opacity = seen.depth.cpu().numpy(), seen.opacity.cpu().numpy()
+        seconds = time.perf_counter() - began
+        yield Frame(image, depth, opacity, stage, len(settings.stages), settings.samples, seconds)
 
 
-def _frame(parts: list[Rendered], hit: torch.Tensor, stage: int, settings: RenderSettings, seconds: float) -> Frame:
-    colour = torch.ones(*hit.shape, 3)
-    depth, opacity = torch.zeros(hit.shape), torch.zeros(hit.shape)
-    if parts:
-        colour[hit] = torch.cat([part.colour for part in parts]).cpu()
-        depth[hit] = torch.cat([part.depth for part in parts]).cpu()
-        opacity[hit] = torch.cat([part.opacity for part in parts]).cpu()
-    image = (colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
-    return Frame(image, depth.numpy(), opacity.numpy(), stage, len(settings.stages), settings.samples, seconds)
+def _exactly(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator[None, None, Rendered]:
+    """The reference, chunk by chunk."""
+    rays = exact_rays(model, camera)
+    shape_bias, texture_bias = model.field.shape_bias(codes.shape), model.field.texture_bias(codes.texture)
+    rows = max(1, _CHUNK_POINTS // (camera.width * samples))
+    parts = []
+    for row in range(0, camera.height, rows):
+        with torch.no_grad():
+            parts.append(render_rays(model, rays[row : row + rows], samples, shape_bias, texture_bias))
+        yield None
+    return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))

@@ -5,7 +5,6 @@ import json
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Self
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -81,7 +80,7 @@ class Model:
         partial.replace(path)
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: Path) -> "Model":
         """Read a model file. Raises ``ValueError`` naming the file where it is none."""
         try:
             with safe_open(path, framework="pt") as file:
@@ -99,7 +98,7 @@ class Model:
             raise ValueError(f"{path} does not hold a whole model: {error}") from None
 
     @classmethod
-    def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> Self:
+    def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
         field = Field(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})

@@ -5,6 +5,8 @@ from functools import cache
 
 import torch
 
+_ROUNDS = 20
+
 
 @cache
 def linear_dtype(device_type: str) -> torch.dtype:
@@ -15,8 +17,10 @@ def linear_dtype(device_type: str) -> torch.dtype:
     """
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
-    rounds = {dtype: min(_layer_seconds(dtype) for _ in range(5)) for dtype in (torch.float32, torch.bfloat16)}
-    return min(rounds, key=lambda dtype: rounds[dtype] * (1.2 if dtype == torch.bfloat16 else 1.0))
+    # Turn about and the best of many, so that what else the machine does falls on both alike.
+    rounds = [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_ROUNDS)]
+    single, half = (min(column) for column in zip(*rounds, strict=True))
+    return torch.bfloat16 if 1.2 * half < single else torch.float32
 
 
 def autocast(device: torch.device) -> torch.autocast:

@@ -3,7 +3,6 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import torch
 
@@ -39,7 +38,7 @@ class Scene:
         return json.dumps(about, indent=1)
 
     @classmethod
-    def load(cls, path: Path, model: Model) -> Self:
+    def load(cls, path: Path, model: Model) -> "Scene":
         """Read a scene for a model. Raises ``ValueError`` where it is none, or one of another model."""
         try:
             return cls.from_json(path.read_text(), model)
@@ -51,7 +50,7 @@ class Scene:
             raise ValueError(f"{path}: {error}") from None
 
     @classmethod
-    def from_json(cls, text: str, model: Model) -> Self:
+    def from_json(cls, text: str, model: Model) -> "Scene":
         """Read JSON text. Raises ``ValueError`` where it is no scene, or one of another model."""
         try:
             about = json.loads(text)

@@ -2,6 +2,7 @@
 
 import copy
 import math
+import pickle
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -31,7 +32,9 @@ _EMPTY = 0.02
 """A cell that takes less of the light than this is empty."""
 _PRUNED_AT = (0.08, 0.2, 0.4, 0.7)
 """Shares of the schedule after which hulls are pruned to where the field has found the object."""
-_BORDER = 2
+_SETTLED = 2000
+"""Steps before which nothing is pruned: what the field has not found yet is not empty."""
+_BORDER = 3
 """px around the mask from which rays are drawn too: as far as the hull may reach beyond the object."""
 
 
@@ -89,9 +92,9 @@ class _RayBank:
         self.owner = torch.tensor(owners, device=device)
         self.images = torch.from_numpy(np.concatenate([views.images for views in objects])).to(device).flatten(1, 2)
         masks = torch.from_numpy(np.concatenate([views.masks for views in objects]))
-        grown, shrunk = _grown(masks), ~_grown(~masks)
-        self.kind = (grown.to(torch.uint8) + shrunk.to(torch.uint8)).flatten(1).to(device)
-        view, pixel = grown.flatten(1).nonzero(as_tuple=True)
+        kind = _grown(masks, 1).to(torch.uint8) + (~_grown(~masks, 1)).to(torch.uint8)
+        self.kind = kind.flatten(1).to(device)
+        view, pixel = _grown(masks, _BORDER).flatten(1).nonzero(as_tuple=True)
         self.view, self.pixel = view.to(torch.int32).to(device), pixel.to(torch.int32).to(device)
         hulls = [visual_hull(views, extent, _HULL_CELLS) for views in objects]
         self.hulls = torch.stack(hulls).to(device)
@@ -105,7 +108,7 @@ class _RayBank:
         rays = cast(centres, *self.angles[view].unbind(-1), self.focal, self.size, self.extent)
         return rays, self.owner[view], self.images[view, pixel].float() / 255, self.kind[view, pixel]
 
-    def inside(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*batch"]) -> Tensor:
+    def inside(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Tensor:
         """Whether each point lies in its object's hull."""
         cells = ((points / self.extent + 1) * (_HULL_CELLS / 2)).long().clamp(0, _HULL_CELLS - 1)
         x, y, z = cells.unbind(-1)
@@ -126,10 +129,9 @@ class _RayBank:
             hull &= near > _EMPTY
 
 
-def _grown(masks: Tensor) -> Tensor:
-    """Masks (views, height, width) dilated by the border."""
-    grown = functional.max_pool2d(masks.to(torch.float16)[:, None].float(), 2 * _BORDER + 1, 1, _BORDER)
-    return grown[:, 0] > 0
+def _grown(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:
+    """Masks dilated by ``reach`` px."""
+    return functional.max_pool2d(masks[:, None].float(), 2 * reach + 1, 1, reach)[:, 0] > 0
 
 
 class Trainer:
@@ -148,12 +150,9 @@ class Trainer:
         self.shapes = nn.Parameter(_first_codes(shapes, config.shape_latent).to(self.device))
         self.textures = nn.Parameter(_first_codes(textures, config.texture_latent).to(self.device))
         self.averages = [parameter.detach().clone() for parameter in self._parameters()]
-        groups = [
-            {"params": list(self.field.parameters()), "lr": settings.network_rate},
-            {"params": [self.shapes, self.textures], "lr": settings.code_rate},
-        ]
+        groups = [{"params": list(self.field.parameters())}, {"params": [self.shapes, self.textures]}]
+        self._peaks = (settings.network_rate, settings.code_rate)
         self.optimiser = torch.optim.AdamW(groups, weight_decay=1e-4, eps=1e-12, fused=True)
-        self.schedule = torch.optim.lr_scheduler.LambdaLR(self.optimiser, self._rate)
         rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
         self.shape_row, self.texture_row = rows.unbind(-1)
         self.step, self.seconds = 0, 0.0
@@ -162,7 +161,7 @@ class Trainer:
         """Train to the end of the schedule, one step per value; to stop, ask for no more."""
         while self.step < self.settings.steps:
             began = time.perf_counter()
-            if self.step in (int(share * self.settings.steps) for share in _PRUNED_AT):
+            if self.step >= _SETTLED and self.step in (int(share * self.settings.steps) for share in _PRUNED_AT):
                 self.bank.prune(self.field, self.field.shape_bias(self.shapes)[self.shape_row])
             loss, error = self._advance()
             self.step += 1
@@ -191,7 +190,6 @@ class Trainer:
             "codes": (self.shapes.detach(), self.textures.detach()),
             "averages": self.averages,
             "optimiser": self.optimiser.state_dict(),
-            "schedule": self.schedule.state_dict(),
             "generator": self.generator.get_state(),
             "hulls": self.bank.hulls,
             "progress": (self.step, self.seconds),
@@ -211,10 +209,9 @@ class Trainer:
             self.averages = state["averages"]
             self.bank.hulls.copy_(state["hulls"])
             self.optimiser.load_state_dict(state["optimiser"])
-            self.schedule.load_state_dict(state["schedule"])
             self.generator.set_state(state["generator"].cpu())
             self.step, self.seconds = state["progress"]
-        except (OSError, KeyError, RuntimeError) as error:
+        except (OSError, KeyError, RuntimeError, pickle.UnpicklingError) as error:
             raise ValueError(f"{path} does not fit this dataset and these settings: {error}") from None
 
     def _advance(self) -> tuple[float, float]:
@@ -224,8 +221,9 @@ class Trainer:
             loss, error = self._loss(rays, owner, truth, kind)
         self.optimiser.zero_grad()
         loss.backward()
+        for group, peak in zip(self.optimiser.param_groups, self._peaks, strict=True):
+            group["lr"] = peak * self._rate(self.step)
         self.optimiser.step()
-        self.schedule.step()
         decay = min(self.settings.average, (1 + self.step) / (10 + self.step))
         torch._foreach_lerp_(self.averages, [p.detach() for p in self._parameters()], 1 - decay)
         return float(loss.detach()), float(error.detach())

@@ -1,7 +1,7 @@
 """Turntable videos: one orbit of an object as mp4 (H.264), gif or webp, by the file's name."""
 
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -28,6 +28,8 @@ class _Sink(Protocol):
 
     def finish(self) -> None: ...
 
+    def close(self) -> None: ...
+
 
 def turntable(
     model: Model, codes: Codes, camera: Camera, path: Path, frames: int = 72, size: int = 256
@@ -49,12 +51,13 @@ def turntable(
         raise ValueError(f"a turntable needs at least 1 frame and 2 to 4096 px, got {frames} and {size}")
     with _whole_file(path) as partial:
         sink: _Sink = _Mp4(partial, size) if path.suffix.lower() == ".mp4" else _Pillow(partial)
-        view = camera.resized(size, size)
-        for index in range(frames):
-            turned = replace(view, azimuth=camera.azimuth + 2 * np.pi * index / frames)
-            sink.add(picture(model, codes, turned).image)
-            yield index + 1
-        sink.finish()
+        with closing(sink):
+            view = camera.resized(size, size)
+            for index in range(frames):
+                turned = replace(view, azimuth=camera.azimuth + 2 * np.pi * index / frames)
+                sink.add(picture(model, codes, turned).image)
+                yield index + 1
+            sink.finish()
 
 
 def picture(model: Model, codes: Codes, camera: Camera, settings: RenderSettings = _FULL) -> Frame:
@@ -69,6 +72,7 @@ def _whole_file(path: Path) -> Iterator[Path]:
     """A place beside ``path`` to write to, renamed to it at the end and removed should the end not come."""
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
+        partial.touch()  # at once, so that a place that cannot be written to is refused before the work
         yield partial
         partial.replace(path)
     except OSError as error:
@@ -92,14 +96,14 @@ class _Mp4:
 
     def finish(self) -> None:
         self._container.mux(self._stream.encode())
+
+    def close(self) -> None:
         self._container.close()
 
 
 class _Pillow:
     def __init__(self, path: Path) -> None:
         self._path, self._images = path, list[Image.Image]()
-        # Claimed at once, so that a place that cannot be written to is refused before the work.
-        path.touch()
 
     def add(self, image: UInt8[np.ndarray, "height width 3"]) -> None:
         self._images.append(Image.fromarray(image))
@@ -108,3 +112,6 @@ class _Pillow:
         first, *rest = self._images
         # gif counts in hundredths of a second.
         first.save(self._path, save_all=True, append_images=rest, duration=round(1000 / _RATE, -1), loop=0)
+
+    def close(self) -> None:
+        self._images.clear()

@@ -1,0 +1,79 @@
+"""Renders procedural objects: a sparse table of shapes x textures, so that shape and look vary on their own."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from core.data.chairs import Shape, chair
+from core.data.paints import Paint, texture
+from core.data.parts import Solid, surface
+from core.data.rasterise import Surface
+from core.data.splits import Split, first_seed
+from core.data.studio import Sitter, picture_all
+
+_GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str, Paint]]]] = {
+    "chairs": (chair, texture)
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One object of the table: a shape's seed and a texture's."""
+
+    category: str
+    shape: int
+    texture: int
+
+    @property
+    def shape_id(self) -> str:
+        """What all objects of this shape share."""
+        return f"{self.category}-shape-{self.shape:07d}"
+
+    @property
+    def texture_id(self) -> str:
+        """What all objects of this texture share."""
+        return f"{self.category}-texture-{self.texture:07d}"
+
+    @property
+    def name(self) -> str:
+        """The object's folder."""
+        return f"{self.category}-{self.shape:07d}-{self.texture:07d}"
+
+
+def procedural_plan(category: str, count: int, split: Split) -> tuple[Cell, ...]:
+    """``count`` objects from about count / 2 shapes and count / 3 textures.
+
+    Shapes are gone through twice, textures three times; the second round pairs each shape with a texture half the
+    table away, so no pair comes twice and shapes and textures form one connected net.
+    """
+    if category not in _GENERATORS:
+        raise ValueError(f"no procedural {category!r}: one of {', '.join(_GENERATORS)}")
+    if count < 1:
+        raise ValueError(f"count of objects must be positive, got {count}")
+    first = first_seed(split)
+    shapes, textures = max(1, (count + 1) // 2), max(2, count // 3)
+    cells = []
+    for i in range(count):
+        turn, shape = divmod(i, shapes)
+        cells.append(Cell(category, first + shape, first + (shape + turn * (textures // 2)) % textures))
+    return tuple(cells)
+
+
+def render_procedural(category: str, count: int, out: Path | str, split: Split, views: int, size: int) -> Iterator[str]:
+    """Renders ``procedural_plan`` into the dataset ``out`` as :func:`core.data.studio.picture_all` does."""
+    plan = procedural_plan(category, count, split)
+    sitters = [Sitter(cell.name, cell.shape_id, cell.texture_id, partial(surfaces, cell)) for cell in plan]
+    yield from picture_all(sitters, out, category, split, views, size)
+
+
+def surfaces(cell: Cell) -> tuple[Surface, ...]:
+    """The object of a cell, ready to draw."""
+    make_shape, make_texture = _GENERATORS[cell.category]
+    shape, paints = make_shape(cell.shape), make_texture(cell.texture)
+    # Labels often share a paint (a chair all of one wood); one surface for each paint means few draw calls.
+    painted: dict[int, list[Solid]] = {}
+    for part in shape.parts:
+        painted.setdefault(id(paints[part.label]), []).append(part.solid)
+    distinct = {id(paint): paint for paint in paints.values()}
+    return tuple(surface(solids, distinct[key].tile, distinct[key].period) for key, solids in painted.items())

@@ -1,0 +1,221 @@
+"""Hypotheses of what pictures show: a camera for each and one pair of codes, many of them in one batch."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from core.camera import Camera
+from core.codes import Codes
+from core.model import Model
+from core.precision import autocast
+from core.rays import Rays, cast
+from core.render import render_rays
+from core.targets import Drawn
+
+_SILHOUETTE = 0.1
+"""The squared error of opacity against that of colour."""
+_DISTANCE_SPREAD = 0.3
+"""The spread of the logarithm of the distance around the model's that is taken as usual."""
+_STEEPEST = math.radians(89.9)
+_DECAYS = (0.9, 0.98)
+"""Adam's, short as the fit is"""
+
+
+class Numbers(NamedTuple):
+    """All that is searched for.
+
+    Azimuth and elevation are regular at the pole as they stand: an upright camera that looks at the origin turns by
+    the same angle for the same step of either everywhere, and above the pole its azimuth is the roll of the picture.
+    (It is the direction on the sphere that is not: there, every direction has pictures of any roll beside it.)
+    """
+
+    angles: Float[Tensor, "hypotheses views 2"]
+    """azimuth, elevation; rad"""
+    distance: Float[Tensor, "hypotheses views"]
+    """logarithm of the distance over the model's"""
+    shift: Float[Tensor, "hypotheses views 2"]
+    """of the optical axis in the picture, x right and y down, in focal lengths; 0 unless a picture was reframed"""
+    shape: Float[Tensor, "hypotheses shape_rank"]
+    """standard deviations along the principal directions"""
+    texture: Float[Tensor, "hypotheses texture_rank"]
+
+
+class Judged(NamedTuple):
+    """How well hypotheses explain some pixels."""
+
+    objective: Float[Tensor, "hypotheses"]
+    squared: Float[Tensor, "hypotheses"]
+    """the mean squared error per channel over whole pictures, as estimated from these pixels"""
+
+
+@dataclass(frozen=True, eq=False)
+class Pool:
+    """Hypotheses on their way, with Adam's memory of each."""
+
+    numbers: Numbers
+    first: Numbers
+    second: Numbers
+    age: Int[Tensor, "hypotheses"]
+    cost: Float[Tensor, "hypotheses"]
+    """the objective, smoothed over the last steps; infinite where a hypothesis diverged"""
+    squared: Float[Tensor, "hypotheses"]
+    start: Int[Tensor, "hypotheses"]
+
+    @classmethod
+    def of(cls, numbers: Numbers) -> Self:
+        """Fresh hypotheses, named by their order."""
+        nothing = Numbers(*(torch.zeros_like(part) for part in numbers))
+        count = len(numbers.angles)
+        zeros = torch.zeros(count)
+        return cls(numbers, nothing, nothing, zeros.long(), zeros, zeros, torch.arange(count))
+
+    def __len__(self) -> int:
+        return len(self.cost)
+
+    def __getitem__(self, index: Int[Tensor, "some"]) -> "Pool":
+        several = (Numbers(*(part[index] for part in whole)) for whole in (self.numbers, self.first, self.second))
+        return Pool(*several, self.age[index], self.cost[index], self.squared[index], self.start[index])
+
+    @property
+    def leader(self) -> int:
+        """The hypothesis of least cost. Raises ``ValueError`` where all have diverged."""
+        best = int(self.cost.argmin())
+        if not math.isfinite(float(self.cost[best])):
+            raise ValueError("the fit diverged from every start")
+        return best
+
+
+def judged(
+    model: Model, numbers: Numbers, drawn: Drawn, samples: int, prior: float, jitter: Tensor | None = None
+) -> Judged:
+    """Eq. 5's objective of every hypothesis over the drawn pixels, with a silhouette term; differentiable.
+
+    Args:
+        jitter: (views, rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
+    """
+    device = model.device
+    distance = model.distance * numbers.distance.exp()
+    places = (drawn.places - numbers.shift[:, :, None]).to(device)
+    angles = numbers.angles.to(device)[..., None, :]
+    rays = cast(
+        places, angles[..., 0], angles[..., 1], distance.to(device)[..., None], 1.0, (0, 0), model.extent_tensor
+    )
+    rays = _spans(model, rays, samples, jitter)
+    shape = model.field.shape_bias(model.codes.shape_space.code(numbers.shape.to(device)))
+    texture = model.field.texture_bias(model.codes.texture_space.code(numbers.texture.to(device)))
+    with autocast(device):
+        seen = render_rays(model, rays, samples, shape[:, None, None, None], texture[:, None, None, None])
+    error = (seen.colour.cpu() - drawn.colours).square().mean(-1)
+    objective = error.mean((1, 2))
+    if not model.painted_ground:
+        wrong = (seen.opacity.cpu() - drawn.opaque).square() * drawn.sure
+        objective = objective + _SILHOUETTE * wrong.mean((1, 2))
+    unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
+    unlikely = unlikely + (numbers.distance / _DISTANCE_SPREAD).square().sum(-1)
+    squared = (error * drawn.shares).sum((1, 2)) / error.shape[1]
+    return Judged(objective + prior * unlikely, squared.detach())
+
+
+def _spans(model: Model, rays: Rays, samples: int, jitter: Tensor | None) -> Rays:
+    """Where rays are sampled: the box, or where the network paints the ground, as its pictures were made."""
+    near, far = rays.near, rays.far
+    if model.painted_ground:
+        near = (rays.origins.detach().norm(dim=-1) - 0.5).expand_as(near)
+        far = near + 1.0
+    if jitter is not None:
+        move = jitter.to(near.device) * (far - near) / samples
+        near, far = near + move, far + move
+    return replace(rays, near=near, far=far)
+
+
+class Rates(NamedTuple):
+    """How far Adam moves each kind of number in a step."""
+
+    angles: Float[Tensor, "#views 1"]
+    distance: Float[Tensor, "#views"]
+    shift: Float[Tensor, "#views 1"]
+    shape: Float[Tensor, "shape_rank"]
+    texture: Float[Tensor, "texture_rank"]
+
+
+def advanced(
+    model: Model, pool: Pool, drawn: Drawn, samples: int, prior: float, rates: Rates, jitter: Tensor
+) -> Pool:
+    """One step of Adam for every hypothesis; one whose numbers are no longer finite gets infinite cost."""
+    numbers = Numbers(*(part.detach().requires_grad_() for part in pool.numbers))
+    found = judged(model, numbers, drawn, samples, prior, jitter)
+    slopes = Numbers(*torch.autograd.grad(found.objective.sum(), numbers))
+    finite = found.objective.detach().isfinite()
+    for slope in slopes:
+        finite = finite & slope.flatten(1).isfinite().all(1)
+    age = pool.age + 1
+    moved = [_adam(*parts, age, finite) for parts in zip(pool.numbers, pool.first, pool.second, slopes, rates, strict=True)]
+    values, first, second = (Numbers(*parts) for parts in zip(*moved, strict=True))
+    values = values._replace(
+        angles=torch.stack((values.angles[..., 0], values.angles[..., 1].clamp(-_STEEPEST, _STEEPEST)), -1),
+        distance=values.distance.clamp(-1.0, 1.5),
+    )
+    now = found.objective.detach()
+    cost = torch.where(pool.age == 0, now, torch.lerp(pool.cost, now, 0.3))
+    cost = torch.where(finite, cost, torch.full_like(cost, math.inf))
+    return Pool(values, first, second, age, cost, found.squared, pool.start)
+
+
+def _adam(
+    value: Tensor, first: Tensor, second: Tensor, slope: Tensor, rate: Tensor, age: Tensor, finite: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    ones = (-1,) + (1,) * (value.ndim - 1)
+    slope = torch.where(finite.view(ones), slope, torch.zeros_like(slope))
+    first, second = torch.lerp(slope, first, _DECAYS[0]), torch.lerp(slope.square(), second, _DECAYS[1])
+    mean = first / (1 - _DECAYS[0] ** age).view(ones)
+    scale = (second / (1 - _DECAYS[1] ** age).view(ones)).sqrt()
+    return value - rate * mean / (scale + 1e-12), first, second
+
+
+def cameras(model: Model, numbers: Numbers, index: int, given: Sequence[Camera]) -> tuple[Camera, ...]:
+    """A hypothesis' camera for every picture, with focal length and size as given."""
+    found = []
+    for view, camera in enumerate(given):
+        azimuth, elevation = (float(angle) for angle in numbers.angles[index, view])
+        distance = model.distance * math.exp(float(numbers.distance[index, view]))
+        azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
+        found.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance))
+    return tuple(found)
+
+
+def codes(model: Model, numbers: Numbers, index: int) -> Codes:
+    """A hypothesis' codes."""
+    book = model.codes
+    return Codes(
+        book.shape_space.code(numbers.shape[index]).clone(), book.texture_space.code(numbers.texture[index]).clone()
+    )
+
+
+def twins(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, "hypotheses"]:
+    """Which hypotheses see some unknown picture from roughly behind where this one does (azimuth + 180 degrees)."""
+    turn = pool.numbers.angles[:, views, 0] - pool.numbers.angles[index, views, 0]
+    return (turn.cos() < -0.6).any(-1)
+
+
+def twin_of(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Pool:
+    """The same hypothesis from behind, without memory, in every unknown picture."""
+    one = pool[torch.tensor([index])]
+    angles = one.numbers.angles.clone()
+    angles[:, views, 0] += math.pi
+    fresh = Pool.of(one.numbers._replace(angles=angles))
+    return replace(fresh, start=one.start, cost=one.cost)
+
+
+def joined(first: Pool, second: Pool) -> Pool:
+    """Both pools' hypotheses."""
+    several = (
+        Numbers(*(torch.cat(parts) for parts in zip(*pair, strict=True)))
+        for pair in ((first.numbers, second.numbers), (first.first, second.first), (first.second, second.second))
+    )
+    rest = (torch.cat((getattr(first, name), getattr(second, name))) for name in ("age", "cost", "squared", "start"))
+    return Pool(*several, *rest)

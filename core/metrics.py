@@ -1,0 +1,76 @@
+"""How close a picture and a camera come to the true ones."""
+
+import math
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from skimage.metrics import mean_squared_error, structural_similarity
+from torch import Tensor
+
+from core.camera import Camera
+
+Picture = Float[Tensor, "height width 3"] | Float[np.ndarray, "height width 3"]
+
+MOST_PSNR = 100.0
+"""dB at which two pictures count as the same: a finite number where the ratio itself is infinite."""
+
+
+def psnr(picture: Picture, truth: Picture) -> float:
+    """Peak signal-to-noise ratio in dB of a picture in [0, 1], at most :data:`MOST_PSNR`."""
+    first, second = _arrays(picture, truth)
+    return psnr_of(float(mean_squared_error(first, second)))
+
+
+def psnr_of(squared_error: float) -> float:
+    """The PSNR in dB of a mean squared error per channel, at most :data:`MOST_PSNR`.
+
+    Example:
+        >>> psnr_of(0.01)
+        20.0
+    """
+    return MOST_PSNR if squared_error <= 10 ** (-MOST_PSNR / 10) else -10 * math.log10(squared_error)
+
+
+def ssim(picture: Picture, truth: Picture) -> float:
+    """Structural similarity over colour, -1..1 (scikit-image, 7 px window). Raises ``ValueError`` below 7 px."""
+    first, second = _arrays(picture, truth)
+    if min(first.shape[:2]) < 7:
+        raise ValueError(f"SSIM needs pictures of at least 7x7 px, got {first.shape[1]}x{first.shape[0]}")
+    return float(structural_similarity(first, second, channel_axis=-1, data_range=1.0))
+
+
+def rotation_error(camera: Camera, truth: Camera) -> float:
+    """Degrees of the one turn that takes one camera's axes into the other's."""
+    first, second = camera.pose()[:3, :3], truth.pose()[:3, :3]
+    # |A - B| = 2 sqrt(2) sin(angle / 2): exact for small angles, where acos of the trace is not.
+    half = float(torch.linalg.matrix_norm(first - second)) / (2 * math.sqrt(2))
+    return math.degrees(2 * math.asin(min(1.0, half)))
+
+
+def direction_error(camera: Camera, truth: Camera) -> float:
+    """Degrees between the directions in which the two cameras stand, seen from the origin."""
+    apart = camera_direction(camera) - camera_direction(truth)
+    return math.degrees(2 * math.asin(min(1.0, float(apart.norm()) / 2)))
+
+
+def translation_error(camera: Camera, truth: Camera) -> float:
+    """How far the camera stands from its true place, as a share of the true distance."""
+    return float((camera.pose()[:3, 3] - truth.pose()[:3, 3]).norm()) / truth.distance
+
+
+def distance_error(camera: Camera, truth: Camera) -> float:
+    """How far the distance is from the true one, as a share of it."""
+    return abs(camera.distance - truth.distance) / truth.distance
+
+
+def camera_direction(camera: Camera) -> Float[Tensor, "3"]:
+    """The unit vector from the origin to the camera, float64."""
+    return torch.nn.functional.normalize(camera.pose()[:3, 3], dim=0)
+
+
+def _arrays(picture: Picture, truth: Picture) -> tuple[np.ndarray, np.ndarray]:
+    first, second = (np.asarray(part, dtype=np.float64) for part in (picture, truth))
+    if first.shape != second.shape:
+        raise ValueError(f"pictures of different sizes: {first.shape} and {second.shape}")
+    return first, second

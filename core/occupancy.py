@@ -1,0 +1,98 @@
+"""Where an object is: a grid over the scene's box that says which cells can hold any of it.
+
+Densities are asked at the corners of the cells and a cell counts as occupied where one of its eight corners is, so
+that a part as thick as a cell is never lost. The first layer's activations there depend on no code and are kept per
+model: a new shape costs two small layers.
+"""
+
+from functools import lru_cache
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional
+
+from core.camera import Camera, position, rotation
+from core.folded import Folded
+from core.model import Model
+
+CELLS = 64
+"""Cells along each axis of the box."""
+_EMPTY = 0.005
+"""A corner whose cell would take less of the light than this is empty."""
+_BLOCK = 16384
+
+
+class Occupancy:
+    """The occupied cells of one shape."""
+
+    def __init__(self, model: Model, folded: Folded) -> None:
+        self.extent = model.extent_tensor
+        self.cell = 2 * self.extent / CELLS
+        with torch.inference_mode():
+            found = torch.cat([folded.density(part)[0] for part in _corner_activations(model, folded.dtype)])
+        solid = found * float(self.cell.amin()) > _EMPTY
+        corners = solid.reshape(1, 1, CELLS + 1, CELLS + 1, CELLS + 1)
+        self.cells: Bool[Tensor, "cells cells cells"] = _any_corner(corners[0, 0])
+        self._flat = self.cells.flatten()
+
+    def holds(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
+        """Whether each point of the box lies in an occupied cell."""
+        cells = ((points + self.extent) / self.cell).long().clamp_(0, CELLS - 1)
+        return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
+
+    def span(self, camera: Camera) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
+        """Between which distances from the camera the occupied cells lie behind every pixel; near > far where none does.
+
+        Cells are thrown on a raster whose pixels are at least as large as half a cell looks, each on the 3x3 pixels
+        around its centre: never too little, at most a cell too much.
+        """
+        centres = (self.cells.nonzero() + 0.5) * self.cell - self.extent
+        angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=centres.device)
+        local = (centres - position(*angles)) @ rotation(angles[0], angles[1]).T
+        reach = float(self.cell.norm()) / 2
+        depth = local.norm(dim=-1)
+        before = -local[:, 2]
+        looks = reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
+        tile = max(1.0, looks)
+        across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
+        column = (camera.width / 2 + local[:, 0] / before * camera.focal) * (across / camera.width)
+        row = (camera.height / 2 - local[:, 1] / before * camera.focal) * (down / camera.height)
+        shown = before > 1e-3
+        tiles, depths = _around(column[shown].floor().long(), row[shown].floor().long(), depth[shown], across, down)
+        near = torch.full((across * down,), torch.inf).scatter_reduce_(0, tiles, depths - reach, "amin")
+        far = torch.full((across * down,), -torch.inf).scatter_reduce_(0, tiles, depths + reach, "amax")
+        rows = torch.arange(camera.height) * down // camera.height
+        columns = torch.arange(camera.width) * across // camera.width
+        at = rows[:, None] * across + columns
+        return near[at], far[at]
+
+
+def _around(column: Tensor, row: Tensor, depth: Tensor, across: int, down: int) -> tuple[Tensor, Tensor]:
+    """The tiles around each one given (their flat indices), each with its depth; those off the raster are left out."""
+    tiles, depths = [], []
+    for shift_x in (-1, 0, 1):
+        for shift_y in (-1, 0, 1):
+            x, y = column + shift_x, row + shift_y
+            on = (x >= 0) & (x < across) & (y >= 0) & (y < down)
+            tiles.append((y * across + x)[on])
+            depths.append(depth[on])
+    return torch.cat(tiles), torch.cat(depths)
+
+
+def _any_corner(corners: Bool[Tensor, "corners corners corners"]) -> Bool[Tensor, "cells cells cells"]:
+    for axis in range(3):
+        length = corners.shape[axis]
+        corners = corners.narrow(axis, 0, length - 1) | corners.narrow(axis, 1, length - 1)
+    return corners
+
+
+@lru_cache(maxsize=2)
+def _corner_activations(model: Model, dtype: torch.dtype) -> tuple[Tensor, ...]:
+    """First-layer activations at all corners of the grid, in blocks that stay in cache."""
+    axes = [torch.linspace(-half, half, CELLS + 1) for half in model.extent]
+    corners = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3).to(model.device)
+    folded = Folded(model, model.codes.mean)
+    assert folded.dtype == dtype
+    with torch.inference_mode():
+        return tuple(folded.first(part) for part in corners.split(_BLOCK))

@@ -1,0 +1,247 @@
+"""Where pose fitting begins: a bank of small views of prototype objects, ranked against the picture.
+
+The bank holds a few objects of the model, as clouds of surface points thrown onto small pictures from all round.
+Every view is normalised to its own bounding box, so a match says from where the object is seen whatever its size in
+the picture; the ratio of the two sizes then says from how far.
+"""
+
+import math
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+from torch.nn import functional
+
+from core.camera import position, rotation
+from core.codes import Codes
+from core.model import Model
+from core.precision import autocast
+
+PROTOTYPES = 24
+AZIMUTHS = 24
+ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
+"""degrees. Near the pole the azimuth is the roll of the picture, so every elevation has all azimuths."""
+SIDE = 24
+"""px, of a view in the bank"""
+_CELLS = 48
+"""along the longest side of the model's box"""
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """Small views of prototypes, each normalised to its bounding box."""
+
+    codes: Codes
+    """of the prototypes, (prototypes, latent); the first is the mean object"""
+    azimuth: Float[Tensor, "views"]
+    elevation: Float[Tensor, "views"]
+    """rad"""
+    masks: Float[Tensor, "prototypes views side side"]
+    lights: Float[Tensor, "prototypes views side side"]
+    """luminance less its mean over the object, of unit norm; 0 off the object"""
+    sizes: Float[Tensor, "prototypes views"]
+    """the longer side of the bounding box, in focal lengths, from the model's distance"""
+    offsets: Float[Tensor, "prototypes views 2"]
+    """the middle of the bounding box (x, y) less that of the picture, in focal lengths"""
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Cameras to begin from, best first."""
+
+    azimuth: Float[Tensor, "starts"]
+    elevation: Float[Tensor, "starts"]
+    distance: Float[Tensor, "starts"]
+    prototype: Int[Tensor, "starts"]
+
+
+_banks: OrderedDict[str, Bank] = OrderedDict()
+
+
+def bank_of(model: Model) -> Bank:
+    """The model's bank, made once (about a second) and kept in memory for the last few models."""
+    key = model.fingerprint
+    if key not in _banks:
+        _banks[key] = _made(model)
+        while len(_banks) > 4:
+            _banks.popitem(last=False)
+    return _banks[key]
+
+
+def ranked(
+    bank: Bank,
+    model: Model,
+    pixels: Float[Tensor, "height width 3"],
+    mask: Bool[Tensor, "height width"],
+    focal: float,
+    count: int,
+) -> Starts:
+    """The ``count`` most promising cameras for a picture, spread out, every second one the twin of the one before.
+
+    Args:
+        pixels: on white, 0..1.
+        mask: True on the object; anything on it at all.
+        focal: px, of the picture.
+    """
+    look, light, size = _normalised(pixels, mask, focal)
+    scores = _scores(bank, look, light)
+    best, prototype = scores.max(0)
+    chosen = _spread(bank, best, count)
+    distance = model.distance * bank.sizes[prototype[chosen], chosen] / size
+    limited = distance.clamp(0.5 * model.distance, 2 * model.distance)
+    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, prototype[chosen])
+
+
+class Apparent(NamedTuple):
+    """How objects stand in training pictures, as shares of the picture."""
+
+    typical: float
+    """the longer side of the bounding box, seen from somewhat above"""
+    least: float
+    most: float
+    aside: float
+    """how far the middle of the bounding box is from the picture's at the most"""
+
+
+def apparent(model: Model) -> Apparent:
+    """How the model's objects stand in pictures of the training kind."""
+    bank = bank_of(model)
+    scale = model.focal / model.image_size
+    from_above = (bank.elevation > 0) & (bank.elevation < math.radians(50))
+    typical = float(bank.sizes[:, from_above].median())
+    least, most, aside = (float(part) for part in (bank.sizes.min(), bank.sizes.max(), bank.offsets.abs().max()))
+    return Apparent(scale * typical, scale * least, scale * most, scale * aside)
+
+
+def surface(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
+    """Points on an object's surface, on a grid in the model's box, and their colours seen from outside."""
+    extent = model.extent_tensor
+    cell = 2 * float(extent.max()) / _CELLS
+    axes = [torch.arange(-float(half) + cell / 2, float(half), cell, device=extent.device) for half in extent]
+    grid = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+    bias = model.field.shape_bias(codes.shape)
+    with torch.no_grad(), autocast(model.device):
+        density = torch.cat([model.field.density(part, bias)[0] for part in grid.reshape(-1, 3).split(8192)])
+        inside = (density * cell > 0.5).reshape(grid.shape[:3])
+        eroded = -functional.max_pool3d(-inside.float()[None], 3, 1, 1)[0]
+        points = grid[inside & (eroded < 0.5)]
+        features = model.field.density(points, bias)[1]
+        inward = model.field.direction_bias(-functional.normalize(points, dim=-1))
+        colours = model.field.colour(features, inward, model.field.texture_bias(codes.texture))
+    return points, colours.clamp(0, 1)
+
+
+def _made(model: Model) -> Bank:
+    elevation, azimuth = torch.meshgrid(
+        torch.tensor(ELEVATIONS).deg2rad(), torch.arange(AZIMUTHS) * (2 * math.pi / AZIMUTHS), indexing="ij"
+    )
+    azimuth, elevation = azimuth.flatten(), elevation.flatten()
+    kept, views = [], []
+    for codes in _prototypes(model):
+        points, colours = (part.cpu() for part in surface(model, codes))
+        if len(points) >= 20:
+            kept.append(codes)
+            views.append(_thrown(points, colours, azimuth, elevation, model.distance))
+    if not kept:
+        raise ValueError("the model shows no objects: all of its prototypes are empty")
+    codes = Codes(torch.stack([one.shape for one in kept]), torch.stack([one.texture for one in kept]))
+    masks, lights, sizes, offsets = (torch.stack(part) for part in zip(*views, strict=True))
+    return Bank(codes, azimuth, elevation, masks, lights, sizes, offsets)
+
+
+def _prototypes(model: Model) -> list[Codes]:
+    """The mean object, and objects spread over the shapes: the ones nearest to the centres of k-means."""
+    book = model.codes
+    coordinates = book.shape_space.coordinates(book.shapes[[entry.shape for entry in book.objects]])
+    coordinates = coordinates * book.shape_space.spread
+    count = min(PROTOTYPES - 1, len(coordinates))
+    generator = torch.Generator(coordinates.device).manual_seed(0)
+    centres = coordinates[torch.randperm(len(coordinates), generator=generator)[:count]]
+    for _ in range(10):
+        nearest = torch.cdist(coordinates, centres).argmin(1)
+        centres = torch.stack(
+            [coordinates[nearest == i].mean(0) if (nearest == i).any() else centres[i] for i in range(count)]
+        )
+    medoids = torch.cdist(centres, coordinates).argmin(1).unique()
+    return [book.mean] + [book[int(index)] for index in medoids]
+
+
+def _thrown(
+    points: Float[Tensor, "points 3"],
+    colours: Float[Tensor, "points 3"],
+    azimuth: Float[Tensor, "views"],
+    elevation: Float[Tensor, "views"],
+    distance: float,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """A cloud as seen from every view: masks, lights, sizes and offsets as :class:`Bank` holds them."""
+    local = torch.einsum("vij,nj->vni", rotation(azimuth, elevation), points)
+    depth = (distance - local[..., 2]).clamp_min(1e-3)
+    places = local[..., :2] * torch.tensor([1.0, -1.0]) / depth[..., None]
+    low, high = places.amin(1), places.amax(1)
+    size, middle = (high - low).amax(-1), (high + low) / 2
+    scaled = (places - middle[:, None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2
+    cell = scaled.long().clamp(0, SIDE - 1)
+    count = len(points)
+    # The nearest point of a pixel, found as the least of (depth, index) packed into one number.
+    packed = (depth / (4 * distance) * 2**20).long() * count + torch.arange(count)
+    nothing = torch.iinfo(torch.long).max
+    nearest = torch.full((len(azimuth), SIDE * SIDE), nothing).scatter_reduce(
+        1, cell[..., 1] * SIDE + cell[..., 0], packed, "amin"
+    )
+    masks = (nearest < nothing).float().reshape(-1, SIDE, SIDE)
+    luminance = colours.mean(-1)[nearest % count].reshape(masks.shape)
+    return masks, _light(luminance, masks), size, middle
+
+
+def _light(luminance: Float[Tensor, "*batch side side"], mask: Float[Tensor, "*batch side side"]) -> Tensor:
+    """Luminance less its mean over the mask, of unit norm, 0 elsewhere."""
+    area = mask.sum((-2, -1), keepdim=True).clamp_min(1e-6)
+    mean = (luminance * mask).sum((-2, -1), keepdim=True) / area
+    light = (luminance - mean) * mask
+    return light / light.square().sum((-2, -1), keepdim=True).sqrt().clamp_min(1e-3)
+
+
+def _normalised(pixels: Tensor, mask: Tensor, focal: float) -> tuple[Tensor, Tensor, float]:
+    """The picture's mask and light on the bank's grid, and its size in focal lengths."""
+    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
+    top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+    size = max(bottom - top, right - left)
+    # A grid over the square around the box, widened by the bank's margin of one pixel a side.
+    reach = size * SIDE / (SIDE - 2)
+    steps = (torch.arange(SIDE * 3) + 0.5) / (SIDE * 3) - 0.5
+    y = ((top + bottom) / 2 + steps * reach) / mask.shape[0] * 2 - 1
+    x = ((left + right) / 2 + steps * reach) / mask.shape[1] * 2 - 1
+    grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)
+    both = torch.stack((mask.float(), pixels.mean(-1) * mask), 0)[None].float()
+    shrunk = functional.avg_pool2d(functional.grid_sample(both, grid[None], "bilinear", "zeros", False), 3)[0]
+    cover, luminance = shrunk[0], shrunk[1] / shrunk[0].clamp_min(1e-3)
+    return cover, _light(luminance, cover), size / focal
+
+
+def _scores(bank: Bank, mask: Tensor, light: Tensor) -> Float[Tensor, "prototypes views"]:
+    """Overlap of the masks (intersection over union) and a share of the correlation of what lies on them."""
+    views, flat = bank.masks.flatten(-2), mask.flatten()
+    shared = views @ flat
+    overlap = shared / (views.sum(-1) + flat.sum() - shared)
+    return overlap + LIGHT_SHARE * (bank.lights.flatten(-2) @ light.flatten())
+
+
+LIGHT_SHARE = 0.1
+
+
+def _spread(bank: Bank, scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:
+    """Views in order of their scores, none beside one taken before it, each followed by its twin (azimuth + 180)."""
+    remaining, taken = scores.clone(), list[int]()
+    half = AZIMUTHS // 2
+    while len(taken) < count and bool(torch.isfinite(remaining).any()):
+        view = int(remaining.argmax())
+        row, column = divmod(view, AZIMUTHS)
+        for azimuth in (column, (column + half) % AZIMUTHS):
+            if torch.isfinite(remaining[row * AZIMUTHS + azimuth]):
+                taken.append(row * AZIMUTHS + azimuth)
+            beside = [row * AZIMUTHS + (azimuth + step) % AZIMUTHS for step in (-1, 0, 1)]
+            remaining[beside] = -math.inf
+    return torch.tensor(taken[:count])

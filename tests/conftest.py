@@ -1,0 +1,45 @@
+"""Shapes and types are checked at run time, and what core and viewer tests share is made here."""
+
+import os
+from pathlib import Path
+
+import hypothesis
+import pytest
+from jaxtyping import install_import_hook
+
+
+import tests.checked  # noqa: F401  (the hook finds it by name)
+
+# Before anything of core is.
+install_import_hook("core", "tests.checked.checked")
+
+hypothesis.settings.register_profile("shared machine", deadline=None, derandomize=True, max_examples=50)
+hypothesis.settings.load_profile("shared machine")
+
+import torch  # noqa: E402
+
+from core.codes import CodeBook, Entry  # noqa: E402
+from core.field import Field, FieldConfig  # noqa: E402
+from core.model import Model  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """Material that is not part of the project: CODENERF_SHARED, or a folder beside the checkout."""
+    folder = Path(os.environ.get("CODENERF_SHARED", Path(__file__).resolve().parents[2] / "shared"))
+    if not folder.is_dir():
+        pytest.skip(f"no shared data at {folder} (set CODENERF_SHARED)")
+    return folder
+
+
+def random_model(seed: int = 0, painted_ground: bool = False) -> Model:
+    """An untrained model of six objects in six textures: a mist, but a different one for every code."""
+    torch.manual_seed(seed)
+    config = FieldConfig(width=16, shape_latent=8, texture_latent=4, point_octaves=4, direction_octaves=2)
+    book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
+    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, painted_ground)
+
+
+@pytest.fixture
+def model() -> Model:
+    return random_model()

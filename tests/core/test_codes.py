@@ -1,0 +1,74 @@
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.codes import CodeBook, Codes, CodeSpace, Entry
+
+
+def cloud(seed: int = 0, count: int = 40, latent: int = 6) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    scale = torch.tensor([3.0, 2.0, 1.0, 0.5, 0.2, 0.1])[:latent]
+    return torch.randn(count, latent, generator=generator) * scale + 1
+
+
+@given(st.integers(0, 1000))
+def test_coordinates_and_codes_go_there_and_back(seed: int):
+    space = CodeSpace.of(cloud(seed))
+    codes = cloud(seed + 1)
+    torch.testing.assert_close(space.code(space.coordinates(codes)), codes, atol=1e-4, rtol=1e-4)
+
+
+def test_the_cloud_is_standard_in_its_own_coordinates():
+    codes = cloud(count=400)
+    space = CodeSpace.of(codes)
+    found = space.coordinates(codes)
+    torch.testing.assert_close(found.mean(0), torch.zeros(6), atol=1e-4, rtol=0)
+    torch.testing.assert_close(found.T.cov(), torch.eye(6), atol=1e-3, rtol=0)
+    assert bool((space.spread.diff() <= 0).all())
+    assert float(space.explained.sum()) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_moving_along_one_direction_leaves_the_others():
+    space, code = CodeSpace.of(cloud()), cloud(3)[0]
+    before, after = space.coordinates(code), space.coordinates(space.moved(code, 2, 1.5))
+    assert float(after[2]) == pytest.approx(1.5, abs=1e-4)
+    torch.testing.assert_close(after[[0, 1, 3, 4, 5]], before[[0, 1, 3, 4, 5]], atol=1e-4, rtol=0)
+
+
+def test_fewer_objects_than_numbers_have_fewer_directions():
+    space = CodeSpace.of(cloud(count=4))
+    assert len(space.spread) == 3
+    torch.testing.assert_close(space.directions @ space.directions.T, torch.eye(3), atol=1e-5, rtol=0)
+
+
+def test_mixing_is_separate_for_shape_and_texture():
+    a, b = Codes(torch.zeros(3), torch.zeros(2)), Codes(torch.ones(3), torch.ones(2))
+    assert a.mixed(b, 1.0, 0.0) == Codes(torch.ones(3), torch.zeros(2))
+    assert a.mixed(b, 0.0, 0.5) == Codes(torch.zeros(3), torch.full((2,), 0.5))
+    assert a.mixed(b, 0.0, 0.0) == a
+
+
+def test_codes_must_be_finite():
+    with pytest.raises(ValueError, match="finite"):
+        Codes(torch.tensor([torch.nan]), torch.zeros(1))
+
+
+def test_objects_may_share_a_shape():
+    book = CodeBook(cloud(count=2), cloud(1, count=3), (Entry("a", 0, 0), Entry("b", 0, 2)))
+    assert torch.equal(book[0].shape, book[1].shape)
+    assert not torch.equal(book[0].texture, book[1].texture)
+    assert len(book) == 2
+    for wrong in (-1, 2):
+        with pytest.raises(ValueError, match="0 to 1"):
+            book[wrong]
+
+
+def test_a_book_whose_objects_have_no_codes_is_refused():
+    with pytest.raises(ValueError, match="outside the book"):
+        CodeBook(cloud(count=2), cloud(count=2), (Entry("a", 0, 2),))
+
+
+def test_drawn_codes_repeat_with_the_seed():
+    book = CodeBook(cloud(), cloud(1), ())
+    assert book.drawn(torch.Generator().manual_seed(5)) == book.drawn(torch.Generator().manual_seed(5))

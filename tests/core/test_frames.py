@@ -1,0 +1,36 @@
+import numpy as np
+import pytest
+
+from core.frames import RenderJob, RenderSettings, frames
+from core.model import Model
+from core.render import render_exact
+from tests.conftest import random_model
+
+
+def test_frames_come_coarse_to_fine(model: Model):
+    job = RenderJob(model.codes[0], model.camera(0.3, 0.2))
+    shown = [frame for frame in frames(model, job) if frame]
+    assert [frame.resolution for frame in shown] == [(4, 4), (8, 8), (16, 16), (32, 32)]
+    assert [frame.final for frame in shown] == [False, False, False, True]
+    times = [frame.seconds for frame in shown]
+    assert times == sorted(times)
+
+
+def test_a_stream_that_is_left_does_no_more_work(model: Model):
+    stream = frames(model, RenderJob(model.codes[0], model.camera(0.3, 0.2)))
+    next(stream)
+    stream.close()
+
+
+def test_a_painted_ground_is_drawn_by_the_reference():
+    model = random_model(painted_ground=True)
+    job = RenderJob(model.codes[0], model.camera(0.3, 0.2), RenderSettings(24, (1,)))
+    *_, last = frames(model, job)
+    exact = render_exact(model, job.codes, job.camera, 24).colour.clamp(0, 1).numpy()
+    assert np.abs(last.image / 255 - exact).max() < 0.003
+
+
+@pytest.mark.parametrize("settings", [{"samples": 1}, {"stages": ()}, {"stages": (0,)}])
+def test_settings_that_draw_nothing_are_refused(settings: dict):
+    with pytest.raises(ValueError, match="at least 2 samples"):
+        RenderSettings(**settings)

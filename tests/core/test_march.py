@@ -1,0 +1,102 @@
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core import march as marching
+from core.codes import Codes
+from core.folded import Folded
+from core.metrics import psnr
+from core.model import Model
+from core.occupancy import Occupancy
+from core.precision import linear_dtype
+from core.rays import camera_rays
+from core.render import Rendered, render_exact
+from core.sampling import midpoints, points_at, uniform_edges
+from tests.conftest import random_model
+
+MODEL = random_model()
+seeds = st.integers(0, 2**31)
+
+
+def marched(model: Model, codes: Codes, camera, samples: int = 96) -> Rendered:
+    stream = marching.march(model, codes, camera, samples)
+    while True:
+        try:
+            assert next(stream) is None
+        except StopIteration as done:
+            return done.value
+
+
+def drawn(seed: int, spread: float = 1.0) -> Codes:
+    generator = torch.Generator().manual_seed(seed)
+    return Codes(spread * torch.randn(8, generator=generator), spread * torch.randn(4, generator=generator))
+
+
+@given(seeds, st.sampled_from([1.0, 5.0]))
+def test_folding_is_exact(seed: int, spread: float):
+    codes, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
+    points = torch.rand(40, 3, generator=generator) - 0.5
+    directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
+    folded = Folded(MODEL, codes)
+    density, y = folded.density(folded.first(points))
+    colour = folded.colour(y, folded.direction_bias(directions))
+    field = MODEL.field
+    true_density, features = field.density(points, field.shape_bias(codes.shape))
+    true_colour = field.colour(features, field.direction_bias(directions), field.texture_bias(codes.texture))
+    # Exact to 1e-5 in float32; bfloat16 has eight bits.
+    close = 1e-5 if linear_dtype("cpu") == torch.float32 else 0.05
+    torch.testing.assert_close(density, true_density, atol=close * 30, rtol=close)
+    torch.testing.assert_close(colour, true_colour, atol=close, rtol=close)
+
+
+@settings(max_examples=15)
+@given(seeds, st.sampled_from([1.0, 5.0]), st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
+def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed, spread, azimuth, elevation):
+    codes, camera = drawn(seed, spread), MODEL.camera(azimuth, elevation)
+    occupancy = Occupancy(MODEL, Folded(MODEL, codes))
+    rays = camera_rays(camera, MODEL.extent_tensor)
+    depths = midpoints(uniform_edges(rays, 40))
+    points = points_at(rays, depths)
+    density, _ = MODEL.field.density(points, MODEL.field.shape_bias(codes.shape))
+    crossed = (rays.far > rays.near)[..., None]
+    dense = (density * float(occupancy.cell.amin()) > 0.1) & crossed
+    assert bool((occupancy.holds(points) | ~dense).all())
+    near, far = occupancy.span(camera)
+    inside = (depths >= near[..., None]) & (depths <= far[..., None])
+    assert bool((inside | ~dense).all())
+
+
+@pytest.mark.parametrize("index", [0, 3])
+def test_marching_draws_what_the_reference_draws(index: int):
+    camera = MODEL.camera(0.7, 0.4)
+    exact, fast = render_exact(MODEL, MODEL.codes[index], camera), marched(MODEL, MODEL.codes[index], camera, 256)
+    assert psnr(fast.colour, exact.colour) > 38
+    assert float((fast.opacity - exact.opacity).abs().max()) < 0.05
+    solid = exact.opacity > 0.5
+    torch.testing.assert_close(fast.depth[solid], exact.depth[solid], atol=0.02, rtol=0.02)
+
+
+def test_chunks_do_not_show(monkeypatch):
+    camera = MODEL.camera(0.7, 0.4)
+    whole = marched(MODEL, MODEL.codes[0], camera)
+    monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
+    pieces = marched(MODEL, MODEL.codes[0], camera)
+    assert psnr(pieces.colour, whole.colour) > 50
+
+
+def test_a_new_texture_or_view_keeps_the_occupancy():
+    marching._occupancy.cache_clear()
+    a, b = MODEL.codes[0], MODEL.codes[1]
+    marched(MODEL, a, MODEL.camera(0.1, 0.1), 8)
+    marched(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
+    assert marching._occupancy.cache_info().misses == 1
+    marched(MODEL, b, MODEL.camera(0.9, 0.1), 8)
+    assert marching._occupancy.cache_info().misses == 2
+
+
+def test_an_object_out_of_sight_is_white():
+    camera = MODEL.camera(0.0, 0.0, distance=2.0)
+    nothing = MODEL.codes[0]
+    far = marched(MODEL, nothing, camera.resized(3, 3), 8)
+    assert bool(torch.isfinite(far.colour).all())
