@@ -3,7 +3,7 @@
 import argparse
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
@@ -62,7 +62,7 @@ def fit_command(chosen: argparse.Namespace) -> None:
     for path in filter(None, (chosen.out, chosen.log)):
         _require_folder(path)
     last = None
-    with chosen.log.open("w") if chosen.log else nullcontext() as log, tqdm(unit="step", leave=False) as bar:
+    with chosen.log.open("w") if chosen.log else nullcontext() as log, tqdm(unit="step", leave=False, disable=None) as bar:
         for last in fit(model, FitJob(photos, seed=chosen.seed)):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
@@ -102,7 +102,7 @@ def train(chosen: argparse.Namespace) -> None:
     state = chosen.out.with_suffix(".state")
     if chosen.resume:
         trainer.load_state(state)
-    with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01) as bar:
+    with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
         for step in trainer.steps():
             bar.update()
             if step.step % 100 == 0:
@@ -140,9 +140,12 @@ def _told(step: FitStep) -> dict[str, float]:
     }
 
 
-def _drive(stream: Iterable[object] | Iterator[object], total: int, unit: str) -> None:
-    for _ in tqdm(stream, total=total, unit=unit):
-        pass
+def _drive(stream: Iterator[object], total: int, unit: str) -> None:
+    """Run a stream to its end under a progress bar, which appears once the first value is there and all is well."""
+    next(stream, None)
+    with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
+        for _ in stream:
+            bar.update()
 
 
 def _require_folder(path: Path) -> None:

@@ -158,7 +158,7 @@ class _Race:
     began: float
 
     @classmethod
-    def of(cls, model: Model, job: FitJob) -> Self:
+    def of(cls, model: Model, job: FitJob) -> "_Race":
         began = time.perf_counter()
         generator = torch.Generator().manual_seed(job.seed)
         targets = tuple(Target.of(photo, model) for photo in job.photos)
@@ -180,7 +180,7 @@ class _Race:
             if self.unknown[view]:
                 starts = ranked(bank, model, photo.pixels, photo.mask, camera.focal, count)
                 angles[:, view] = torch.stack((starts.azimuth, starts.elevation), -1)
-                distance[:, view] = (starts.distance / model.distance).log()
+                distance[:, view] = (starts.distance / model.distance).log() * (1 if photo.framed else _KEEP)
                 prototype = starts.prototype
         shape = book.shape_space.coordinates(bank.codes.shape)[prototype] * _PROTO
         texture = torch.zeros(count, len(book.texture_space.spread))
@@ -253,6 +253,7 @@ class _Race:
 
 
 _PROTO = 1.0
+_KEEP = 1.0
 
 
 def _nominal(photo: Photo, model: Model) -> Camera:

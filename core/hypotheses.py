@@ -19,8 +19,10 @@ from core.targets import Drawn
 
 _SILHOUETTE = 0.1
 """The squared error of opacity against that of colour."""
-_DISTANCE_SPREAD = 0.3
-"""The spread of the logarithm of the distance around the model's that is taken as usual."""
+_DISTANCE_SPREAD = 0.05
+"""How far the logarithm of the distance strays from that of the training pictures before it costs much."""
+_DISTANCE_PRIOR = 2e-3
+"""Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _STEEPEST = math.radians(89.9)
 _DECAYS = (0.9, 0.98)
 """Adam's, short as the fit is"""
@@ -67,7 +69,7 @@ class Pool:
     start: Int[Tensor, "hypotheses"]
 
     @classmethod
-    def of(cls, numbers: Numbers) -> Self:
+    def of(cls, numbers: Numbers) -> "Pool":
         """Fresh hypotheses, named by their order."""
         nothing = Numbers(*(torch.zeros_like(part) for part in numbers))
         count = len(numbers.angles)
@@ -116,9 +118,9 @@ def judged(
         wrong = (seen.opacity.cpu() - drawn.opaque).square() * drawn.sure
         objective = objective + _SILHOUETTE * wrong.mean((1, 2))
     unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
-    unlikely = unlikely + (numbers.distance / _DISTANCE_SPREAD).square().sum(-1)
+    strayed = (numbers.distance / _DISTANCE_SPREAD).square().log1p().mean(-1)
     squared = (error * drawn.shares).sum((1, 2)) / error.shape[1]
-    return Judged(objective + prior * unlikely, squared.detach())
+    return Judged(objective + prior * unlikely + _DISTANCE_PRIOR * strayed, squared.detach())
 
 
 def _spans(model: Model, rays: Rays, samples: int, jitter: Tensor | None) -> Rays:

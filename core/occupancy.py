@@ -18,7 +18,7 @@ from core.model import Model
 
 CELLS = 64
 """Cells along each axis of the box."""
-_EMPTY = 0.005
+_EMPTY = 0.001
 """A corner whose cell would take less of the light than this is empty."""
 _BLOCK = 16384
 

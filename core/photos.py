@@ -28,7 +28,9 @@ _WORKING_SIDE = 1024
 _ALIKE = 9.0
 """CIE76 colour distance up to which a pixel is the ground's colour; about four just noticeable differences"""
 _SHADED = 30.0
-"""lightness that a soft shadow may take from the ground"""
+"""lightness that soft light or shadow may change"""
+_SMOOTH = 1000.0
+"""CIE76 per length of the picture: a slope steeper than this is an edge"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,15 +233,14 @@ def _ground(colours: Float[np.ndarray, "height width 3"]) -> tuple[Bool[np.ndarr
     """Where the ground is, and whether it is white. Raises ``ValueError`` where no plain ground surrounds anything.
 
     The ground's colour may change slowly over the picture (a lit wall). It spreads from the border over what is
-    alike, and over soft shadows: darker, of the same hue, without an edge. Enclosed parts stay the object's unless
+    alike, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the object's unless
     they cannot be told from the ground (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
     model, noise = _ground_colour(lab)
-    apart = lab - model
-    distance = np.linalg.norm(apart, axis=-1)
+    distance = np.linalg.norm(lab - model, axis=-1)
     alike = distance < np.clip(4 * noise + 2, 2.5, _ALIKE)
-    outside = _reached(alike | _shadow(lab[..., 0], apart))
+    outside = _reached(alike | _shaded(lab, model))
     gaps = (distance < np.clip(2 * noise, 1.0, 3.0)) & ~outside
     pieces, count = label(gaps)
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
@@ -271,17 +272,17 @@ def _ground_colour(lab: Float[np.ndarray, "height width 3"]) -> tuple[Float[np.n
     return terms @ factors, float(np.quantile(away[kept], 0.9))
 
 
-def _shadow(
-    lightness: Float[np.ndarray, "height width"], apart: Float[np.ndarray, "height width 3"]
+def _shaded(
+    lab: Float[np.ndarray, "height width 3"], model: Float[np.ndarray, "height width 3"]
 ) -> Bool[np.ndarray, "height width"]:
-    """Pixels that a soft shadow may have made: darker than the ground, of its hue, and smooth."""
-    longer = max(lightness.shape)
-    if longer < 200:  # no room for a soft shadow: a render
-        return np.zeros(lightness.shape, dtype=bool)
-    slope = gaussian_gradient_magnitude(lightness, 1.0)
-    darker = (apart[..., 0] < 0) & (apart[..., 0] > -_SHADED)
-    same_hue = np.linalg.norm(apart[..., 1:], axis=-1) < 5
-    return darker & same_hue & (slope < 600 / longer)
+    """Pixels that soft light or shadow on the ground may have made: of about its hue, and without an edge."""
+    longer = max(lab.shape)
+    if longer < 200:  # no room for soft shadows: a render
+        return np.zeros(lab.shape[:2], dtype=bool)
+    slope = np.linalg.norm([gaussian_gradient_magnitude(lab[..., axis], 1.0) for axis in range(3)], axis=0)
+    apart, chroma = lab - model, np.linalg.norm(model[..., 1:], axis=-1)
+    same_hue = np.linalg.norm(apart[..., 1:], axis=-1) < 5 + 0.5 * chroma
+    return (np.abs(apart[..., 0]) < _SHADED) & same_hue & (slope < _SMOOTH / longer)
 
 
 def _reached(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:

@@ -48,7 +48,7 @@ class Target:
     """of the rays that each stratum gets"""
 
     @classmethod
-    def of(cls, photo: Photo, model: Model) -> Self:
+    def of(cls, photo: Photo, model: Model) -> "Target":
         """Raises ``ValueError`` where the picture shows no object."""
         mask = photo.mask.cpu().numpy()
         if not mask.any():

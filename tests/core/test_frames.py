@@ -12,6 +12,7 @@ def test_frames_come_coarse_to_fine(model: Model):
     shown = [frame for frame in frames(model, job) if frame]
     assert [frame.resolution for frame in shown] == [(4, 4), (8, 8), (16, 16), (32, 32)]
     assert [frame.final for frame in shown] == [False, False, False, True]
+    assert [frame.samples for frame in shown] == [96, 96, 96, 192]
     times = [frame.seconds for frame in shown]
     assert times == sorted(times)
 

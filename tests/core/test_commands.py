@@ -1,0 +1,154 @@
+"""The command line as a person types it, in this process."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from core.__main__ import main
+from core.dataset import read_dataset
+from core.library import load_model
+from core.model import Model
+from core.scene import Scene
+
+
+@pytest.fixture
+def file(model: Model, tmp_path: Path) -> str:
+    model.save(tmp_path / "m.safetensors")
+    return str(tmp_path / "m.safetensors")
+
+
+def run(*words: object) -> None:
+    main([str(word) for word in words])
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """What a wrong call says; one line, status 2, nothing on stdout."""
+    with pytest.raises(SystemExit) as stopped:
+        run(*words)
+    said = capsys.readouterr()
+    assert stopped.value.code == 2
+    assert said.out == ""
+    assert len(said.err.strip().splitlines()) == 1
+    assert "Traceback" not in said.err
+    return said.err
+
+
+def test_render_draws_objects_scenes_and_the_mean(file: str, model: Model, tmp_path: Path):
+    run(
+        "render",
+        "--model",
+        file,
+        "--object",
+        2,
+        "--azimuth",
+        30,
+        "--elevation",
+        10,
+        "--size",
+        24,
+        "--out",
+        tmp_path / "a.png",
+    )
+    Scene(model.fingerprint, model.codes[2], model.camera(np.radians(30), np.radians(10))).save(tmp_path / "s.json")
+    run("render", "--model", file, "--scene", tmp_path / "s.json", "--size", 24, "--out", tmp_path / "b.png")
+    run("render", "--model", file, "--size", 24, "--out", tmp_path / "mean.png")
+    a, b, mean = (np.asarray(Image.open(tmp_path / name)) for name in ("a.png", "b.png", "mean.png"))
+    assert a.shape == (24, 24, 3)
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a, mean)
+
+
+def test_exact_is_the_reference_and_close(file: str, tmp_path: Path):
+    for name, more in (("fast.png", ()), ("exact.png", ("--exact",))):
+        run("render", "--model", file, "--object", 0, "--size", 24, "--out", tmp_path / name, *more)
+    fast, exact = (np.asarray(Image.open(tmp_path / name)).astype(float) for name in ("fast.png", "exact.png"))
+    assert 0 < np.abs(fast - exact).mean() < 4
+
+
+def test_turntable_writes_a_video(file: str, tmp_path: Path):
+    run("turntable", "--model", file, "--object", 0, "--frames", 3, "--size", 24, "--out", tmp_path / "t.gif")
+    with Image.open(tmp_path / "t.gif") as video:
+        assert video.n_frames == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("render", "--out", "{tmp}/a.png", "--model", "boats"), "boats"),
+        (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--object", "9"), "0 to 5"),
+        (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--elevation", "120"), "90 degrees"),
+        (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--distance", "-1"), "positive"),
+        (("render", "--out", "{tmp}/gone/a.png", "--model", "{file}"), "folder"),
+        (("render", "--out", "{tmp}/a.xyz", "--model", "{file}", "--size", "8"), "extension"),
+        (("render", "--out", "{tmp}/a.png", "--size", "none"), "--size"),
+        (("render", "--out", "{tmp}/a.png", "--azimuth", "nan"), "--azimuth"),
+        (("turntable", "--out", "{tmp}/t.avi", "--model", "{file}"), "mp4"),
+        (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
+        (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
+        (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
+        (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
+        (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
+        (("nonsense",), "nonsense"),
+        ((), "COMMAND"),
+    ],
+)
+def test_wrong_input_is_said_in_one_line(words, says, file, tmp_path, capsys):
+    filled = [word.format(tmp=tmp_path, file=file) for word in words]
+    assert says in refused(capsys, *filled)
+
+
+def test_dataset_train_and_render_from_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Objects of the generator become a dataset, the dataset a model, the model a picture; and training resumes."""
+    try:
+        run(
+            "dataset",
+            "procedural",
+            "--category",
+            "chairs",
+            "--count",
+            2,
+            "--views",
+            6,
+            "--size",
+            24,
+            "--out",
+            tmp_path / "d",
+        )
+    except SystemExit:
+        pytest.skip(capsys.readouterr().err)
+    assert len(read_dataset(tmp_path / "d").objects) == 2
+    out = tmp_path / "m.safetensors"
+    words = ("train", tmp_path / "d", "--out", out, "--width", 16, "--latent", 4, 4)
+    run(*words, "--steps", 8)
+    run(*words, "--steps", 12, "--resume")
+    assert load_model(str(out)).category == "chairs"
+    run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
+    shutil.rmtree(tmp_path / "d")
+
+
+def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    run("render", "--model", file, "--object", 1, "--size", 32, "--out", tmp_path / "photo.png")
+    camera = model.camera(np.radians(60), np.radians(20))
+    (tmp_path / "pose.txt").write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
+    run(
+        "fit",
+        tmp_path / "photo.png",
+        "--pose",
+        tmp_path / "pose.txt",
+        "--model",
+        file,
+        "--out",
+        tmp_path / "s.json",
+        "--log",
+        tmp_path / "steps.jsonl",
+    )
+    told = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    assert list(told)[:6] == ["azimuth", "elevation", "distance", "psnr", "seconds", "steps"]
+    assert told["azimuth"] == pytest.approx(60, abs=1e-3)
+    steps = [json.loads(line) for line in (tmp_path / "steps.jsonl").read_text().splitlines()]
+    assert steps[-1]["psnr"] == told["psnr"]
+    assert Scene.load(tmp_path / "s.json", model).camera.elevation == pytest.approx(np.radians(20), abs=1e-5)

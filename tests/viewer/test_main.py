@@ -1,0 +1,72 @@
+"""The program as it is called."""
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+
+from core.field import Field
+from core.model import Model
+from viewer.__main__ import parser
+
+
+def call(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    hidden = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    command = [sys.executable, "-m", "viewer", *map(str, words)]
+    root = Path(__file__).resolve().parents[2]
+    settings = hidden | {"OMP_NUM_THREADS": "1"} | environment
+    return subprocess.run(command, cwd=root, env=settings, capture_output=True, text=True, timeout=120, check=False)
+
+
+@pytest.fixture
+def file(tmp_path: Path, model: Model) -> Path:
+    """A model of clear air, which is drawn quickly."""
+    field = Field(model.field.config)
+    torch.nn.init.constant_(field.density_layer.bias, -100.0)
+    replace(model, field=field).save(tmp_path / "air.safetensors")
+    return tmp_path / "air.safetensors"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a display")
+def test_without_a_display_one_line_says_so() -> None:
+    done = call()
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "no display" in done.stderr
+    assert "--screenshot" in done.stderr
+
+
+def test_the_window_is_drawn_without_a_display(tmp_path: Path, file: Path, opengl: None) -> None:
+    done = call("--model", file, "--screenshot", tmp_path / "w.png", "--size", "900x600")
+    assert (done.returncode, done.stderr) == (0, "")
+    with Image.open(tmp_path / "w.png") as image:
+        assert image.size == (900, 600)
+        colours = image.convert("RGB").getcolors(900 * 600)
+    assert colours is not None
+    assert len(colours) > 200
+
+
+def test_what_goes_wrong_is_on_the_picture_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
+    (tmp_path / "text.png").write_text("no picture")
+    done = call(
+        *("--model", file, "--image", tmp_path / "text.png"),
+        *("--screenshot", tmp_path / "w.png"),
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "text.png" in done.stderr
+    assert (tmp_path / "w.png").is_file()
+
+
+@pytest.mark.parametrize("words", [["--size", "big"], ["--size", "12x8"], ["--what"], ["--screenshot"]])
+def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parser().parse_args(words)
+    assert ended.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err

@@ -1,0 +1,301 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+
+from core.codes import CodeBook
+from core.model import Model
+from tests.viewer.window_driver import broken_fit, endless_fit, finish
+from viewer import orbit
+from viewer.messages import Kind
+from viewer.session import PARTS, Session, Streams
+from viewer.worker import Worker
+
+
+def test_a_model_opens_with_its_first_object_drawn(session: Session, model: Model) -> None:
+    assert session.scene.codes == model.codes[0]
+    assert session.scene.camera == orbit.home(model)
+    assert session.frame is not None
+    assert session.frame.final
+    assert len(session.gallery.pictures) == len(model.codes)
+    assert session.messages == []
+
+
+def test_no_edit_before_there_is_a_model_does_harm(worker: Worker, streams: Streams, tmp_path: Path) -> None:
+    session = Session(worker, streams)
+    session.undo()
+    session.redo()
+    session.settle()
+    session.render()
+    session.load_scene(tmp_path / "scene.json")
+    session.exporting.turntable(tmp_path / "a.mp4")
+    session.exporting.picture(tmp_path / "a.png")
+    session.fitting.stop()
+    assert not session.ready
+    assert not session.worker.busy()
+
+
+def test_a_model_that_cannot_be_opened_leaves_the_open_one(session: Session) -> None:
+    def missing(name: str) -> Model:
+        raise ValueError(f"no model called {name!r}")
+
+    before = session.history
+    session.streams = replace(session.streams, load_model=missing)
+    session.open_model("tables")
+    finish(session)
+    assert session.history is before
+    assert session.errors == ["Cannot open the model tables: no model called 'tables'"]
+
+
+def test_every_edit_can_be_undone_and_redone(session: Session, tmp_path: Path, model: Model) -> None:
+    session.save_scene(tmp_path / "saved.json")
+    edits = (
+        lambda: session.look(orbit.dragged(session.scene.camera, 0.2, 0.1)),
+        lambda: session.show("object 2"),
+        lambda: session.pick_b("object 4"),
+        lambda: session.mix("shape", 0.5),
+        lambda: session.mix("texture", 0.7),
+        lambda: session.move_along("shape", 1, 2.0),
+        lambda: session.randomise("texture"),
+        lambda: session.to_mean("shape"),
+        lambda: session.to_object("texture"),
+        lambda: session.reset_view(),
+        lambda: session.load_scene(tmp_path / "saved.json"),
+    )
+    states = [session.state]
+    for edit in edits:
+        edit()
+        assert session.state != states[-1]
+        states.append(session.state)
+    for state in states[-2::-1]:
+        session.undo()
+        assert session.state == state
+    for state in states[1:]:
+        session.redo()
+        assert session.state == state
+
+
+def test_a_drag_is_one_step(session: Session) -> None:
+    before = session.state
+    for number in range(20):
+        session.move_along("shape", 0, 0.1 * number + 0.05, gesture="shape 0")
+    session.settle()
+    session.undo()
+    assert session.state == before
+
+
+def test_a_direction_moves_alone(session: Session) -> None:
+    before = session.space("shape").coordinates(session.code("shape"))
+    session.move_along("shape", 2, -1.5)
+    after = session.space("shape").coordinates(session.code("shape"))
+    expected = before.clone()
+    expected[2] = -1.5
+    torch.testing.assert_close(after, expected, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(session.code("texture"), session.gallery["object 0"].codes.texture)
+
+
+def test_shape_and_texture_slide_from_a_to_b_independently(session: Session) -> None:
+    session.show("object 1")
+    session.pick_b("object 2")
+    a, b = session.gallery["object 1"].codes, session.gallery["object 2"].codes
+    assert session.scene.codes == a
+    session.mix("shape", 1.0)
+    torch.testing.assert_close(session.code("shape"), b.shape)
+    assert torch.equal(session.code("texture"), a.texture)
+    session.mix("texture", 0.5)
+    torch.testing.assert_close(session.code("texture"), (a.texture + b.texture) / 2)
+    torch.testing.assert_close(session.code("shape"), b.shape)
+
+
+def test_another_b_takes_over_what_is_mixed_in(session: Session) -> None:
+    session.show("object 1")
+    session.mix("texture", 1.0)
+    session.pick_b("object 3")
+    torch.testing.assert_close(session.code("texture"), session.gallery["object 3"].codes.texture)
+    assert torch.equal(session.code("shape"), session.gallery["object 1"].codes.shape)
+
+
+def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Model, photo: Path) -> None:
+    before = session.state
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    assert session.scene.codes == model.codes[3]
+    assert session.scene.camera.azimuth == pytest.approx(1.0)
+    assert session.scene.camera.width == model.image_size
+    assert session.gallery.names[0] == "block"
+    assert session.state.mix.a == "block"
+    assert "block" in session.gallery.pictures
+    assert session.fitting.photo is not None
+    assert session.fitting.picture is not None
+    assert len(session.fitting.steps) == 10
+    assert session.fitting.progress == 1.0
+    session.undo()
+    assert session.state == before
+    assert "block" in session.gallery.names
+
+
+def test_a_second_fit_of_the_same_file_has_a_name_of_its_own(session: Session, photo: Path) -> None:
+    for _ in range(2):
+        session.fitting.start(photo)
+        finish(session, lambda: not session.fitting.running)
+    assert session.gallery.names[:2] == ["block (2)", "block"]
+
+
+def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, photo: Path) -> None:
+    session.streams = replace(session.streams, fit=endless_fit)
+    session.fitting.start(photo)
+    finish_when = lambda: len(session.fitting.steps) > 4  # noqa: E731
+    while not finish_when():
+        session.worker.deliver()
+    session.fitting.start(photo)  # refused: one at a time
+    assert session.fitting.running
+    session.fitting.stop()
+    finish(session)
+    assert not session.fitting.running
+    assert session.scene.codes == session.fitting.steps[-1].codes
+    assert session.gallery.names[0] == "block"
+
+
+def test_a_fit_that_fails_changes_nothing(session: Session, photo: Path) -> None:
+    session.streams = replace(session.streams, fit=broken_fit)
+    before, names = session.history, session.gallery.names
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    assert session.history is before
+    assert session.gallery.names == names
+    assert session.errors == ["Cannot fit this image: the loss is not finite"]
+
+
+def test_files_that_are_no_pictures_are_told_and_change_nothing(
+    session: Session, photo: Path, bad_files: dict[str, Path]
+) -> None:
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    before, steps = session.history, session.fitting.steps
+    for path in bad_files.values():
+        session.messages.clear()
+        session.fitting.start(path)
+        finish(session, lambda: not session.fitting.running)
+        assert session.history is before
+        assert session.fitting.steps is steps
+        assert session.fitting.name == "block"
+        assert [message.kind for message in session.messages] == [Kind.ERROR], path.name
+        assert "Traceback" not in session.errors[0]
+
+
+def test_an_image_dropped_while_the_model_loads_is_fitted_then(worker: Worker, streams: Streams, photo: Path) -> None:
+    session = Session(worker, streams)
+    session.fitting.start(photo)
+    session.open_model("chairs")
+    finish(session, lambda: session.ready and not session.fitting.running)
+    assert session.gallery.names[0] == "block"
+
+
+def test_scenes_come_back_exactly(session: Session, tmp_path: Path) -> None:
+    session.randomise("shape")
+    session.look(orbit.dragged(session.scene.camera, 0.123, 0.05))
+    scene = session.scene
+    session.save_scene(tmp_path / "mine")
+    session.show("object 5")
+    session.load_scene(tmp_path / "mine.json")
+    assert session.scene == scene
+
+
+def test_scenes_that_cannot_be_opened_change_nothing(session: Session, tmp_path: Path) -> None:
+    session.save_scene(tmp_path / "scene.json")
+    about = json.loads((tmp_path / "scene.json").read_text())
+    (tmp_path / "other.json").write_text(json.dumps(about | {"model": "0" * 16}))
+    (tmp_path / "short.json").write_text(json.dumps(about | {"shape": [1.0]}))
+    (tmp_path / "nan.json").write_text(json.dumps(about | {"shape": [float("nan")] * 8}))
+    (tmp_path / "camera.json").write_text(json.dumps(about | {"camera": about["camera"] | {"distance": -1}}))
+    (tmp_path / "list.json").write_text("[1, 2]")
+    (tmp_path / "binary.json").write_bytes(bytes(range(256)))
+    before = session.history
+    for name in ("other", "short", "nan", "camera", "list", "binary", "missing"):
+        session.messages.clear()
+        session.load_scene(tmp_path / f"{name}.json")
+        assert session.history is before, name
+        assert len(session.errors) == 1, name
+    session.save_scene(tmp_path / "no such folder" / "scene.json")
+    assert session.errors[-1].startswith("Cannot save the scene")
+
+
+def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
+    seen: list[int] = []
+    session.exporting.turntable(tmp_path / "turn.gif", frames=4, size=16)
+    finish(session, lambda: bool(seen.append(session.exporting.done)) or not session.exporting.running)
+    assert max(seen) == 4
+    with Image.open(tmp_path / "turn.gif") as video:
+        assert (video.n_frames, video.size) == (4, (16, 16))
+    assert session.errors == []
+
+
+def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) -> None:
+    session.exporting.turntable(tmp_path / "turn.mp4", frames=5000, size=16)
+    while session.exporting.done < 2:
+        session.worker.deliver()
+    session.exporting.cancel()
+    finish(session, lambda: not list(tmp_path.iterdir()))
+    assert not session.exporting.running
+
+
+@pytest.mark.parametrize("name", ["turn.avi", "turn", "missing/turn.mp4", "missing/turn.gif"])
+def test_a_turntable_that_cannot_be_written_is_told(session: Session, tmp_path: Path, name: str) -> None:
+    session.exporting.turntable(tmp_path / name, frames=2, size=16)
+    finish(session)
+    assert len(session.errors) == 1
+    assert not session.exporting.running
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a"])
+def test_a_picture_is_saved_on_white(session: Session, tmp_path: Path, name: str) -> None:
+    session.exporting.picture(tmp_path / name, size=48)
+    finish(session)
+    assert session.errors == []
+    with Image.open(tmp_path / (name if "." in name else f"{name}.png")) as image:
+        assert image.size == (48, 48)
+        assert min(image.convert("RGB").getpixel((0, 0))) > 250  # type: ignore[arg-type, type-var]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("name", ["a.xyz", "missing/a.png"])
+def test_a_picture_that_cannot_be_saved_is_told(session: Session, tmp_path: Path, name: str) -> None:
+    session.exporting.picture(tmp_path / name, size=16)
+    finish(session)
+    assert len(session.errors) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_render_that_fails_is_told(session: Session) -> None:
+    def broken(model: Model, job: object):
+        raise MemoryError
+        yield
+
+    session.streams = replace(session.streams, frames=broken)
+    session.randomise("shape")
+    finish(session)
+    assert session.errors == ["Cannot draw the object: not enough memory; try a smaller size"]
+
+
+def test_the_same_seed_draws_the_same(worker: Worker, streams: Streams) -> None:
+    drawn = []
+    for _ in range(2):
+        session = Session(worker, streams, seed=7)
+        session.open_model("chairs")
+        finish(session)
+        for part in PARTS:
+            session.randomise(part)
+        drawn.append(session.scene.codes)
+    assert drawn[0] == drawn[1]
+
+
+def test_a_model_of_no_objects_still_opens(worker: Worker, streams: Streams, model: Model) -> None:
+    empty = replace(model, codes=CodeBook(model.codes.shapes, model.codes.textures, ()))
+    session = Session(worker, replace(streams, load_model=lambda name: empty))
+    session.open_model("chairs")
+    finish(session)
+    assert session.gallery.names == ["mean"]
+    assert session.scene.codes == empty.codes.mean

@@ -1,0 +1,398 @@
+"""The real window, its widgets clicked and dragged by name."""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import torch
+from imgui_bundle import hello_imgui, imgui
+from imgui_bundle.immapp import testing
+from PIL import Image
+
+from core.field import Field
+from core.model import Model
+from core.scene import Scene
+from tests.viewer.window_driver import Driver, broken_fit, endless_fit
+from viewer import orbit
+from viewer.session import Streams
+
+Drive = Callable[..., None]
+
+
+def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session, before = window.session, window.session.scene
+        assert window.desk.newcomer
+        window.drag("View/orbit", 150, 40)
+        turned = session.scene.camera
+        assert turned.azimuth < before.camera.azimuth
+        assert turned.elevation > before.camera.elevation
+        assert turned.distance == before.camera.distance
+        assert not window.desk.newcomer
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.scene == before
+        assert not session.history.past
+        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        assert session.scene.camera == turned
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl | imgui.Key.mod_shift | imgui.Key.z)
+        assert session.scene.camera == turned
+        window.click("View/###undo")
+        assert session.scene == before
+        window.click("View/###redo")
+        assert session.scene.camera == turned
+
+    drive(act)
+
+
+def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session, ctx = window.session, window.ctx
+        home = session.scene.camera
+        ctx.mouse_move("//View/orbit")
+        for _ in range(3):
+            ctx.mouse_wheel_y(1.0)
+        window.wait()
+        assert session.scene.camera.distance < home.distance
+        time.sleep(0.7)
+        ctx.yield_(2)
+        window.press(imgui.Key.right_arrow)
+        assert session.scene.camera.azimuth > home.azimuth
+        assert len(session.history.past) == 2
+        ctx.item_double_click("//View/orbit")
+        ctx.yield_(2)
+        assert session.scene.camera == home
+        window.drag("View/orbit", 60)
+        window.click("View/###home")
+        assert session.scene.camera == home
+
+    drive(act)
+
+
+def test_the_picture_on_screen_is_the_newest_frame_over_the_ground(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+
+        window.drag("View/orbit", 60)
+        window.wait()
+        testing.capture(window.ctx, str(tmp_path / "window.png"))
+        low, high = window.desk.view
+        shown = np.asarray(Image.open(tmp_path / "window.png").convert("RGB"))
+        shown = shown[int(low.y) : int(high.y), int(low.x) : int(high.x)].astype(float)
+        frame = window.session.frame
+        assert frame is not None
+        rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
+        columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
+        expected = frame.image[rows][:, columns].astype(float)
+        covered = frame.opacity[rows][:, columns] > 0.5
+        covered[:80], covered[-80:] = False, False  # buttons and badge
+        assert covered.sum() > 1000
+        alike = np.abs(shown - expected).max(-1) <= 2
+        assert alike[covered].mean() > 0.98  # but for the mouse, and edges between pixels
+
+    drive(act)
+
+
+def test_sliders_move_one_direction_and_can_be_reset(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Codes")
+        before = session.state
+        window.ctx.item_input_value("//Codes/**/##shape 2", 1.5)
+        window.ctx.yield_(2)
+        moved = session.space("shape").coordinates(session.code("shape"))
+        assert moved[1] == pytest.approx(1.5, abs=1e-3)
+        assert session.scene.codes.texture is before.scene.codes.texture
+        window.drag("Codes/**/##texture 1", 40)
+        assert session.state.scene.codes != before.scene.codes
+        window.click("Codes/**/##texture 1", 1)
+        assert session.space("texture").coordinates(session.code("texture"))[0] == pytest.approx(0, abs=1e-4)
+        window.click("Codes/**/Mean##shape")
+        np.testing.assert_allclose(session.code("shape"), session.space("shape").mean)
+        window.click("Codes/**/Reset##shape")
+        np.testing.assert_allclose(session.code("shape"), before.scene.codes.shape)
+        window.click("Codes/**/Random##texture")
+        while session.history.past:
+            window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == before
+
+    drive(act)
+
+
+def test_dragging_a_slider_is_one_step(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        before = window.session.state
+        window.show("Codes")
+        window.drag("Codes/**/##shape 1", 70)
+        assert window.session.state != before
+        assert window.session.history.past == (before,)
+
+    drive(act)
+
+
+def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.click("Objects/**/show object 2")
+        window.click("Objects/**/show object 4", 1)
+        assert (session.state.mix.a, session.state.mix.b) == ("object 2", "object 4")
+        assert session.scene.codes == model.codes[2]
+        window.ctx.item_input_value("//Objects/**/##mix shape", 1.0)
+        window.ctx.yield_(2)
+        np.testing.assert_allclose(session.code("shape"), model.codes[4].shape)
+        np.testing.assert_allclose(session.code("texture"), model.codes[2].texture)
+        window.drag("Objects/**/##mix texture", 60)
+        assert 0 < session.state.mix.texture <= 1
+        assert session.state.mix.shape == 1.0
+        past = len(session.history.past)
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state.mix.texture == 0
+        assert len(session.history.past) == past - 1
+
+    drive(act)
+
+
+def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+
+        before = window.session.state
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not window.session.fitting.running)
+        window.wait()
+        assert window.session.scene.codes == model.codes[3]
+        assert window.session.gallery.names[0] == "block"
+        assert window.ctx.item_exists("//Objects/**/show block")
+        testing.capture(window.ctx, str(tmp_path / "fit.png"))
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert window.session.state == before
+
+    drive(act)
+
+
+def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        fitting = window.session.fitting
+        window.show("Fit")
+        window.click("Fit/###fit image")
+        window.type(str(photo))
+        window.wait(lambda: len(fitting.steps) > 3)
+        assert fitting.running
+        window.drag("View/orbit", 50)  # the window lives meanwhile
+        window.click("Fit/###stop fit")
+        assert not fitting.running
+        window.wait()
+        assert window.session.gallery.names[0] == "block"
+
+    drive(act, replace(streams, fit=endless_fit))
+
+
+def test_a_fit_that_fails_is_told_and_put_away(drive: Drive, streams: Streams, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        before = window.session.history
+        window.desk.drop([str(photo)])
+        window.wait(lambda: bool(window.session.errors))
+        assert window.session.history is before
+        window.click("Messages/###dismiss 0")
+        assert window.session.errors == []
+
+    drive(act, replace(streams, fit=broken_fit))
+
+
+def test_bad_files_are_told_and_change_nothing(
+    drive: Drive, bad_files: dict[str, Path], tmp_path: Path, model: Model
+) -> None:
+    Scene("another", model.codes[0], model.camera(0, 0)).save(tmp_path / "other.json")
+    (tmp_path / "torn.json").write_text('{"model": ')
+
+    def act(window: Driver) -> None:
+        session, before = window.session, window.session.history
+        for path in (*bad_files.values(), tmp_path / "other.json", tmp_path / "torn.json"):
+            session.messages.clear()
+            window.desk.drop([str(path)])
+            window.wait(lambda: bool(session.errors))
+            window.wait()
+            assert session.history is before, path.name
+            assert not session.fitting.running
+        window.desk.drop([])
+
+    drive(act)
+
+
+def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_streams: Streams, model: Model) -> None:
+    field = Field(model.field.config)
+    torch.nn.init.constant_(field.density_layer.bias, -100.0)
+    nothing = replace(model, field=field)  # is drawn quickly
+
+    def act(window: Driver) -> None:
+        window.show("Export")
+        window.click("Export/##video size")
+        window.click("**/128 px")
+        window.click("Export/##frames")
+        window.click("**/36 frames")
+        window.click("Export/###export turntable")
+        window.type(str(tmp_path / "turn.mp4"))
+        window.wait(lambda: window.session.exporting.done > 1, 60)
+        window.wait(lambda: not window.session.exporting.running, 60)
+        assert window.session.errors == []
+        with av.open(str(tmp_path / "turn.mp4")) as video:
+            assert (video.streams.video[0].frames, video.streams.video[0].width) == (36, 128)
+
+    drive(act, replace(real_streams, load_model=lambda name: nothing))
+
+
+def test_an_export_is_cancelled_and_leaves_nothing(drive: Drive, tmp_path: Path, streams: Streams) -> None:
+    def slow(*_: object) -> object:
+        try:
+            for number in range(1000):
+                time.sleep(0.01)
+                yield number
+        finally:
+            closed.append(True)
+
+    closed: list[bool] = []
+
+    def act(window: Driver) -> None:
+        window.show("Export")
+        window.click("Export/###export turntable")
+        window.type(str(tmp_path / "turn.mp4"))
+        window.wait(lambda: window.session.exporting.done > 1)
+        window.click("Export/###cancel export")
+        window.wait(lambda: bool(closed))
+        assert not window.session.exporting.running
+        assert window.session.errors == []
+
+    drive(act, replace(streams, turntable=slow))
+
+
+def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.drag("View/orbit", 90, -20)
+        scene = session.scene
+        window.show("Export")
+        window.click("Export/###save scene")
+        window.type(str(tmp_path / "mine.json"))
+        assert (tmp_path / "mine.json").is_file()
+        window.click("Export/###save picture")
+        window.type(str(tmp_path / "mine.png"))
+        window.wait()
+        assert Image.open(tmp_path / "mine.png").size == (512, 512)
+        window.click("View/###home")
+        assert session.scene != scene
+        window.press(imgui.Key.mod_ctrl | imgui.Key.o)
+        window.type(str(tmp_path / "mine.json"))
+        assert session.scene == scene
+        window.click("View/###home")
+        window.desk.drop([str(tmp_path / "mine.json")])
+        assert session.scene == scene
+        window.press(imgui.Key.mod_ctrl | imgui.Key.s)
+        window.ctx.item_click("//Choose a file###ask/Cancel")
+        window.ctx.yield_(2)
+        assert not window.desk.files.asking
+
+    drive(act)
+
+
+def test_menus_help_and_theme(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        ctx, desk = window.ctx, window.desk
+        window.press(imgui.Key.f1)
+        assert desk.help_open
+        assert ctx.window_info("//Help").window is not None
+        window.press(imgui.Key.f1)
+        assert not desk.help_open
+        ctx.set_ref("##MainMenuBar")
+        ctx.menu_click("Help/Keys and mouse")
+        ctx.yield_(2)
+        assert desk.help_open
+        ctx.menu_click("Look/Dark")
+        ctx.menu_click("Look/Smooth pixels")
+        ctx.yield_(2)
+        assert not desk.dark
+        assert desk.smooth
+        window.drag("View/orbit", 30)
+        ctx.menu_click("Edit/Undo")
+        ctx.yield_(2)
+        assert not window.session.history.past
+        ctx.menu_click("File/###fit image")
+        ctx.yield_(2)
+        assert desk.files.asking
+        ctx.item_click("//Choose a file###ask/Cancel")
+
+    drive(act)
+
+
+def test_the_size_of_the_finished_picture_can_be_chosen(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        window.click("View/##detail")
+        window.click("**/192 px")
+        window.wait()
+        frame = window.session.frame
+        assert frame is not None
+        assert min(frame.resolution) == 192
+        assert window.session.scene.camera == orbit.home(window.session.model)
+
+    drive(act)
+
+
+def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        def fail(desk: object) -> None:
+            imgui.begin_child("left open")
+            imgui.push_id("left open too")
+            raise KeyError("a mistake")
+
+        drawn = window.app.panels[1].draw
+        window.app.panels[1].draw = fail
+        window.wait(lambda: bool(window.session.errors))
+        window.ctx.yield_(5)
+        assert window.session.errors == ["The panel Objects failed: KeyError: 'a mistake'"]
+        window.drag("View/orbit", 30)
+        assert window.session.history.past
+        window.app.panels[1].draw = drawn
+        window.click("Objects/Try again")
+        window.click("Objects/**/show object 3")
+        assert window.session.state.mix.a == "object 3"
+
+    drive(act, strict=False)
+
+
+def test_closing_while_a_fit_runs_ends_within_a_second(drive: Drive, streams: Streams, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        window.desk.drop([str(photo)])
+        window.wait(lambda: len(window.session.fitting.steps) > 3)
+        ended.append(time.monotonic())
+
+    ended: list[float] = []
+    drive(act, replace(streams, fit=endless_fit))
+    assert time.monotonic() - ended[0] < 1.0
+    assert not any(thread.name == "worker" for thread in threading.enumerate())
+
+
+@pytest.mark.parametrize("size", [(640, 400), (1280, 800), (2560, 1600)])
+def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
+    def act(window: Driver) -> None:
+        viewport = imgui.get_main_viewport().size
+        assert (viewport.x, viewport.y) == size
+        window.drag("View/orbit", 30)
+        window.show("Codes")
+        window.click("Codes/**/Mean##shape")
+        assert len(window.session.history.past) == 2
+
+    drive(act, size=size)
+
+
+def test_a_real_scene_is_drawn_and_the_frame_rate_is_the_windows(drive: Drive, real_streams: Streams) -> None:
+    def act(window: Driver) -> None:
+        assert window.session.frame is not None
+        assert window.session.frame.final
+        window.drag("View/orbit", 30)
+        window.wait()
+        assert window.session.errors == []
+        assert hello_imgui.frame_rate() > 0
+
+    drive(act, real_streams)

@@ -1,0 +1,60 @@
+"""``python -m viewer``: opens the window, or draws it into a picture where there is no display."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+_LONGEST = 900.0
+"""s that a picture of the window may wait for its fit"""
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Open the window. Without a display: one line on stderr, status 1."""
+    chosen = parser().parse_args(arguments)
+    # Imported late: `--help` and a wrong word answer before torch is loaded.
+    from viewer.app import App
+    from viewer.screenshot import Screenshot
+    from viewer.session import Session
+    from viewer.window import NoDisplayError
+    from viewer.worker import Worker
+
+    worker = Worker()
+    try:
+        session = Session(worker)
+        headless = chosen.screenshot is not None
+        app = App(session, chosen.size, remember=not headless, headless=headless)
+        session.open_model(chosen.model)
+        if chosen.image:
+            app.desk.fit(chosen.image)
+        if headless:
+            Screenshot(app, _LONGEST).save(chosen.screenshot)
+        else:
+            app.run()
+    except (NoDisplayError, OSError) as error:
+        sys.exit(f"python -m viewer: {error}")
+    finally:
+        worker.close()
+    if headless and (failed := session.errors):
+        sys.exit(f"python -m viewer: {failed[-1]}")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The words of the command line."""
+    words = argparse.ArgumentParser(prog="python -m viewer", description=__doc__, allow_abbrev=False)
+    words.add_argument("--model", default="chairs", help="a shipped name, or the path of a model file")
+    words.add_argument("--image", type=Path, help="fit this image at once")
+    words.add_argument("--screenshot", type=Path, metavar="PNG", help="draw the window with no display, save it, end")
+    words.add_argument("--size", type=_size, default=(1280, 800), metavar="WxH", help="of the window (1280x800)")
+    return words
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdigit() and height.isdigit() and 320 <= int(width) <= 8192 and 240 <= int(height) <= 8192):
+        raise argparse.ArgumentTypeError(f"a size is written 1280x800, and 320x240 at least; got {text!r}")
+    return int(width), int(height)
+
+
+if __name__ == "__main__":
+    main()

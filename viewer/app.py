@@ -1,0 +1,153 @@
+"""The program: a session, its panels, and the window around them."""
+
+from collections.abc import Callable
+
+import moderngl
+from imgui_bundle import hello_imgui, imgui
+
+from viewer import theme, window
+from viewer.canvas import Canvas, Images
+from viewer.desk import Desk, Panel
+from viewer.files import Files
+from viewer.messages import explain
+from viewer.panels import all_panels, help, menu, messages
+from viewer.session import Session
+
+_RATE, _RATE_BESIDE_WORKER = 60.0, 30.0
+"""Frames per second at the most; the second where OpenGL and the worker share the processor."""
+
+
+class App:
+    """Panels docked in a window; see :meth:`run`."""
+
+    def __init__(
+        self,
+        session: Session,
+        size: tuple[int, int] = (1280, 800),
+        remember: bool = True,
+        headless: bool = False,
+        native_dialogs: bool | None = None,
+    ) -> None:
+        """Nothing opens yet.
+
+        Args:
+            remember: keep layout and preferences for the next time.
+            headless: draw a window that nobody sees.
+            native_dialogs: None asks the system whether it has them.
+        """
+        window.prepare(headless)
+        self.session = session
+        self.desk = Desk(session, Files(native_dialogs), quit=self._quit)
+        self.panels: list[Panel] = all_panels()
+        self.params = window.parameters(size, remember)
+        self.each_frame: Callable[[], None] = lambda: None
+        self._size, self._remember, self._headless = size, remember, headless
+        self._context: moderngl.Context | None = None
+        self._software = False
+        self._themed: bool | None = None
+        self._failed: dict[str, str] = {}
+        if headless:
+            window.make_headless(self.params, self._gl)
+        self._dock()
+        self._connect()
+
+    def run(self) -> None:
+        """Open the window; returns when it is closed."""
+        window.run(self.params)
+
+    def _gl(self) -> moderngl.Context:
+        assert self._context is not None, "no window yet"
+        return self._context
+
+    def _quit(self) -> None:
+        self.params.app_shall_exit = True
+
+    def _connect(self) -> None:
+        calls = self.params.callbacks
+        calls.load_additional_fonts = theme.load_fonts
+        calls.setup_imgui_style = theme.set_spacing
+        calls.post_init = self._opened
+        calls.before_exit = self._closing
+        calls.pre_new_frame = self._before_frame
+        calls.show_gui = self._draw
+        calls.show_menus = lambda: menu.draw(self.desk)
+        self.session.worker.wake = hello_imgui.request_refresh
+
+    def _dock(self) -> None:
+        window_params = self.params.imgui_window_params
+        window_params.show_menu_bar = True
+        window_params.show_menu_app = window_params.show_menu_view = False
+        window_params.show_menu_view_themes = False
+        right, down = imgui.Dir.right, imgui.Dir.down
+        docking = self.params.docking_params
+        docking.main_dock_space_node_flags = imgui.DockNodeFlags_.auto_hide_tab_bar
+        docking.docking_splits = [
+            hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.33),
+            hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
+        ]
+        docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
+
+    def _dockable(self, panel: Panel) -> hello_imgui.DockableWindow:
+        place = "MainDockSpace" if panel.dock == "View" else panel.dock
+        closable = panel.dock != "View"
+        return hello_imgui.DockableWindow(panel.title, place, lambda: self._guarded(panel), can_be_closed_=closable)
+
+    def _guarded(self, panel: Panel) -> None:
+        """Draw a panel; one that fails says so, and the others go on."""
+        if panel.title in self._failed:
+            imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")
+            if imgui.button("Try again"):
+                del self._failed[panel.title]
+            return
+        state = imgui.internal.ErrorRecoveryState()
+        imgui.internal.error_recovery_store_state(state)
+        try:
+            panel.draw(self.desk)
+        except Exception as error:
+            imgui.internal.error_recovery_try_to_recover_state(state)
+            self._failed[panel.title] = explain(error)
+            self.session.report(f"The panel {panel.title} failed", error)
+
+    def _opened(self) -> None:
+        self._context = moderngl.get_context()
+        self._software = window.in_software(self._context)
+        self.desk.canvas, self.desk.images = Canvas(self._context), Images(self._context)
+        # A mistake in a panel is logged by imgui, and does not end the program.
+        io = imgui.get_io()
+        io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
+        window.on_drop(self.desk.drop)
+        if self._headless:
+            window.resize(*self._size)
+        if self._remember:
+            self.desk.dark = hello_imgui.load_user_pref("theme") != "light"
+            self.desk.newcomer = not hello_imgui.load_user_pref("turned")
+
+    def _closing(self) -> None:
+        self.session.worker.close()
+        if self._remember:
+            hello_imgui.save_user_pref("theme", "dark" if self.desk.dark else "light")
+            hello_imgui.save_user_pref("turned", "" if self.desk.newcomer else "yes")
+        assert self.desk.canvas and self.desk.images
+        self.desk.canvas.release()
+        self.desk.images.release()
+
+    def _before_frame(self) -> None:
+        self.session.worker.deliver()
+        if self.desk.dark != self._themed:
+            self._themed = self.desk.dark
+            theme.apply(self.desk.palette)
+        if not self._headless:
+            beside = self._software and self.session.worker.busy()
+            self.params.fps_idling.fps_max = _RATE_BESIDE_WORKER if beside else _RATE
+        self.each_frame()
+
+    def _draw(self) -> None:
+        menu.keys(self.desk)
+        messages.draw(self.desk)
+        help.draw(self.desk)
+        self.desk.files.draw()
+        if self.desk.focus:
+            self.params.docking_params.focus_dockable_window(self.desk.focus)
+            self.desk.focus = ""
+        assert self.desk.images is not None
+        self.desk.images.sweep()

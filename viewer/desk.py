@@ -1,0 +1,95 @@
+"""What panels share: the session, and the window's own things around it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from imgui_bundle import ImVec2, hello_imgui, imgui
+
+from viewer.canvas import Canvas, Images
+from viewer.files import Files, Wish
+from viewer.session import Session
+from viewer.theme import DARK, LIGHT, Palette
+
+IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
+PICTURES = (".png", ".jpg", ".webp")
+VIDEOS = (".mp4", ".gif", ".webp")
+
+
+@dataclass(eq=False)
+class Desk:
+    """Handed to every panel. Canvas and images are there once the window is."""
+
+    session: Session
+    files: Files
+    dark: bool = True
+    smooth: bool = False
+    """blur the pixels of the view instead of showing them"""
+    newcomer: bool = True
+    """nobody has turned the object yet"""
+    help_open: bool = False
+    canvas: Canvas | None = None
+    images: Images | None = None
+    focus: str = "Codes"
+    """the panel to bring to the front"""
+    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
+    """two corners of the picture on screen"""
+    quit: Callable[[], None] = lambda: None
+
+    @property
+    def palette(self) -> Palette:
+        """The colours of the theme."""
+        return DARK if self.dark else LIGHT
+
+    def fit_image(self) -> None:
+        """Ask for an image, and fit it."""
+        self.files.ask(Wish("Image to fit", self.fit, IMAGES))
+
+    def fit(self, path: Path) -> None:
+        """Fit an image and show how it goes."""
+        self.focus = "Fit"
+        self.session.fitting.start(path)
+
+    def open_scene(self) -> None:
+        """Ask for a scene, and open it."""
+        self.files.ask(Wish("Scene to open", self.session.load_scene, (".json",)))
+
+    def save_scene(self) -> None:
+        """Ask where to, and save the scene."""
+        self.files.ask(Wish("Save the scene as", self.session.save_scene, (".json",), True, "scene.json"))
+
+    def drop(self, paths: list[str]) -> None:
+        """A file was let go over the window: a scene is opened, anything else is taken for an image."""
+        if not paths:
+            return
+        path = Path(paths[0])
+        if path.suffix.lower() == ".json":
+            self.session.load_scene(path)
+        else:
+            self.fit(path)
+
+
+class Panel(Protocol):
+    """A dockable window, one subject each."""
+
+    title: str
+    dock: str
+    """View, Upper or Lower"""
+
+    def draw(self, desk: Desk) -> None:
+        """Draw it; called once a frame, between imgui's begin and end."""
+
+
+def tip(text: str) -> None:
+    """A tooltip for the last item."""
+    imgui.set_item_tooltip(text)
+
+
+def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> bool:
+    """A button (width in em, 0 fits the label) with a tooltip."""
+    imgui.begin_disabled(not enabled)
+    pressed = imgui.button(label, (hello_imgui.em_size(width) if width else 0, 0))
+    imgui.end_disabled()
+    tip(text)
+    return pressed

@@ -1,0 +1,134 @@
+"""A fit under way: the photo, its steps so far, and what the fitted object looks like."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from core.fit import FitJob, FitStep
+from core.frames import Frame, RenderJob, RenderSettings
+from core.model import Model
+from core.photos import Photo
+from viewer.gallery import Thing
+from viewer.worker import Job
+
+if TYPE_CHECKING:
+    from viewer.session import Session
+
+_LOOK_EVERY = 0.3
+"""s between two pictures of the fit, which take their time from it"""
+_LIVE = RenderSettings(samples=48, stages=(2,))
+_FINISHED = RenderSettings(stages=(1,))
+
+
+class Fitting:
+    """At most one fit at a time. Its result joins the objects and becomes current, a single edit."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the fit; one under way is dropped."""
+        self._session.worker.cancel("fit")
+        self._session.worker.cancel("fit picture")
+        self.name = ""
+        self.photo: Photo | None = None
+        self.pixels: np.ndarray | None = None
+        """the photo as uint8"""
+        self.steps: list[FitStep] = []
+        self.picture: Frame | None = None
+        """the newest picture of the leading hypothesis, from the photo's camera"""
+        self.running = False
+        self._looked = 0.0
+
+    def start(self, path: Path) -> None:
+        """Fit the object in an image. An image that cannot be used leaves everything as it was."""
+        model = self._session.model
+        if model is None:
+            self._session.when_ready = lambda: self.start(path)
+            return
+        if self.running:
+            self._session.say("A fit is under way: stop it first")
+            return
+        before = self.name, self.photo, self.pixels, self.steps, self.picture
+        self.reset()
+        self.name, self.running = path.stem, True
+
+        def ended(error: Exception | None) -> None:
+            if error and not self.steps:
+                self.name, self.photo, self.pixels, self.steps, self.picture = before
+            self._ended(error)
+
+        self._session.worker.submit(Job("fit", lambda: self._stream(model, path), self._value, ended))
+
+    def stop(self) -> None:
+        """End the fit here and keep what it has found."""
+        if self.running:
+            self._session.worker.cancel("fit")
+            self._finish("Stopped")
+
+    @property
+    def shown(self) -> np.ndarray | None:
+        """The newest picture of the leading hypothesis on white, as the photo is."""
+        return self.picture.image if self.picture else None
+
+    @property
+    def progress(self) -> float:
+        """0..1"""
+        last = self.steps[-1] if self.steps else None
+        return min(1.0, last.step / max(1, last.steps)) if last else 0.0
+
+    def _stream(self, model: Model, path: Path) -> Iterator[Photo | FitStep]:
+        photo = self._session.streams.load_photo(path, model)
+        yield photo
+        yield from self._session.streams.fit(model, FitJob((photo,)))
+
+    def _value(self, value: Photo | FitStep) -> None:
+        if isinstance(value, Photo):
+            self.photo = value
+            self.pixels = (value.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+            return
+        self.steps.append(value)
+        if time.monotonic() - self._looked > _LOOK_EVERY and not self._session.worker.busy("fit picture"):
+            self._look(_LIVE)
+
+    def _look(self, settings: RenderSettings) -> None:
+        self._looked = time.monotonic()
+        model, step = self._session.model, self.steps[-1]
+        assert model is not None
+        job = RenderJob(step.codes, step.cameras[0], settings)
+
+        def failed(error: Exception | None) -> None:
+            if error:
+                self._session.report("Cannot draw the fit", error)
+
+        stream = self._session.streams.frames
+        self._session.worker.submit(Job("fit picture", lambda: stream(model, job), self._pictured, failed))
+
+    def _pictured(self, frame: Frame) -> None:
+        self.picture = frame
+
+    def _ended(self, error: Exception | None) -> None:
+        if error is None:
+            self._finish("Fitted")
+            return
+        self.running = False
+        self._session.report("Cannot fit this image", error)
+
+    def _finish(self, how: str) -> None:
+        self.running = False
+        if not self.steps:
+            self._session.say(f"{how} before there was a result")
+            return
+        model, last = self._session.model, self.steps[-1]
+        assert model is not None
+        self._look(_FINISHED)
+        camera = last.cameras[0].resized(model.image_size, model.image_size)
+        self._session.adopt(Thing(self.name, last.codes, self.photo), camera)
+        self._session.say(f"{how} in {last.seconds:.0f} s: {self.name}, {last.psnr:.1f} dB")

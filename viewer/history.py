@@ -1,0 +1,61 @@
+"""What undo remembers: states before and after this one, a drag counted once."""
+
+from dataclasses import dataclass, replace
+
+from core.scene import Scene
+
+_DEPTH = 500
+"""States kept; a state is a few hundred numbers."""
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Between which objects the two sliders run, and where they stand (0 is A, 1 is B)."""
+
+    a: str
+    b: str
+    shape: float = 0.0
+    texture: float = 0.0
+
+
+@dataclass(frozen=True)
+class State:
+    """What a person edits: the scene, and where the mixing sliders stand."""
+
+    scene: Scene
+    mix: Mix
+
+
+@dataclass(frozen=True)
+class History:
+    """The state of now between two tuples of states. Every edit makes a new history."""
+
+    now: State
+    past: tuple[State, ...] = ()
+    future: tuple[State, ...] = ()
+    gesture: str = ""
+    """the drag under way, which goes on changing the state it began"""
+
+    def changed(self, state: State, gesture: str = "") -> "History":
+        """Edited. Edits of one gesture, until :meth:`settled`, are one step."""
+        if state == self.now:
+            return self
+        going_on = bool(gesture) and gesture == self.gesture
+        past = self.past if going_on else (*self.past, self.now)[-_DEPTH:]
+        return History(state, past, (), gesture)
+
+    def settled(self) -> "History":
+        """The hand has let go: the next edit is a step of its own."""
+        return replace(self, gesture="")
+
+    def undone(self) -> "History":
+        """One step back, or the same where there is none."""
+        if not self.past:
+            return self
+        return History(self.past[-1], self.past[:-1], (self.now, *self.future))
+
+    def redone(self) -> "History":
+        """One step forward again, or the same where there is none."""
+        if not self.future:
+            return self
+        return History(self.future[0], (*self.past, self.now), self.future[1:])

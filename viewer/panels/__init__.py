@@ -1,0 +1,13 @@
+"""One subject per file; each panel reads the session and calls its named edits."""
+
+from viewer.desk import Panel
+from viewer.panels.codes import CodesPanel
+from viewer.panels.export import Export
+from viewer.panels.fit import Fit
+from viewer.panels.objects import Objects
+from viewer.panels.view import View
+
+
+def all_panels() -> list[Panel]:
+    """Every docked panel of the window, in the order of their tabs."""
+    return [View(), Objects(), CodesPanel(), Fit(), Export()]

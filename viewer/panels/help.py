@@ -1,0 +1,50 @@
+"""What mouse and keys do. It must tell the truth: a change of either is a change here."""
+
+from imgui_bundle import hello_imgui, imgui
+
+from viewer.desk import Desk
+
+LINES = (
+    ("In the view", ""),
+    ("Drag, or arrow keys", "turn the object"),
+    ("Wheel, or + and -", "zoom"),
+    ("Shift", "with drag or arrows: finer"),
+    ("Double click, or Home", "back to the first view"),
+    ("The badge", "amber: a preview, being refined; green: the finished picture"),
+    ("Objects", ""),
+    ("Click", "show the object; it is A"),
+    ("Right click", "make it B, where the sliders lead"),
+    ("Codes", ""),
+    ("Ctrl+click", "type a value"),
+    ("Right click", "set the direction to 0"),
+    ("Files", ""),
+    ("Drop an image", "fit it (Ctrl+I to choose one)"),
+    ("Drop a scene (.json)", "open it (Ctrl+O to choose, Ctrl+S to save)"),
+    ("Everywhere", ""),
+    ("Ctrl+Z", "undo; a drag is one step"),
+    ("Ctrl+Y, Ctrl+Shift+Z", "redo"),
+    ("F1", "this help"),
+    ("Ctrl+Q", "quit"),
+)
+
+
+def draw(desk: Desk) -> None:
+    """A window, while it is wanted."""
+    if not desk.help_open:
+        return
+    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.appearing, (0.5, 0.5))
+    flags = imgui.WindowFlags_
+    unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
+    shown, stays = imgui.begin("Help", True, unmoved)
+    desk.help_open = bool(stays)
+    if shown and imgui.begin_table("help", 2):
+        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(12))
+        imgui.table_setup_column("does", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(26))
+        for what, does in LINES:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_disabled(what) if not does else imgui.text(what)
+            imgui.table_next_column()
+            imgui.text(does)
+        imgui.end_table()
+    imgui.end()

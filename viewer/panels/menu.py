@@ -1,0 +1,78 @@
+"""The menu bar, and the keys that work everywhere."""
+
+from collections.abc import Callable
+
+from imgui_bundle import hello_imgui, imgui
+
+from viewer.desk import Desk
+
+
+def draw(desk: Desk) -> None:
+    """Menus, and at their right what is going on."""
+    session, ready = desk.session, desk.session.ready
+    if imgui.begin_menu("File"):
+        idle = ready and not session.fitting.running
+        _item("Fit image…###fit image", "Ctrl+I", desk.fit_image, idle)
+        imgui.separator()
+        _item("Open scene…###open scene", "Ctrl+O", desk.open_scene, ready)
+        _item("Save scene…###save scene", "Ctrl+S", desk.save_scene, ready)
+        imgui.separator()
+        _item("Quit", "Ctrl+Q", desk.quit)
+        imgui.end_menu()
+    if imgui.begin_menu("Edit"):
+        history = session.history
+        _item("Undo", "Ctrl+Z", session.undo, bool(history and history.past))
+        _item("Redo", "Ctrl+Y", session.redo, bool(history and history.future))
+        imgui.separator()
+        _item("Reset view", "Home", session.reset_view, ready)
+        imgui.end_menu()
+    hello_imgui.show_view_menu(hello_imgui.get_runner_params())  # panels, and the layout's reset
+    if imgui.begin_menu("Look"):
+        _, desk.dark = imgui.menu_item("Dark", "", desk.dark)
+        _, desk.smooth = imgui.menu_item("Smooth pixels", "", desk.smooth)
+        imgui.end_menu()
+    if imgui.begin_menu("Help"):
+        _, desk.help_open = imgui.menu_item("Keys and mouse", "F1", desk.help_open)
+        imgui.end_menu()
+    _draw_status(desk)
+
+
+def keys(desk: Desk) -> None:
+    """Shortcuts; to be called once a frame, outside of any window."""
+    session, mod, key = desk.session, imgui.Key, imgui.Key
+    chords: list[tuple[int, Callable[[], None]]] = [
+        (mod.mod_ctrl | key.z, session.undo),
+        (mod.mod_ctrl | mod.mod_shift | key.z, session.redo),
+        (mod.mod_ctrl | key.y, session.redo),
+        (mod.mod_ctrl | key.q, desk.quit),
+    ]
+    if session.ready:
+        chords += [(mod.mod_ctrl | key.s, desk.save_scene), (mod.mod_ctrl | key.o, desk.open_scene)]
+        if not session.fitting.running:
+            chords.append((mod.mod_ctrl | key.i, desk.fit_image))
+    for chord, act in chords:
+        if not imgui.get_io().want_text_input and imgui.is_key_chord_pressed(chord):
+            act()
+    if imgui.is_key_pressed(key.f1, repeat=False):
+        desk.help_open = not desk.help_open
+
+
+def _item(label: str, keys: str, act: Callable[[], None], enabled: bool = True) -> None:
+    if imgui.menu_item(label, keys, False, enabled)[0]:
+        act()
+
+
+def _draw_status(desk: Desk) -> None:
+    session = desk.session
+    model = session.model
+    told = [f"Loading {session.loading} …"] if session.loading else []
+    if session.fitting.running:
+        told.append(f"Fitting {session.fitting.progress:.0%}")
+    if session.exporting.running:
+        told.append(f"Exporting {session.exporting.done} of {session.exporting.total}")
+    if model:
+        told.append(f"{model.category}: {len(session.gallery.names)} objects")
+    text = "      ".join(told)
+    width = imgui.calc_text_size(text).x + 2 * hello_imgui.em_size()
+    imgui.same_line(imgui.get_window_width() - width)
+    imgui.text_disabled(text)

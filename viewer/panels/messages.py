@@ -1,0 +1,51 @@
+"""What the session has to say, in the corner of the view. Not a docked panel: it is there when needed."""
+
+import textwrap
+
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+
+from viewer.desk import Desk
+from viewer.messages import Kind, Message
+
+_WIDTH = 24
+"""em"""
+_FLAGS = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_nav
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.no_move
+)
+
+
+def draw(desk: Desk) -> None:
+    """The newest at the bottom. Information fades, an error stays until it is put away."""
+    due = [message for message in desk.session.messages if not message.faded]
+    if not due:
+        return
+    em = hello_imgui.em_size()
+    imgui.set_next_window_pos(desk.view[1] - ImVec2(0.7 * em, 0.7 * em), imgui.Cond_.always, (1, 1))
+    imgui.set_next_window_bg_alpha(0.94)
+    if imgui.begin("Messages", None, _FLAGS)[0]:
+        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+        for number, message in enumerate(due):
+            _draw(desk, message, number)
+    imgui.end()
+
+
+def _draw(desk: Desk, message: Message, number: int) -> None:
+    wrong = message.kind is Kind.ERROR
+    colour = desk.palette.error if wrong else desk.palette.accent
+    icons = icons_fontawesome_4
+    icon = icons.ICON_FA_EXCLAMATION_CIRCLE if wrong else icons.ICON_FA_CHECK
+    imgui.text_colored((*colour, 1.0), icon)
+    imgui.same_line()
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + hello_imgui.em_size(_WIDTH))
+    imgui.text_unformatted(textwrap.shorten(message.text, 400))
+    imgui.pop_text_wrap_pos()
+    if wrong:
+        imgui.same_line()
+        if imgui.small_button(f"{icons.ICON_FA_TIMES}###dismiss {number}"):
+            desk.session.dismiss(message)

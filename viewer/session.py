@@ -1,0 +1,285 @@
+"""The only mutable state: what is open, shown and under way. Knows no window, so it is tested without one."""
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from core.camera import Camera
+from core.codes import Codes, CodeSpace
+from core.fit import FitJob, FitStep, fit
+from core.frames import Frame, RenderJob, RenderSettings, frames
+from core.library import load_model
+from core.model import Model
+from core.photos import Photo, load_photo
+from core.scene import Scene
+from viewer import orbit
+from viewer.exporting import Exporting, turntable
+from viewer.fitting import Fitting
+from viewer.gallery import Gallery, Thing
+from viewer.history import History, Mix, State
+from viewer.messages import Kind, Message, explain
+from viewer.quality import Speed
+from viewer.worker import Job, Worker
+
+Part = Literal["shape", "texture"]
+PARTS: tuple[Part, Part] = ("shape", "texture")
+
+
+@dataclass(frozen=True)
+class Streams:
+    """Where values come from: core, or a test's stand-ins."""
+
+    load_model: Callable[[str], Model] = load_model
+    load_photo: Callable[[Path, Model], Photo] = load_photo
+    frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
+    fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
+    turntable: Callable[..., Iterator[int]] = turntable
+
+
+class Session:
+    """Panels read its attributes and call its methods; jobs come back to it through the worker."""
+
+    def __init__(self, worker: Worker, streams: Streams | None = None, seed: int | None = None) -> None:
+        self.worker = worker
+        self.streams = streams or Streams()
+        self.model: Model | None = None
+        self.loading = ""
+        """the name of the model on its way"""
+        self.when_ready: Callable[[], None] = lambda: None
+        """what was asked for while the model was on its way"""
+        self.history: History | None = None
+        self.frame: Frame | None = None
+        """the newest picture of the scene"""
+        self.panel = (512, 512)
+        """px, the size of the view"""
+        self.detail = 256
+        """px along the shorter side of the finished picture"""
+        self.messages: list[Message] = []
+        self.speed = Speed()
+        self.gallery = Gallery(self)
+        self.fitting = Fitting(self)
+        self.exporting = Exporting(self)
+        self._random = torch.Generator()
+        self._random.manual_seed(seed) if seed is not None else self._random.seed()
+
+    # What there is
+
+    @property
+    def state(self) -> State:
+        """What is being edited. Only once a model is there."""
+        assert self.history is not None, "no model yet"
+        return self.history.now
+
+    @property
+    def scene(self) -> Scene:
+        """The scene on screen. Only once a model is there."""
+        return self.state.scene
+
+    @property
+    def errors(self) -> list[str]:
+        """What went wrong and was not put away."""
+        return [message.text for message in self.messages if message.kind is Kind.ERROR]
+
+    @property
+    def ready(self) -> bool:
+        """A model is there."""
+        return self.model is not None
+
+    def space(self, part: Part) -> CodeSpace:
+        """The cloud of the trained codes of one kind."""
+        assert self.model is not None, "no model yet"
+        return self.model.codes.shape_space if part == "shape" else self.model.codes.texture_space
+
+    def code(self, part: Part) -> Tensor:
+        """The current code of one kind."""
+        return getattr(self.scene.codes, part)
+
+    # The model
+
+    def open_model(self, name: str) -> None:
+        """Load a model, by shipped name or path. What is open stays until it is there."""
+        self.loading = name
+
+        def ended(error: Exception | None) -> None:
+            self.loading = ""
+            if error:
+                self.report(f"Cannot open the model {name}", error)
+
+        self.worker.submit(Job("model", lambda: (self.streams.load_model(name),), self._opened, ended))
+
+    def _opened(self, model: Model) -> None:
+        self.fitting.reset()
+        self.exporting.cancel()
+        self.model, self.frame = model, None
+        self.gallery.open(model)
+        first, second = self.gallery.names[0], self.gallery.names[min(1, len(self.gallery.names) - 1)]
+        scene = Scene(model.fingerprint, self.gallery[first].codes, orbit.home(model))
+        self.history = History(State(scene, Mix(first, second)))
+        self.render()
+        self.gallery.draw_missing()
+        waiting, self.when_ready = self.when_ready, lambda: None
+        waiting()
+
+    # Edits: each is one step of undo, or joins the drag it belongs to
+
+    def look(self, camera: Camera, gesture: str = "") -> None:
+        """See the object from another place."""
+        self._edit(replace(self.scene, camera=camera), gesture=gesture)
+
+    def reset_view(self) -> None:
+        """Back to where a model is first seen from."""
+        assert self.model is not None, "no model yet"
+        self.look(orbit.home(self.model))
+
+    def set_code(self, part: Part, code: Tensor, gesture: str = "") -> None:
+        """Give the object another shape, or another texture."""
+        self._edit(replace(self.scene, codes=self._with(part, code)), gesture=gesture)
+
+    def move_along(self, part: Part, direction: int, to: float, gesture: str = "") -> None:
+        """Set one coordinate of a code, in standard deviations along a principal direction."""
+        self.set_code(part, self.space(part).moved(self.code(part), direction, to), gesture)
+
+    def to_mean(self, part: Part) -> None:
+        """The mean of the trained codes."""
+        self.set_code(part, self.space(part).mean)
+
+    def to_object(self, part: Part) -> None:
+        """Back to the code of object A."""
+        self.set_code(part, getattr(self.gallery[self.state.mix.a].codes, part))
+
+    def randomise(self, part: Part) -> None:
+        """A code drawn from the cloud of the trained ones, taken as normal."""
+        assert self.model is not None, "no model yet"
+        self.set_code(part, getattr(self.model.codes.drawn(self._random), part))
+
+    def show(self, name: str) -> None:
+        """Make an object current; it becomes A, and both sliders go to A."""
+        self._edit(replace(self.scene, codes=self.gallery[name].codes), Mix(name, self.state.mix.b))
+
+    def pick_b(self, name: str) -> None:
+        """Choose where the sliders lead. What they have already mixed in is taken from the new object."""
+        assert self.gallery[name]
+        mix = replace(self.state.mix, b=name)
+        codes = self.scene.codes
+        for part in PARTS:
+            if getattr(mix, part) > 0:
+                codes = replace(codes, **{part: getattr(self._mixed(mix), part)})
+        self._edit(replace(self.scene, codes=codes), mix)
+
+    def mix(self, part: Part, amount: float, gesture: str = "") -> None:
+        """Slide the shape, or the texture, from A (0) to B (1). The other stays as it is."""
+        now = self.state.mix
+        mix = replace(now, shape=amount) if part == "shape" else replace(now, texture=amount)
+        codes = self._with(part, getattr(self._mixed(mix), part))
+        self._edit(replace(self.scene, codes=codes), mix, gesture)
+
+    def adopt(self, thing: Thing, camera: Camera) -> None:
+        """Take a fitted object among the objects and make it current, seen as in its photo."""
+        name = self.gallery.add(thing)
+        self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(name, self.state.mix.b))
+
+    def load_scene(self, path: Path) -> None:
+        """Open a saved scene; one that cannot be read changes nothing."""
+        if self.model is None:
+            return
+        try:
+            self._edit(Scene.load(path, self.model))
+        except ValueError as error:
+            self.report("Cannot open the scene", error)
+        else:
+            self.say(f"Opened {path.name}")
+
+    def settle(self) -> None:
+        """The hand has let go: the next edit is a step of its own."""
+        if self.history and self.history.gesture:
+            self.history = self.history.settled()
+
+    def undo(self) -> None:
+        """One edit back."""
+        if self.history:
+            self._go(self.history.undone())
+
+    def redo(self) -> None:
+        """One edit forward again."""
+        if self.history:
+            self._go(self.history.redone())
+
+    # Nothing to undo
+
+    def save_scene(self, path: Path) -> None:
+        """Write the scene as JSON."""
+        path = path if path.suffix else path.with_suffix(".json")
+        try:
+            self.scene.save(path)
+        except OSError as error:
+            self.report("Cannot save the scene", error)
+        else:
+            self.say(f"Saved {path.name}")
+
+    def resize(self, width: int, height: int) -> None:
+        """The view has another size."""
+        if (width, height) != self.panel and min(width, height) > 0:
+            self.panel = width, height
+            self.render()
+
+    def set_detail(self, detail: int) -> None:
+        """Finish pictures at another size (px along the shorter side)."""
+        self.detail = detail
+        self.render()
+
+    def say(self, text: str, kind: Kind = Kind.INFO) -> None:
+        """Show a line in the window."""
+        self.messages = [message for message in self.messages if not message.faded][-4:]
+        self.messages.append(Message(text, kind))
+
+    def report(self, what: str, error: Exception) -> None:
+        """Show what went wrong; what nobody foresaw is logged with its trace as well."""
+        if not isinstance(error, ValueError | OSError | MemoryError):
+            logging.getLogger(__name__).error(what, exc_info=error)
+        self.say(f"{what}: {explain(error)}", Kind.ERROR)
+
+    def dismiss(self, message: Message) -> None:
+        """Put a message away."""
+        self.messages = [other for other in self.messages if other is not message]
+
+    def render(self) -> None:
+        """Ask for a picture of the scene, coarse to fine; the newest wish wins."""
+        if self.model is None or self.history is None:
+            return
+        model = self.model
+        camera = orbit.filling(self.scene.camera, *self.panel, self.detail)
+        settings = RenderSettings(stages=self.speed.stages(camera.width * camera.height))
+        job = RenderJob(self.scene.codes, camera, settings)
+        self.worker.submit(
+            Job("view", lambda: self.streams.frames(model, job), self._drawn, self._undrawn, urgent=True)
+        )
+
+    def _drawn(self, frame: Frame) -> None:
+        self.frame = frame
+        if frame.stage == 0:
+            self.speed.seen(frame.image.shape[0] * frame.image.shape[1], frame.seconds)
+
+    def _undrawn(self, error: Exception | None) -> None:
+        if error:
+            self.report("Cannot draw the object", error)
+
+    def _with(self, part: Part, code: Tensor) -> Codes:
+        return replace(self.scene.codes, **{part: code})
+
+    def _mixed(self, mix: Mix) -> Codes:
+        return self.gallery[mix.a].codes.mixed(self.gallery[mix.b].codes, mix.shape, mix.texture)
+
+    def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
+        assert self.history is not None, "no model yet"
+        self._go(self.history.changed(State(scene, mix or self.state.mix), gesture))
+
+    def _go(self, history: History) -> None:
+        seen = self.scene
+        self.history = history
+        if history.now.scene != seen:
+            self.render()
