@@ -1,0 +1,1 @@
+"""CodeNeRF without a screen: the field, rendering, fitting and training."""

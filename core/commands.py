@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
+from itertools import chain, pairwise
 from pathlib import Path
 
 from PIL import Image
@@ -19,13 +20,14 @@ from core.data.views import SPIRAL_VIEWS
 from core.dataset import read_dataset
 from core.field import FieldConfig
 from core.fit import FitJob, FitStep, fit
+from core.frames import picture
 from core.library import load_model
 from core.model import Model
 from core.photos import load_photo
 from core.render import render_exact
 from core.scene import Scene
 from core.train import Trainer, TrainSettings, held_out_psnr, hold_out
-from core.video import picture, turntable
+from core.video import turntable
 
 _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
@@ -49,7 +51,7 @@ def turntable_command(chosen: argparse.Namespace) -> None:
     """``turntable``: a video of one turn."""
     model, codes, camera = _viewed(chosen)
     written = turntable(model, codes, camera, chosen.out, chosen.frames, chosen.size)
-    _drive(written, chosen.frames, "frame")
+    _drive((count for before, count in pairwise(chain((0,), written)) if count > before), chosen.frames, "frame")
 
 
 def fit_command(chosen: argparse.Namespace) -> None:
@@ -61,8 +63,8 @@ def fit_command(chosen: argparse.Namespace) -> None:
     photos = tuple(load_photo(image, model, pose) for image, pose in zip(chosen.images, poses, strict=True))
     for path in filter(None, (chosen.out, chosen.log)):
         _require_folder(path)
-    last = None
-    with chosen.log.open("w") if chosen.log else nullcontext() as log, tqdm(unit="step", leave=False, disable=None) as bar:
+    last, bar = None, tqdm(unit="step", leave=False, disable=None)
+    with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
         for last in fit(model, FitJob(photos, seed=chosen.seed)):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
@@ -116,7 +118,7 @@ def train(chosen: argparse.Namespace) -> None:
 
 
 def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """The model, codes and camera that the options name: a scene's or an object's, seen as told or from the front left."""
+    """The model, codes and camera that the options name: a scene's or an object's, seen from the front unless told."""
     model = load_model(chosen.model)
     if chosen.scene:
         scene = Scene.load(chosen.scene, model)

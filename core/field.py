@@ -90,8 +90,8 @@ class Field(nn.Module):
             shape_bias: from :meth:`shape_bias`; broadcast over the points.
         """
         y = self.point_layer(encode(points, self.config.point_octaves)).relu()
-        for block, bias in zip(self.shape_block, shape_bias.unbind(-2), strict=True):
-            y = (functional.linear(y, block.weight) + bias.to(y.dtype)).relu()
+        for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
+            y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         features = self.feature_layer(y)
         logit = self.density_layer(features)[..., 0].float()
         return self.config.density_scale * functional.softplus(logit), features
@@ -118,13 +118,16 @@ class Field(nn.Module):
             direction_bias: from :meth:`direction_bias`; broadcast over the samples of a ray.
             texture_bias: from :meth:`texture_bias`; broadcast over the points of an object.
         """
-        weight = self.direction_layer.weight[:, : self.config.width]
-        y = functional.linear(features, weight)
+        y = functional.linear(features, self.direction_layer.weight[:, : self.config.width])
         y = (y + direction_bias.to(y.dtype)).relu()
-        for block, bias in zip(self.texture_block, texture_bias.unbind(-2), strict=True):
-            y = (functional.linear(y, block.weight) + bias.to(y.dtype)).relu()
+        for weight, bias in zip(_matrices(self.texture_block), texture_bias.unbind(-2), strict=True):
+            y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         logits = self.colour_layer(self.colour_hidden(y).relu()).float()
         return logits.sigmoid() if self.config.bounded_colour else logits
+
+
+def _matrices(blocks: nn.ModuleList) -> list[Tensor]:
+    return [block.get_parameter("weight") for block in blocks]
 
 
 def _folded(latent: nn.ModuleList, blocks: nn.ModuleList, code: Tensor) -> Tensor:

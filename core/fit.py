@@ -7,12 +7,12 @@ call. The codes enter as biases, so hypotheses cost what their points cost. They
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Int
 from torch import Tensor
 
 from core.camera import Camera
@@ -84,19 +84,21 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     The model stays as it is; the same seed gives the same steps; to stop, ask for no more. Raises ``ValueError``
     where a picture shows nothing, or where every hypothesis diverged.
     """
-    race = _Race.of(model, job)
-    steps = sum(stage.steps for stage in race.plan)
-    pool, done = race.entered(), 0
-    best: tuple[float, Pool] = (math.inf, pool)
-    for stage in race.plan:
-        pool = race.cut(pool, stage)
-        for _ in range(stage.steps):
-            pool, done = race.stepped(pool, stage, done / steps), done + 1
-            if done < steps:
-                yield race.reported(pool, done, steps)
-            if stage.last and (done % _EVERY == 0 or done == steps):
-                best = min(best, race.measured(pool), key=lambda pair: pair[0])
-    yield race.reported(best[1], done, steps)
+    began, whole = time.perf_counter(), _Race.of(model, job)
+    parts = whole.parts(job)
+    steps = whole.steps + sum(part.race.steps for part in parts)
+    done, found, finalists = 0, list(whole.given), []
+    for part in parts:
+        for pool in part.race.run(part.race.entered()):
+            done += 1
+            step = part.race.reported(pool, done, steps, began)
+            for view, camera in zip(part.views, step.cameras, strict=True):
+                found[view] = camera
+            yield replace(step, cameras=tuple(found))
+        finalists.append((part.views, pool))
+    for pool in whole.run(whole.combined(finalists) if finalists else whole.entered()):
+        done += 1
+        yield whole.reported(pool, done, steps, began)
 
 
 _EVERY = 10
@@ -107,6 +109,8 @@ _RATES = {"angles": 0.03, "distance": 0.012, "shift": 0.003, "shape": 0.08, "tex
 """Adam's, in the beginning; rad, logarithm, focal lengths, standard deviations"""
 _RATE_LEFT = 0.04
 """of them at the end"""
+_SIZES = 0.25
+"""How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
 
 
 class _Stage(NamedTuple):
@@ -119,7 +123,7 @@ class _Stage(NamedTuple):
     samples: int
     rank: int
     """of the codes: how many principal directions may move"""
-    last: bool
+    last: bool = False
 
 
 def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
@@ -132,13 +136,21 @@ def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
         counts.append(counts[-1] // 2)
     steps, rank, plan = max(1, round(0.4 * settings.steps / len(counts))), 8, []
     for count in counts:
-        rays = max(64, settings.rays * 2 // count)
-        plan.append(_Stage(count, steps, min(rays, settings.rays), settings.samples * 3 // 4, rank, False))
-        rank = min(2 * rank, whole)
+        rays = min(settings.rays, max(64, settings.rays * 2 // count))
+        plan.append(_Stage(count, steps, rays, max(2, settings.samples * 3 // 4), rank))
+        rank *= 2
     left = max(2, settings.steps - steps * len(counts))
-    plan.append(_Stage(min(2, settings.starts), left // 2, settings.rays, settings.samples, rank, False))
+    plan.append(_Stage(min(2, settings.starts), left // 2, settings.rays, settings.samples, rank))
     plan.append(_Stage(1, left - left // 2, settings.rays, settings.samples, whole, True))
     return tuple(plan)
+
+
+class _Part(NamedTuple):
+    """The race of one unknown picture, together with the known ones."""
+
+    views: list[int]
+    """which pictures of the job these are"""
+    race: "_Race"
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,55 +167,101 @@ class _Race:
     plan: tuple[_Stage, ...]
     generator: torch.Generator
     measure: Drawn
-    began: float
+    """the rays that hypotheses are measured on"""
 
     @classmethod
     def of(cls, model: Model, job: FitJob) -> "_Race":
-        began = time.perf_counter()
+        """Raises ``ValueError`` where a picture shows no object."""
         generator = torch.Generator().manual_seed(job.seed)
         targets = tuple(Target.of(photo, model) for photo in job.photos)
         given = tuple(photo.camera or _nominal(photo, model) for photo in job.photos)
         unknown = torch.tensor([photo.camera is None for photo in job.photos])
         plan = _plan(job.settings, bool(unknown.any()))
         measure = draw(targets, _MEASURED_RAYS, generator)
-        return cls(model, job.settings, job.photos, targets, given, unknown, plan, generator, measure, began)
+        return cls(model, job.settings, job.photos, targets, given, unknown, plan, generator, measure)
+
+    @property
+    def steps(self) -> int:
+        """How many there will be."""
+        return sum(stage.steps for stage in self.plan)
+
+    def parts(self, job: FitJob) -> list[_Part]:
+        """Where several cameras are unknown: a race for each, which ends where its last few hypotheses remain."""
+        unknown = [view for view, photo in enumerate(job.photos) if photo.camera is None]
+        if len(unknown) < 2:
+            return []
+        known = [view for view in range(len(job.photos)) if view not in unknown]
+        parts = []
+        for view in unknown:
+            views = [*known, view]
+            race = _Race.of(self.model, replace(job, photos=tuple(job.photos[view] for view in views)))
+            parts.append(_Part(views, replace(race, plan=race.plan[:-2])))
+        return parts
 
     def entered(self) -> Pool:
-        """The hypotheses at the start line."""
-        model, count = self.model, self.plan[0].hypotheses
-        book, bank = model.codes, bank_of(model)
-        angles, distance = torch.zeros(count, len(self.given), 2), torch.zeros(count, len(self.given))
-        prototype = torch.zeros(count, dtype=torch.long)
+        """The hypotheses at the start line: the mean object from the cameras of the bank."""
+        count, views = self.plan[0].hypotheses, len(self.given)
+        angles, distance = torch.zeros(count, views, 2), torch.zeros(count, views)
         for view, (photo, camera) in enumerate(zip(self.photos, self.given, strict=True)):
             angles[:, view] = torch.tensor([camera.azimuth, camera.elevation])
-            distance[:, view] = math.log(camera.distance / model.distance)
+            distance[:, view] = math.log(camera.distance / self.model.distance)
             if self.unknown[view]:
-                starts = ranked(bank, model, photo.pixels, photo.mask, camera.focal, count)
+                bank = bank_of(self.model)
+                starts = ranked(bank, self.model, photo.pixels, photo.mask, camera.focal, count)
                 angles[:, view] = torch.stack((starts.azimuth, starts.elevation), -1)
-                distance[:, view] = (starts.distance / model.distance).log() * (1 if photo.framed else _KEEP)
-                prototype = starts.prototype
-        shape = book.shape_space.coordinates(bank.codes.shape)[prototype] * _PROTO
-        texture = torch.zeros(count, len(book.texture_space.spread))
+                away = (starts.distance / self.model.distance).log()
+                # Objects differ in size too: only what that does not explain is put down to the distance.
+                distance[:, view] = away - away.clamp(-_SIZES, _SIZES)
+        ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
+        shape, texture = (torch.zeros(count, rank) for rank in ranks)
         return Pool.of(Numbers(angles, distance, torch.zeros_like(angles), shape, texture))
+
+    def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
+        """Hypotheses of all pictures, from those of the single ones: the cheapest combinations."""
+        count = self.plan[0].hypotheses
+        combinations: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
+        for _, pool in finalists:
+            costs = enumerate(pool.cost.tolist())
+            longer = [(cost + more, (*taken, index)) for index, more in costs for cost, taken in combinations]
+            combinations = sorted(longer)[:count]
+        return Pool.of(self._merged(finalists, torch.tensor([taken for _, taken in combinations])))
+
+    def _merged(self, finalists: Sequence[tuple[list[int], Pool]], taken: Int[Tensor, "some parts"]) -> Numbers:
+        """The cameras of the finalists, and the mean of the codes they came with."""
+        pairs = list(zip(finalists, taken.unbind(1), strict=True))
+        chosen = [Numbers(*(part[index] for part in pool.numbers)) for (_, pool), index in pairs]
+        blank = torch.zeros(len(taken), len(self.given), 2)
+        angles, distance, shift = blank, blank[..., 0].clone(), blank.clone()
+        for (views, _), numbers in zip(finalists, chosen, strict=True):
+            angles[:, views], distance[:, views], shift[:, views] = numbers.angles, numbers.distance, numbers.shift
+        shape = torch.stack([numbers.shape for numbers in chosen]).mean(0)
+        return Numbers(angles, distance, shift, shape, torch.stack([numbers.texture for numbers in chosen]).mean(0))
+
+    def run(self, pool: Pool) -> Iterator[Pool]:
+        """The pool after every step; after the last step of the last stage the best one that was measured."""
+        best, done = (math.inf, pool), 0
+        for stage in self.plan:
+            pool = self.cut(pool, stage)
+            for step in range(1, stage.steps + 1):
+                pool, done = self.stepped(pool, stage, done / self.steps), done + 1
+                if stage.last and (step % _EVERY == 0 or step == stage.steps):
+                    best = min(best, self.measured(pool), key=lambda pair: pair[0])
+                yield best[1] if stage.last and step == stage.steps else pool
 
     def cut(self, pool: Pool, stage: _Stage) -> Pool:
         """The best go on; so does the twin of the leader, and where it is lost, it is set up again."""
         if len(pool) <= stage.hypotheses:
             return pool
-        order = pool.cost.argsort()
+        leader, order = pool.leader, pool.cost.argsort()
         order = order[pool.cost[order].isfinite()]
-        leader, kept = pool.leader, order[: stage.hypotheses]
-        if stage.hypotheses < 2:
-            return pool[kept]
+        kept = order[: stage.hypotheses]
         behind = twins(pool, leader, self.unknown)
-        if bool(behind[kept].any()):
+        if stage.hypotheses < 2 or bool(behind[kept].any()):
             return pool[kept]
-        other = order[behind[order]][:1]
-        if len(other):
-            return pool[torch.cat((kept[: stage.hypotheses - 1], other))]
-        if stage.hypotheses > 2:
-            return joined(pool[kept[: stage.hypotheses - 1]], twin_of(pool, leader, self.unknown))
-        return pool[kept]
+        rest = kept[: stage.hypotheses - 1]
+        if bool(behind[order].any()):
+            return pool[torch.cat((rest, order[behind[order]][:1]))]
+        return joined(pool[rest], twin_of(pool, leader, self.unknown)) if stage.hypotheses > 2 else pool[kept]
 
     def stepped(self, pool: Pool, stage: _Stage, progress: float) -> Pool:
         """One step for all hypotheses."""
@@ -220,7 +278,7 @@ class _Race:
         leader = pool.leader
         return float(pool.cost[leader]), pool[torch.tensor([leader])]
 
-    def reported(self, pool: Pool, step: int, steps: int) -> FitStep:
+    def reported(self, pool: Pool, step: int, steps: int, began: float) -> FitStep:
         """The leader, as the stream shows it."""
         leader = pool.leader
         return FitStep(
@@ -229,7 +287,7 @@ class _Race:
             int(pool.start[leader]),
             float(pool.cost[leader]),
             psnr_of(float(pool.squared[leader])),
-            time.perf_counter() - self.began,
+            time.perf_counter() - began,
             cameras(self.model, pool.numbers, leader, self.given),
             codes(self.model, pool.numbers, leader),
             len(pool),
@@ -239,21 +297,18 @@ class _Race:
         left = _RATE_LEFT + (1 - _RATE_LEFT) * (0.5 + 0.5 * math.cos(math.pi * progress))
         free = self.unknown.float() * left
         framed = torch.tensor([photo.framed for photo in self.photos]).float() * free
-        space = self.model.codes
-        ranks = [
-            (torch.arange(len(cloud.spread)) < stage.rank).float() * left for cloud in (space.shape_space, space.texture_space)
-        ]
+        book = self.model.codes
+        shape, texture = (
+            (torch.arange(len(space.spread)) < stage.rank).float() * left
+            for space in (book.shape_space, book.texture_space)
+        )
         return Rates(
             _RATES["angles"] * free[:, None],
             _RATES["distance"] * free,
             _RATES["shift"] * framed[:, None],
-            _RATES["shape"] * ranks[0],
-            _RATES["texture"] * ranks[1],
+            _RATES["shape"] * shape,
+            _RATES["texture"] * texture,
         )
-
-
-_PROTO = 1.0
-_KEEP = 1.0
 
 
 def _nominal(photo: Photo, model: Model) -> Camera:

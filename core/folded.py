@@ -80,18 +80,20 @@ def _weights(model: Model, dtype: torch.dtype) -> _Weights:
     width, features = field.config.width, field.feature_layer
     from_features = field.direction_layer.weight[:, :width]
 
-    def cast(*tensors: Tensor) -> tuple[Tensor, ...]:
-        return tuple(tensor.detach().to(dtype).contiguous() for tensor in tensors)
+    def cast(tensor: Tensor) -> Tensor:
+        return tensor.detach().to(dtype).contiguous()
+
+    def layer(name: str) -> tuple[Tensor, Tensor]:
+        return cast(field.get_parameter(f"{name}.weight")), cast(field.get_parameter(f"{name}.bias"))
 
     sigma = field.density_layer
-    density = cast(sigma.weight @ features.weight, sigma.weight @ features.bias + sigma.bias)
-    layers = [cast(layer.weight, layer.bias) for layer in (field.point_layer, field.colour_hidden, field.colour_layer)]
     return _Weights(
-        layers[0],  # type: ignore[arg-type]
-        cast(*(block.weight for block in field.shape_block)),  # type: ignore[arg-type]
-        density,  # type: ignore[arg-type]
-        *cast(from_features @ features.weight),
-        from_features @ features.bias,
-        cast(*(block.weight for block in field.texture_block)),  # type: ignore[arg-type]
-        *layers[1:],  # type: ignore[arg-type]
+        point=layer("point_layer"),
+        shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),
+        density=(cast(sigma.weight @ features.weight), cast(sigma.weight @ features.bias + sigma.bias)),
+        direction=cast(from_features @ features.weight),
+        direction_bias=from_features @ features.bias,
+        texture_blocks=tuple(layer(f"texture_block.{index}")[0] for index in range(field.config.texture_blocks)),
+        hidden=layer("colour_hidden"),
+        rgb=layer("colour_layer"),
     )

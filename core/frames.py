@@ -84,6 +84,13 @@ def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         yield Frame(image, depth, opacity, stage, len(settings.stages), samples, seconds)
 
 
+def picture(model: Model, codes: Codes, camera: Camera) -> Frame:
+    """The finished frame at once."""
+    *_, last = frames(model, RenderJob(codes, camera, RenderSettings(stages=(1,))))
+    assert last is not None
+    return last
+
+
 def _exactly(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator[None, None, Rendered]:
     """The reference, chunk by chunk."""
     rays = exact_rays(model, camera)

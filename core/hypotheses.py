@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -80,8 +80,11 @@ class Pool:
         return len(self.cost)
 
     def __getitem__(self, index: Int[Tensor, "some"]) -> "Pool":
-        several = (Numbers(*(part[index] for part in whole)) for whole in (self.numbers, self.first, self.second))
-        return Pool(*several, self.age[index], self.cost[index], self.squared[index], self.start[index])
+        numbers, first, second = (
+            Numbers(*(part[index] for part in whole)) for whole in (self.numbers, self.first, self.second)
+        )
+        rest = self.age[index], self.cost[index], self.squared[index], self.start[index]
+        return Pool(numbers, first, second, *rest)
 
     @property
     def leader(self) -> int:
@@ -145,9 +148,7 @@ class Rates(NamedTuple):
     texture: Float[Tensor, "texture_rank"]
 
 
-def advanced(
-    model: Model, pool: Pool, drawn: Drawn, samples: int, prior: float, rates: Rates, jitter: Tensor
-) -> Pool:
+def advanced(model: Model, pool: Pool, drawn: Drawn, samples: int, prior: float, rates: Rates, jitter: Tensor) -> Pool:
     """One step of Adam for every hypothesis; one whose numbers are no longer finite gets infinite cost."""
     numbers = Numbers(*(part.detach().requires_grad_() for part in pool.numbers))
     found = judged(model, numbers, drawn, samples, prior, jitter)
@@ -156,7 +157,8 @@ def advanced(
     for slope in slopes:
         finite = finite & slope.flatten(1).isfinite().all(1)
     age = pool.age + 1
-    moved = [_adam(*parts, age, finite) for parts in zip(pool.numbers, pool.first, pool.second, slopes, rates, strict=True)]
+    whole = zip(pool.numbers, pool.first, pool.second, slopes, rates, strict=True)
+    moved = [_adam(*parts, age, finite) for parts in whole]
     values, first, second = (Numbers(*parts) for parts in zip(*moved, strict=True))
     values = values._replace(
         angles=torch.stack((values.angles[..., 0], values.angles[..., 1].clamp(-_STEEPEST, _STEEPEST)), -1),
@@ -215,9 +217,11 @@ def twin_of(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Pool:
 
 def joined(first: Pool, second: Pool) -> Pool:
     """Both pools' hypotheses."""
-    several = (
+    numbers, memory, scale = (
         Numbers(*(torch.cat(parts) for parts in zip(*pair, strict=True)))
         for pair in ((first.numbers, second.numbers), (first.first, second.first), (first.second, second.second))
     )
-    rest = (torch.cat((getattr(first, name), getattr(second, name))) for name in ("age", "cost", "squared", "start"))
-    return Pool(*several, *rest)
+    age, cost, squared, start = (
+        torch.cat((getattr(first, name), getattr(second, name))) for name in ("age", "cost", "squared", "start")
+    )
+    return Pool(numbers, memory, scale, age, cost, squared, start)

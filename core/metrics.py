@@ -10,7 +10,8 @@ from torch import Tensor
 
 from core.camera import Camera
 
-Picture = Float[Tensor, "height width 3"] | Float[np.ndarray, "height width 3"]
+Picture = Float[Tensor, "_ _ 3"] | Float[np.ndarray, "_ _ 3"]
+"""height, width, rgb in 0..1"""
 
 MOST_PSNR = 100.0
 """dB at which two pictures count as the same: a finite number where the ratio itself is infinite."""

@@ -10,7 +10,6 @@ from functools import lru_cache
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
-from torch.nn import functional
 
 from core.camera import Camera, position, rotation
 from core.folded import Folded
@@ -42,7 +41,7 @@ class Occupancy:
         return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
 
     def span(self, camera: Camera) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
-        """Between which distances from the camera the occupied cells lie behind every pixel; near > far where none does.
+        """Between which distances from the camera the occupied cells behind every pixel lie; near > far: none does.
 
         Cells are thrown on a raster whose pixels are at least as large as half a cell looks, each on the 3x3 pixels
         around its centre: never too little, at most a cell too much.

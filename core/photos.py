@@ -83,8 +83,8 @@ def load_photo(path: Path, model: Model, pose: Path | None = None) -> Photo:
         matrix = None if pose is None else _read_pose(pose)
         return _photo(_decoded(path), model, matrix)
     except ValueError as error:
-        message = str(error)
-        raise ValueError(message if str(path) in message or pose and str(pose) in message else f"{path}: {message}") from None
+        named = any(str(file) in str(error) for file in (path, pose) if file is not None)
+        raise ValueError(str(error) if named else f"{path}: {error}") from None
 
 
 def photo_from_array(
@@ -233,8 +233,8 @@ def _ground(colours: Float[np.ndarray, "height width 3"]) -> tuple[Bool[np.ndarr
     """Where the ground is, and whether it is white. Raises ``ValueError`` where no plain ground surrounds anything.
 
     The ground's colour may change slowly over the picture (a lit wall). It spreads from the border over what is
-    alike, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the object's unless
-    they cannot be told from the ground (the gaps in the back of a chair).
+    alike, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the object's
+    unless they cannot be told from the ground (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
     model, noise = _ground_colour(lab)

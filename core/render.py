@@ -60,7 +60,8 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
         return camera_rays(camera, model.extent_tensor)
     angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=model.device)
     corners = pixel_centres(camera.width, camera.height, model.device) - 0.5
-    rays = cast(corners, *angles, camera.focal, (camera.width, camera.height), model.extent_tensor)
+    size = (camera.width, camera.height)
+    rays = cast(corners, angles[0], angles[1], angles[2], camera.focal, size, model.extent_tensor)
     near = torch.full_like(rays.near, model.distance - 0.5)
     return replace(rays, near=near, far=near + 1.0)
 

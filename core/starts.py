@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.camera import position, rotation
+from core.camera import rotation
 from core.codes import Codes
 from core.model import Model
 from core.precision import autocast
@@ -28,6 +28,8 @@ SIDE = 24
 """px, of a view in the bank"""
 _CELLS = 48
 """along the longest side of the model's box"""
+_LIGHT_SHARE = 0.1
+"""of what lies on the masks, against their overlap: textures are unknown yet, so it settles ties only"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +50,12 @@ class Bank:
     """the middle of the bounding box (x, y) less that of the picture, in focal lengths"""
 
 
-@dataclass(frozen=True, eq=False)
-class Starts:
+class Starts(NamedTuple):
     """Cameras to begin from, best first."""
 
     azimuth: Float[Tensor, "starts"]
     elevation: Float[Tensor, "starts"]
     distance: Float[Tensor, "starts"]
-    prototype: Int[Tensor, "starts"]
 
 
 _banks: OrderedDict[str, Bank] = OrderedDict()
@@ -92,7 +92,7 @@ def ranked(
     chosen = _spread(bank, best, count)
     distance = model.distance * bank.sizes[prototype[chosen], chosen] / size
     limited = distance.clamp(0.5 * model.distance, 2 * model.distance)
-    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, prototype[chosen])
+    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited)
 
 
 class Apparent(NamedTuple):
@@ -226,10 +226,7 @@ def _scores(bank: Bank, mask: Tensor, light: Tensor) -> Float[Tensor, "prototype
     views, flat = bank.masks.flatten(-2), mask.flatten()
     shared = views @ flat
     overlap = shared / (views.sum(-1) + flat.sum() - shared)
-    return overlap + LIGHT_SHARE * (bank.lights.flatten(-2) @ light.flatten())
-
-
-LIGHT_SHARE = 0.1
+    return overlap + _LIGHT_SHARE * (bank.lights.flatten(-2) @ light.flatten())
 
 
 def _spread(bank: Bank, scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:

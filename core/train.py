@@ -47,7 +47,7 @@ class TrainSettings:
     rays: int = 768
     samples: int = 64
     """intervals along a ray through the box; only those inside the hull are evaluated"""
-    outside: int = 512
+    outside: int = 768
     """points outside the hulls whose density is penalised, per step"""
     network_rate: float = 1e-3
     """peak learning rate; the paper's is 1e-4"""
@@ -55,7 +55,7 @@ class TrainSettings:
     """peak learning rate of the codes; the paper's is 1e-3"""
     prior: float = 1e-4
     """weight of the squared norm of the codes, 1 / nu^2"""
-    emptiness: float = 0.02
+    emptiness: float = 0.5
     """weight of the density found outside the hulls"""
     silhouette: float = 0.1
     """weight of the squared error of the opacity against the mask, off the mask's border"""
@@ -105,7 +105,8 @@ class _RayBank:
         view, pixel = self.view[at].long(), self.pixel[at].long()
         width = self.size[0]
         centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
-        rays = cast(centres, *self.angles[view].unbind(-1), self.focal, self.size, self.extent)
+        azimuth, elevation, distance = self.angles[view].unbind(-1)
+        rays = cast(centres, azimuth, elevation, distance, self.focal, self.size, self.extent)
         return rays, self.owner[view], self.images[view, pixel].float() / 255, self.kind[view, pixel]
 
     def inside(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Tensor:
@@ -250,15 +251,22 @@ class Trainer:
         shape, texture = self.shapes[self.shape_row[owner]], self.textures[self.texture_row[owner]]
         prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
         loss = error + settings.silhouette * silhouette + settings.prior * prior
-        return loss + settings.emptiness * self._stray_density(shape_bias), error
+        return loss + settings.emptiness * self._stray_density(), error
 
-    def _stray_density(self, shape_bias: Tensor) -> Tensor:
-        """The mean share of light that density outside the hulls would take within one interval of a ray."""
-        count, device = self.settings.outside, self.device
-        points = (torch.rand(count, 3, generator=self.generator, device=device) * 2 - 1) * self.bank.extent
-        owner = torch.randint(len(self.entries), (count,), generator=self.generator, device=device)
-        outside = ~self.bank.inside(points, owner)
-        density, _ = self.field.density(points[outside], shape_bias.index_select(0, self.shape_row[owner[outside]]))
+    def _stray_density(self) -> Tensor:
+        """The mean share of light that density outside the hulls would take within one interval of a ray.
+
+        Half of the points are asked with an object's own shape code, half with a mix of two objects' codes, where
+        neither has a hull: what lies between two objects stays as clean as they are.
+        """
+        count, dice, device = self.settings.outside, self.generator, self.device
+        points = (torch.rand(count, 3, generator=dice, device=device) * 2 - 1) * self.bank.extent
+        first, second = torch.randint(len(self.entries), (2, count), generator=dice, device=device)
+        second[: count // 2] = first[: count // 2]
+        outside = ~(self.bank.inside(points, first) | self.bank.inside(points, second))
+        ends = self.shapes[self.shape_row[first[outside]]], self.shapes[self.shape_row[second[outside]]]
+        mixed = torch.lerp(*ends, torch.rand(len(ends[0]), 1, generator=dice, device=device))
+        density, _ = self.field.density(points[outside], self.field.shape_bias(mixed))
         step = 2 * self.bank.extent.amin() / self.settings.samples
         return -torch.expm1(-density * step).sum() / count
 

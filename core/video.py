@@ -14,7 +14,8 @@ from PIL import Image
 
 from core.camera import Camera
 from core.codes import Codes
-from core.frames import Frame, RenderJob, RenderSettings, frames
+from core.frames import RenderJob, RenderSettings
+from core.frames import frames as rendered
 from core.model import Model
 
 FORMATS = (".mp4", ".gif", ".webp")
@@ -36,8 +37,8 @@ def turntable(
 ) -> Generator[int, None, None]:
     """Write one turn around the object, from the camera's azimuth and at its elevation and distance.
 
-    Yields the number of frames written after each, and nothing is left at ``path`` unless all of them were: to
-    cancel, close the generator.
+    Yields the number of frames written so far, many times a frame so that a worker can do other things between, and
+    nothing is left at ``path`` unless all of them were: to cancel, close the generator.
 
     Args:
         size: px, width and height.
@@ -55,16 +56,11 @@ def turntable(
             view = camera.resized(size, size)
             for index in range(frames):
                 turned = replace(view, azimuth=camera.azimuth + 2 * np.pi * index / frames)
-                sink.add(picture(model, codes, turned).image)
-                yield index + 1
+                for frame in rendered(model, RenderJob(codes, turned, _FULL)):
+                    if frame:
+                        sink.add(frame.image)
+                    yield index + (frame is not None)
             sink.finish()
-
-
-def picture(model: Model, codes: Codes, camera: Camera, settings: RenderSettings = _FULL) -> Frame:
-    """The final frame of a render, without the coarser ones that ``settings`` does not name."""
-    *_, last = frames(model, RenderJob(codes, camera, settings))
-    assert last is not None
-    return last
 
 
 @contextmanager

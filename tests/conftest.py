@@ -7,7 +7,6 @@ import hypothesis
 import pytest
 from jaxtyping import install_import_hook
 
-
 import tests.checked  # noqa: F401  (the hook finds it by name)
 
 # Before anything of core is.

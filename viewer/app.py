@@ -115,12 +115,18 @@ class App:
         # A mistake in a panel is logged by imgui, and does not end the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
-        window.on_drop(self.desk.drop)
+        window.on_drop(self._dropped)
         if self._headless:
             window.resize(*self._size)
         if self._remember:
             self.desk.dark = hello_imgui.load_user_pref("theme") != "light"
             self.desk.newcomer = not hello_imgui.load_user_pref("turned")
+
+    def _dropped(self, paths: list[str]) -> None:
+        try:
+            self.desk.drop(paths)
+        except Exception as error:  # glfw would keep it, and raise it in some later call
+            self.session.report("Cannot take this file", error)
 
     def _closing(self) -> None:
         self.session.worker.close()

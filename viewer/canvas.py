@@ -35,7 +35,7 @@ void main() {
 
 
 class Canvas:
-    """The newest frame of the scene, enlarged to the view without smoothing, the white replaced by a ground."""
+    """The newest frame of the scene, enlarged to the view, crisp or smooth, the white replaced by a ground."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context

@@ -24,8 +24,8 @@ class Desk:
     session: Session
     files: Files
     dark: bool = True
-    smooth: bool = False
-    """blur the pixels of the view instead of showing them"""
+    smooth: bool = True
+    """the finished picture, enlarged, without visible pixels; previews show theirs, so that they are known as such"""
     newcomer: bool = True
     """nobody has turned the object yet"""
     help_open: bool = False

@@ -16,9 +16,9 @@ from viewer.worker import Job
 if TYPE_CHECKING:
     from viewer.session import Session
 
-_SIZE = 72
+_SIZE = 64
 """px"""
-_SETTINGS = RenderSettings(samples=48, stages=(1,))
+_SETTINGS = RenderSettings(samples=40, stages=(1,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Gallery:
         model = self._session.model
         missing = [self._things[name] for name in self.names if name not in self.pictures]
         if model and missing:
-            job = Job("thumbnails", lambda: self._draw(model, missing), self._drawn, self._failed, share=0.5)
+            job = Job("thumbnails", lambda: self._draw(model, missing), self._drawn, self._failed, share=0.2)
             self._session.worker.submit(job)
 
     def _keep(self, thing: Thing) -> str:

@@ -2,13 +2,14 @@
 
 _FIRST_WITHIN = 0.05
 """s: what still feels like following."""
-_COARSEST = 16
+_COARSEST, _FINEST = 16, 4
+"""What the size of the first picture is divided by."""
 
 
 class Speed:
     """Rays per second, as lately seen on this machine with this model."""
 
-    def __init__(self, rate: float = 20_000.0) -> None:
+    def __init__(self, rate: float = 50_000.0) -> None:
         self.rate = rate
 
     def seen(self, rays: int, seconds: float) -> None:
@@ -16,9 +17,9 @@ class Speed:
         self.rate = (self.rate + rays / max(seconds, 1e-4)) / 2
 
     def stages(self, rays: int) -> tuple[int, ...]:
-        """Divisors of the picture's size, the first one done in time, the last one 1."""
+        """Divisors of the picture's size: the first one done in time, at least one between, and then the whole."""
         divisor = _COARSEST
-        while divisor > 1 and rays / (divisor // 2) ** 2 / self.rate < _FIRST_WITHIN:
+        while divisor > _FINEST and rays / (divisor // 2) ** 2 / self.rate < _FIRST_WITHIN:
             divisor //= 2
         steps = [divisor]
         while steps[-1] > 1:

@@ -260,9 +260,10 @@ class Session:
         )
 
     def _drawn(self, frame: Frame) -> None:
-        self.frame = frame
-        if frame.stage == 0:
-            self.speed.seen(frame.image.shape[0] * frame.image.shape[1], frame.seconds)
+        before, self.frame = self.frame, frame
+        # What comes before the first picture does not grow with its size, and the last one is drawn more carefully.
+        if before and 0 < frame.stage == before.stage + 1 and not frame.final:
+            self.speed.seen(frame.image.shape[0] * frame.image.shape[1], frame.seconds - before.seconds)
 
     def _undrawn(self, error: Exception | None) -> None:
         if error:

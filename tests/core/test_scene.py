@@ -34,9 +34,9 @@ def test_a_scene_of_another_model_is_refused(model: Model, tmp_path):
 def test_what_is_no_scene_is_named(content: bytes, model: Model, tmp_path):
     path = tmp_path / "s.json"
     path.write_bytes(content)
-    with pytest.raises(ValueError, match="s.json"):
+    with pytest.raises(ValueError, match=r"s\.json"):
         Scene.load(path, model)
-    with pytest.raises(ValueError, match="gone.json"):
+    with pytest.raises(ValueError, match=r"gone\.json"):
         Scene.load(tmp_path / "gone.json", model)
 
 

@@ -5,7 +5,7 @@ import pytest
 from viewer.quality import Speed
 
 
-@pytest.mark.parametrize(("rate", "first"), [(1e2, 16), (3e4, 8), (1e5, 4), (1e9, 1)])
+@pytest.mark.parametrize(("rate", "first"), [(1e2, 16), (3e4, 8), (1e5, 4), (1e9, 4)])
 def test_the_first_picture_comes_in_time_and_the_last_is_whole(rate: float, first: int) -> None:
     stages = Speed(rate).stages(256 * 256)
     assert stages[0] == first

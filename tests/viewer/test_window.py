@@ -77,6 +77,7 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
 def test_the_picture_on_screen_is_the_newest_frame_over_the_ground(drive: Drive, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
 
+        window.desk.smooth = False
         window.drag("View/orbit", 60)
         window.wait()
         testing.capture(window.ctx, str(tmp_path / "window.png"))
@@ -115,7 +116,7 @@ def test_sliders_move_one_direction_and_can_be_reset(drive: Drive) -> None:
         np.testing.assert_allclose(session.code("shape"), session.space("shape").mean)
         window.click("Codes/**/Reset##shape")
         np.testing.assert_allclose(session.code("shape"), before.scene.codes.shape)
-        window.click("Codes/**/Random##texture")
+        window.click("Codes/**/###Random texture")
         while session.history.past:
             window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         assert session.state == before
@@ -310,10 +311,10 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         ctx.yield_(2)
         assert desk.help_open
         ctx.menu_click("Look/Dark")
-        ctx.menu_click("Look/Smooth pixels")
+        ctx.menu_click("Look/###smooth")
         ctx.yield_(2)
         assert not desk.dark
-        assert desk.smooth
+        assert not desk.smooth
         window.drag("View/orbit", 30)
         ctx.menu_click("Edit/Undo")
         ctx.yield_(2)

@@ -1,10 +1,11 @@
 """Shape and texture along the principal directions of the trained codes, separately."""
 
-from imgui_bundle import hello_imgui, imgui
+from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.desk import Desk, button, tip
 from viewer.session import PARTS, Part
 
+_DICE = icons_fontawesome_4.ICON_FA_RANDOM
 _FIRST = 8
 """sliders shown at first"""
 _REACH = 3.0
@@ -40,15 +41,16 @@ class CodesPanel:
 
     def _draw_part(self, desk: Desk, part: Part) -> None:
         session = desk.session
+        imgui.align_text_to_frame_padding()
         imgui.text(part.capitalize())
+        imgui.same_line()
+        if button(f"{_DICE}###Random {part}", f"Random: a {part} drawn from the cloud of the trained ones"):
+            session.randomise(part)
         if button(f"Mean##{part}", f"The mean {part} of the trained objects"):
             session.to_mean(part)
         imgui.same_line(0, hello_imgui.em_size(0.3))
         if button(f"Reset##{part}", f"The {part} of object A"):
             session.to_object(part)
-        imgui.same_line(0, hello_imgui.em_size(0.3))
-        if button(f"Random##{part}", f"A {part} drawn from the cloud of the trained ones"):
-            session.randomise(part)
         space = session.space(part)
         values = space.coordinates(session.code(part)).tolist()
         for index, value in enumerate(values if self._all else values[:_FIRST]):

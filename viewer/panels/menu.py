@@ -29,7 +29,7 @@ def draw(desk: Desk) -> None:
     hello_imgui.show_view_menu(hello_imgui.get_runner_params())  # panels, and the layout's reset
     if imgui.begin_menu("Look"):
         _, desk.dark = imgui.menu_item("Dark", "", desk.dark)
-        _, desk.smooth = imgui.menu_item("Smooth pixels", "", desk.smooth)
+        _, desk.smooth = imgui.menu_item("Smooth the finished picture###smooth", "", desk.smooth)
         imgui.end_menu()
     if imgui.begin_menu("Help"):
         _, desk.help_open = imgui.menu_item("Keys and mouse", "F1", desk.help_open)

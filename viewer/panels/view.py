@@ -39,7 +39,7 @@ class View:
             self._draw_waiting(desk, corner, size)
             return
         assert desk.canvas is not None
-        texture = desk.canvas.draw(session.frame, pixels, desk.palette, desk.smooth)
+        texture = desk.canvas.draw(session.frame, pixels, desk.palette, desk.smooth and session.frame.final)
         imgui.get_window_draw_list().add_image_rounded(
             texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
         )
@@ -49,7 +49,7 @@ class View:
         self._draw_badge(desk, session.frame, corner, size)
         self._draw_buttons(desk, corner, size)
         if desk.newcomer:
-            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(1.6)), _HINT)
+            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
 
     def _hand(self, desk: Desk, size: ImVec2) -> None:
         session, io = desk.session, imgui.get_io()

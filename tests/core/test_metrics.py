@@ -1,0 +1,84 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.camera import Camera
+from core.metrics import (
+    MOST_PSNR,
+    camera_direction,
+    direction_error,
+    distance_error,
+    psnr,
+    rotation_error,
+    ssim,
+    translation_error,
+)
+
+angles = st.floats(-3.1, 3.1)
+heights = st.floats(-1.55, 1.55)
+
+
+def camera(azimuth: float, elevation: float, distance: float = 2.0) -> Camera:
+    return Camera(azimuth, elevation, distance, 131.25, 128, 128)
+
+
+def test_psnr_against_its_formula():
+    truth = torch.zeros(9, 9, 3)
+    assert psnr(truth + 0.1, truth) == pytest.approx(20.0, abs=1e-5)
+    assert psnr(truth, truth) == MOST_PSNR
+
+
+def test_ssim_is_one_for_the_same_picture_and_less_for_another():
+    generator = torch.Generator().manual_seed(0)
+    truth = torch.rand(16, 16, 3, generator=generator)
+    assert ssim(truth, truth) == pytest.approx(1.0)
+    assert ssim(1 - truth, truth) < 0
+    assert ssim(truth.numpy(), truth.numpy()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("measure", [psnr, ssim])
+def test_pictures_of_different_sizes_are_refused(measure):
+    with pytest.raises(ValueError, match="different sizes"):
+        measure(np.zeros((8, 8, 3)), np.zeros((8, 9, 3)))
+
+
+def test_ssim_refuses_a_picture_smaller_than_its_window():
+    with pytest.raises(ValueError, match="7x7"):
+        ssim(torch.zeros(6, 6, 3), torch.zeros(6, 6, 3))
+
+
+@given(angles, heights, st.floats(-2, 2))
+def test_a_turn_about_the_axis_is_as_large_as_itself(azimuth: float, elevation: float, turn: float):
+    found = rotation_error(camera(azimuth, elevation), camera(azimuth + turn, elevation))
+    assert found == pytest.approx(abs(math.degrees(turn)), abs=1e-4)
+
+
+@given(angles, heights, angles, heights)
+def test_rotation_error_is_the_angle_of_the_trace(a: float, b: float, c: float, d: float):
+    first, second = camera(a, b), camera(c, d)
+    trace = torch.trace(first.pose()[:3, :3] @ second.pose()[:3, :3].T)
+    expected = math.degrees(math.acos(max(-1.0, min(1.0, (float(trace) - 1) / 2))))
+    assert rotation_error(first, second) == pytest.approx(expected, abs=1e-3)
+
+
+def test_small_errors_are_not_lost_to_rounding():
+    assert rotation_error(camera(1.0, 0.5), camera(1.0, 0.5 + 1e-7)) == pytest.approx(math.degrees(1e-7), rel=1e-3)
+    assert direction_error(camera(1.0, 0.5), camera(1.0, 0.5 + 1e-7)) == pytest.approx(math.degrees(1e-7), rel=1e-3)
+
+
+def test_above_the_pole_a_turn_of_the_azimuth_rolls_the_picture_but_does_not_move_the_camera():
+    first, second = camera(0.0, math.pi / 2), camera(math.pi / 2, math.pi / 2)
+    assert rotation_error(first, second) == pytest.approx(90.0)
+    assert direction_error(first, second) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_errors_of_place():
+    near, far = camera(0.4, 0.2, 1.9), camera(0.4, 0.2, 2.0)
+    assert distance_error(near, far) == pytest.approx(0.05)
+    assert translation_error(near, far) == pytest.approx(0.05)
+    assert translation_error(camera(0.0, 0.0), camera(math.pi, 0.0)) == pytest.approx(2.0)
+    assert camera_direction(camera(math.pi / 2, 0.0)).tolist() == pytest.approx([0.0, 1.0, 0.0])
