@@ -207,7 +207,7 @@ class _Race:
             distance[:, view] = math.log(camera.distance / self.model.distance)
             if self.unknown[view]:
                 bank = bank_of(self.model)
-                starts = ranked(bank, self.model, photo.pixels, photo.mask, camera.focal, count)
+                starts = ranked(bank, self.model, photo.pixels, photo.mask, camera.focal, count, photo.framed)
                 angles[:, view] = torch.stack((starts.azimuth, starts.elevation), -1)
                 away = (starts.distance / self.model.distance).log()
                 # Objects differ in size too: only what that does not explain is put down to the distance.

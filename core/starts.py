@@ -7,6 +7,7 @@ the picture; the ratio of the two sizes then says from how far.
 
 import math
 from collections import OrderedDict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from core.codes import Codes
 from core.model import Model
 from core.precision import autocast
 
-PROTOTYPES = 24
+PROTOTYPES = 60
 AZIMUTHS = 24
 ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
 """degrees. Near the pole the azimuth is the roll of the picture, so every elevation has all azimuths."""
@@ -28,6 +29,10 @@ SIDE = 24
 """px, of a view in the bank"""
 _CELLS = 48
 """along the longest side of the model's box"""
+_SIZE_SHARE, _PLACE_SHARE = 0.3, 1.0
+"""of a difference in size (logarithm) and in place (object sizes), against the overlap"""
+_HINT = 0.05
+"""of a block's optical depth over a cell: more may be the fringe of something"""
 _LIGHT_SHARE = 0.1
 """of what lies on the masks, against their overlap: textures are unknown yet, so it settles ties only"""
 
@@ -78,6 +83,7 @@ def ranked(
     mask: Bool[Tensor, "height width"],
     focal: float,
     count: int,
+    framed: bool = False,
 ) -> Starts:
     """The ``count`` most promising cameras for a picture, spread out, every second one the twin of the one before.
 
@@ -85,9 +91,13 @@ def ranked(
         pixels: on white, 0..1.
         mask: True on the object; anything on it at all.
         focal: px, of the picture.
+        framed: the picture was moved and scaled: size and place in it say nothing.
     """
     look, light, size = _normalised(pixels, mask, focal)
     scores = _scores(bank, look, light)
+    if not framed:
+        apart = (bank.offsets - _middle(mask, focal)).norm(dim=-1)
+        scores = scores - _SIZE_SHARE * (bank.sizes / size).log().abs() - _PLACE_SHARE * apart / size
     best, prototype = scores.max(0)
     chosen = _spread(bank, best, count)
     distance = model.distance * bank.sizes[prototype[chosen], chosen] / size
@@ -120,18 +130,36 @@ def surface(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Floa
     """Points on an object's surface, on a grid in the model's box, and their colours seen from outside."""
     extent = model.extent_tensor
     cell = 2 * float(extent.max()) / _CELLS
-    axes = [torch.arange(-float(half) + cell / 2, float(half), cell, device=extent.device) for half in extent]
-    grid = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+    # Blocks of two cells a side: where neither a block nor its neighbours are anything but empty, its cells are not asked.
+    counts = [math.ceil(float(half) / cell) for half in extent]
     bias = model.field.shape_bias(codes.shape)
     with torch.no_grad(), autocast(model.device):
-        density = torch.cat([model.field.density(part, bias)[0] for part in grid.reshape(-1, 3).split(8192)])
-        inside = (density * cell > 0.5).reshape(grid.shape[:3])
-        eroded = -functional.max_pool3d(-inside.float()[None], 3, 1, 1)[0]
-        points = grid[inside & (eroded < 0.5)]
+        blocks = _density(model, _grid(counts, 2 * cell, extent.device), bias) * cell > _HINT
+        near = _spread_out(blocks).repeat_interleave(2, 0).repeat_interleave(2, 1).repeat_interleave(2, 2)
+        grid = _grid([2 * count for count in counts], cell, extent.device)
+        inside = torch.zeros_like(near)
+        inside[near] = _density(model, grid[near], bias) * cell > 0.5
+        points = grid[inside & _spread_out(~inside)]
         features = model.field.density(points, bias)[1]
         inward = model.field.direction_bias(-functional.normalize(points, dim=-1))
         colours = model.field.colour(features, inward, model.field.texture_bias(codes.texture))
     return points, colours.clamp(0, 1)
+
+
+def _grid(counts: Sequence[int], step: float, device: torch.device) -> Float[Tensor, "x y z 3"]:
+    """Centres of cells around the origin."""
+    axes = [(torch.arange(count, device=device) + 0.5 - count / 2) * step for count in counts]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+
+
+def _density(model: Model, points: Float[Tensor, "*batch 3"], bias: Tensor) -> Float[Tensor, "*batch"]:
+    parts = points.reshape(-1, 3).split(8192)
+    return torch.cat([model.field.density(part, bias)[0] for part in parts]).reshape(points.shape[:-1])
+
+
+def _spread_out(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
+    """With all cells beside them."""
+    return functional.max_pool3d(cells.float()[None], 3, 1, 1)[0] > 0.5
 
 
 def _made(model: Model) -> Bank:
@@ -206,8 +234,7 @@ def _light(luminance: Float[Tensor, "*batch side side"], mask: Float[Tensor, "*b
 
 def _normalised(pixels: Tensor, mask: Tensor, focal: float) -> tuple[Tensor, Tensor, float]:
     """The picture's mask and light on the bank's grid, and its size in focal lengths."""
-    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
-    top, bottom, left, right = int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+    left, top, right, bottom = _box(mask)
     size = max(bottom - top, right - left)
     # A grid over the square around the box, widened by the bank's margin of one pixel a side.
     reach = size * SIDE / (SIDE - 2)
@@ -219,6 +246,18 @@ def _normalised(pixels: Tensor, mask: Tensor, focal: float) -> tuple[Tensor, Ten
     shrunk = functional.avg_pool2d(functional.grid_sample(both, grid[None], "bilinear", "zeros", False), 3)[0]
     cover, luminance = shrunk[0], shrunk[1] / shrunk[0].clamp_min(1e-3)
     return cover, _light(luminance, cover), size / focal
+
+
+def _middle(mask: Tensor, focal: float) -> Float[Tensor, "2"]:
+    """The middle of the object's box less that of the picture, (x, y) in focal lengths."""
+    left, top, right, bottom = _box(mask)
+    return torch.tensor([left + right - mask.shape[1], top + bottom - mask.shape[0]]) / (2 * focal)
+
+
+def _box(mask: Tensor) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the object in px; right and bottom lie just behind it."""
+    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _scores(bank: Bank, mask: Tensor, light: Tensor) -> Float[Tensor, "prototypes views"]:

@@ -65,7 +65,7 @@ def broken_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         yield step
 
 
-def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 20.0) -> None:
+def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
     """Deliver until nothing is under way and ``until`` holds."""
     end = time.monotonic() + longest
     while session.worker.busy() or not until():
@@ -81,7 +81,7 @@ class Driver:
         self.app, self.ctx = app, ctx
         self.session, self.desk = app.session, app.desk
 
-    def wait(self, until: Callable[[], bool] | None = None, longest: float = 20.0) -> None:
+    def wait(self, until: Callable[[], bool] | None = None, longest: float = 60.0) -> None:
         """Draw until a condition holds; without one, until nothing is under way."""
         end = time.monotonic() + longest
         while not (until() if until else not self.session.worker.busy()):
