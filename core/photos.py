@@ -177,9 +177,7 @@ def _small_rgba(image: Image.Image) -> Image.Image:
     return _thinned(image, _WORKING_SIDE, Image.Resampling.LANCZOS)
 
 
-def _thinned(
-    image: Image.Image, side: int, resampling: Image.Resampling = Image.Resampling.NEAREST
-) -> Image.Image:
+def _thinned(image: Image.Image, side: int, resampling: Image.Resampling = Image.Resampling.NEAREST) -> Image.Image:
     """The picture, made smaller where its longer side is larger than this."""
     scale = side / max(image.size)
     if scale >= 1:

@@ -130,7 +130,7 @@ def surface(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Floa
     """Points on an object's surface, on a grid in the model's box, and their colours seen from outside."""
     extent = model.extent_tensor
     cell = 2 * float(extent.max()) / _CELLS
-    # Blocks of two cells a side: where neither a block nor its neighbours are anything but empty, its cells are not asked.
+    # Blocks of two cells a side: where a block and its neighbours are all empty, its cells are not asked.
     counts = [math.ceil(float(half) / cell) for half in extent]
     bias = model.field.shape_bias(codes.shape)
     with torch.no_grad(), autocast(model.device):
