@@ -28,7 +28,7 @@ def tiny_model() -> Model:
 
 def _learn(field: Field, generator: torch.Generator) -> None:
     optimiser = torch.optim.Adam(field.parameters(), 1e-2)
-    steps, count = 400, 2048
+    steps, count = 1000, 2048
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 1e-2, total_steps=steps)
     for _ in range(steps):
         points = (torch.rand(count, 3, generator=generator) - 0.5) * 0.8
