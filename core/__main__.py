@@ -97,6 +97,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     )
     meshes = _command(kinds, "meshes", "dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
+    meshes.add_argument("--variants", type=int, default=0, metavar="N", help="deformed, recoloured forms of each more")
     procedural = _command(kinds, "procedural", "dataset_procedural", "render objects of the built-in generator")
     procedural.add_argument("--count", type=_count, required=True, metavar="N", help="objects")
     for command in (meshes, procedural):

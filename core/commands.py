@@ -16,6 +16,7 @@ from core.camera import Camera
 from core.codes import Codes
 from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural
+from core.data.variants import cells
 from core.data.views import SPIRAL_VIEWS
 from core.dataset import read_dataset
 from core.field import FieldConfig
@@ -82,8 +83,9 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     """``dataset meshes``: GLB files rendered into SRN folders."""
     plan = mesh_plan(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _VIEWS[chosen.split]
-    made = render_meshes(chosen.folder, chosen.out, chosen.category, chosen.split, views, chosen.size)
-    _drive(made, len(plan), "object")
+    where = chosen.folder, chosen.out, chosen.category, chosen.split
+    made = render_meshes(*where, views, chosen.size, chosen.variants)
+    _drive(made, len(plan) * len(cells(chosen.variants)), "object")
 
 
 def dataset_procedural(chosen: argparse.Namespace) -> None:

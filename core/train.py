@@ -34,6 +34,8 @@ _PRUNED_AT = (0.08, 0.2, 0.4, 0.7)
 """Shares of the schedule after which hulls are pruned to where the field has found the object."""
 _SETTLED = 2000
 """Steps before which nothing is pruned: what the field has not found yet is not empty."""
+_BATCH = 512
+"""Points are evaluated in multiples of this."""
 _BORDER = 3
 """px around the mask from which rays are drawn too: as far as the hull may reach beyond the object."""
 
@@ -128,6 +130,14 @@ class _RayBank:
             taken[cells] = -torch.expm1(-torch.cat(found) * step)
             near = functional.max_pool3d(taken.reshape(1, *hull.shape), 3, 1, 1)[0]
             hull &= near > _EMPTY
+
+
+def _padded(indices: Int[Tensor, "some"]) -> Int[Tensor, "more"]:
+    """Indices with their first repeated up to a multiple of ``_BATCH``.
+
+    The processor's matrix library compiles a kernel for every size that it has not met.
+    """
+    return functional.pad(indices, (0, -len(indices) % _BATCH), value=int(indices[0]) if len(indices) else 0)
 
 
 def _grown(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:
@@ -235,15 +245,16 @@ class Trainer:
         edges = uniform_edges(rays, settings.samples)
         depths = jittered(edges, self.generator)
         points = points_at(rays, depths)
-        hit = self.bank.inside(points, owner[:, None])
-        ray = hit.nonzero()[:, 0]
+        hit = self.bank.inside(points, owner[:, None]).flatten().nonzero()[:, 0]
+        asked = _padded(hit)
+        ray = asked // settings.samples
         shape_bias, texture_bias = self.field.shape_bias(self.shapes), self.field.texture_bias(self.textures)
         rows, looks = self.shape_row[owner[ray]], self.texture_row[owner[ray]]
-        found, features = self.field.density(points[hit], shape_bias.index_select(0, rows))
+        found, features = self.field.density(points.flatten(0, 1)[asked], shape_bias.index_select(0, rows))
         towards = self.field.direction_bias(rays.directions).index_select(0, ray)
         seen = self.field.colour(features, towards, texture_bias.index_select(0, looks))
-        density = torch.zeros_like(depths).masked_scatter(hit, found)
-        colours = torch.zeros_like(points).masked_scatter(hit[..., None], seen)
+        density = depths.new_zeros(depths.numel()).index_copy(0, hit, found[: len(hit)]).view_as(depths)
+        colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, seen[: len(hit)]).view_as(points)
         shares, left = weights(density, edges)
         error = functional.mse_loss(over_white(shares, left, colours), truth)
         sure = kind != 1
@@ -264,11 +275,11 @@ class Trainer:
         first, second = torch.randint(len(self.entries), (2, count), generator=dice, device=device)
         second[: count // 2] = first[: count // 2]
         outside = ~(self.bank.inside(points, first) | self.bank.inside(points, second))
-        ends = self.shapes[self.shape_row[first[outside]]], self.shapes[self.shape_row[second[outside]]]
-        mixed = torch.lerp(*ends, torch.rand(len(ends[0]), 1, generator=dice, device=device))
-        density, _ = self.field.density(points[outside], self.field.shape_bias(mixed))
+        ends = self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]]
+        mixed = torch.lerp(*ends, torch.rand(count, 1, generator=dice, device=device))
+        density, _ = self.field.density(points, self.field.shape_bias(mixed))
         step = 2 * self.bank.extent.amin() / self.settings.samples
-        return -torch.expm1(-density * step).sum() / count
+        return (-torch.expm1(-density * step) * outside).mean()
 
     def _parameters(self) -> list[Tensor]:
         return [*self.field.parameters(), self.shapes, self.textures]

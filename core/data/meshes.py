@@ -14,6 +14,7 @@ from PIL import Image
 from core.data.rasterise import Surface
 from core.data.splits import Split, held_out
 from core.data.studio import Sitter, picture_all
+from core.data.variants import cells, deformed, recoloured
 
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """glTF has y up and the front at +z; the world has z up and the front at +y."""
@@ -50,12 +51,31 @@ def mesh_plan(folder: Path | str, category: str, split: Split) -> tuple[MeshEntr
 
 
 def render_meshes(
-    folder: Path | str, out: Path | str, category: str, split: Split, views: int, size: int
+    folder: Path | str, out: Path | str, category: str, split: Split, views: int, size: int, variants: int = 0
 ) -> Iterator[str]:
-    """Renders every mesh of ``mesh_plan`` into the dataset ``out`` as :func:`core.data.studio.picture_all` does."""
+    """Renders every mesh of ``mesh_plan`` into the dataset ``out`` as :func:`core.data.studio.picture_all` does.
+
+    ``variants`` deformed forms of each are added, in as many colourings: see :mod:`core.data.variants`.
+    Raises ``ValueError`` for a negative number of them.
+    """
+    if variants < 0:
+        raise ValueError(f"a mesh has no {variants} variants")
     plan = mesh_plan(folder, category, split)
-    sitters = [Sitter(e.name, e.name, e.name, partial(load_mesh, e.path, _TURNED.get(e.name, 0.0))) for e in plan]
+    sitters = [_sitter(entry, form, look) for entry in plan for form, look in cells(variants)]
     yield from picture_all(sitters, out, category, split, views, size)
+
+
+def _sitter(entry: MeshEntry, form: int, look: int) -> Sitter:
+    """A mesh in one of its forms and looks; form 0 and look 0 carry its own name."""
+    shape = f"{entry.name}-form{form}" if form else entry.name
+    texture = f"{entry.name}-look{look}" if look else entry.name
+    name = f"{shape}-look{look}" if look else shape
+    return Sitter(name, shape, texture, partial(_variant, entry, form, look))
+
+
+def _variant(entry: MeshEntry, form: int, look: int) -> tuple[Surface, ...]:
+    surfaces = load_mesh(entry.path, _TURNED.get(entry.name, 0.0))
+    return normalised(deformed(recoloured(surfaces, entry.name, look), entry.name, form))
 
 
 def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:

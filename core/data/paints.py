@@ -33,18 +33,18 @@ def texture(seed: int) -> Mapping[str, Paint]:
 
 def _wooden(g: np.random.Generator) -> Mapping[str, Paint]:
     wood = _wood(g)
-    return _look(g, seat=wood, back=wood, legs=wood, arms=wood, cushion=_fabric(g, _any_colour(g)))
+    return _look(g, seat=wood, back=wood, legs=wood, arms=wood, cushion=_fabric(g, any_colour(g)))
 
 
 def _painted(g: np.random.Generator) -> Mapping[str, Paint]:
-    paint = _plain(_any_colour(g))
+    paint = _plain(any_colour(g))
     seat = _wood(g) if g.random() < 0.4 else paint
     back = seat if g.random() < 0.3 else paint
-    return _look(g, seat=seat, back=back, legs=paint, arms=back, cushion=_fabric(g, _any_colour(g)))
+    return _look(g, seat=seat, back=back, legs=paint, arms=back, cushion=_fabric(g, any_colour(g)))
 
 
 def _plastic(g: np.random.Generator) -> Mapping[str, Paint]:
-    body = _plain(_vivid(g) if g.random() < 0.7 else _any_colour(g))
+    body = _plain(_vivid(g) if g.random() < 0.7 else any_colour(g))
     legs = (body, _metal(g), _wood(g), _plain(_hex("242424")))[g.integers(4)]
     cushion = body if g.random() < 0.5 else _fabric(g, _vivid(g))
     return _look(g, seat=body, back=body, legs=legs, arms=body if g.random() < 0.6 else legs, cushion=cushion)
@@ -57,9 +57,9 @@ def _leather(g: np.random.Generator) -> Mapping[str, Paint]:
 
 
 def _upholstered(g: np.random.Generator) -> Mapping[str, Paint]:
-    fabric = _fabric(g, _any_colour(g))
+    fabric = _fabric(g, any_colour(g))
     legs = (_wood(g), _metal(g), _plain(_hex("1e1e1e")))[g.integers(3)]
-    second = _fabric(g, _any_colour(g)) if g.random() < 0.3 else fabric
+    second = _fabric(g, any_colour(g)) if g.random() < 0.3 else fabric
     arms = legs if g.random() < 0.5 else second
     return _look(g, seat=fabric, back=second, legs=legs, arms=arms, cushion=fabric)
 
@@ -82,7 +82,7 @@ def _fabric(g: np.random.Generator, colour: Float[np.ndarray, "3"]) -> Paint:
     if kind < 2:
         return _speckled(g, colour, 0.07 if kind else 0.03, 0.25, 3.0 if kind else 1.0)
     own_tone = np.clip(colour * 0.55 + (0.4 if colour.mean() < 0.5 else 0.0), 0, 1)
-    other = _any_colour(g) if g.random() < 0.5 else own_tone
+    other = any_colour(g) if g.random() < 0.5 else own_tone
     wave = np.sin(2 * np.pi * np.arange(_TILE) / _TILE * 2)
     stripes = np.broadcast_to((wave > g.uniform(-0.4, 0.6)).astype(float), (_TILE, _TILE))
     dots = (wave[:, None] * wave > 0.3).astype(float)
@@ -120,7 +120,7 @@ def _noise(g: np.random.Generator, across: float, along: float) -> Float[np.ndar
     return np.clip((noise - noise.mean()) / noise.std(), -2.5, 2.5)
 
 
-def _any_colour(g: np.random.Generator) -> Float[np.ndarray, "3"]:
+def any_colour(g: np.random.Generator) -> Float[np.ndarray, "3"]:
     """A household colour: grey, pastel, deep or vivid."""
     kind = g.integers(4)
     saturation = g.uniform((0.0, 0.15, 0.45, 0.65), (0.08, 0.35, 0.8, 0.95))[kind]
