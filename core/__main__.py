@@ -1,4 +1,4 @@
-"""The command line: ``python -m core render | turntable | fit | dataset | train``. Degrees here, radians inside."""
+"""The command line, ``python -m core COMMAND``. Degrees here, radians inside."""
 
 import argparse
 import math
@@ -37,6 +37,7 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     _add_render(commands)
     _add_turntable(commands)
+    _add_mesh(commands)
     _add_fit(commands)
     _add_dataset(commands)
     _add_train(commands)
@@ -51,11 +52,15 @@ def _command(commands: argparse._SubParsersAction, name: str, run: str, about: s
     return command
 
 
-def _add_scene_options(command: argparse.ArgumentParser) -> None:
+def _add_object_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
     what = command.add_mutually_exclusive_group()
     what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
     what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene")
+
+
+def _add_scene_options(command: argparse.ArgumentParser) -> None:
+    _add_object_options(command)
     command.add_argument("--azimuth", type=_degrees, metavar="D", help="degrees; the front is seen from 90")
     command.add_argument("--elevation", type=_degrees, metavar="D", help="degrees, -90 to 90")
     command.add_argument("--distance", type=float, metavar="X", help="scene units (an object's diagonal is 1)")
@@ -75,6 +80,13 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--frames", type=_count, default=72)
     command.add_argument("--size", type=_count, default=256, metavar="PX", help="width and height")
     command.add_argument("--out", type=Path, required=True, metavar="X.mp4|.gif|.webp")
+
+
+def _add_mesh(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "mesh", "mesh", "write an object as a closed mesh with coloured vertices")
+    _add_object_options(command)
+    command.add_argument("--resolution", type=_count, default=256, metavar="N", help="cells along the longest side")
+    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
 
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:

@@ -23,6 +23,7 @@ from core.field import FieldConfig
 from core.fit import FitJob, FitStep, fit
 from core.frames import picture
 from core.library import load_model
+from core.mesh import export_mesh
 from core.model import Model
 from core.photos import load_photo
 from core.render import render_exact
@@ -53,6 +54,15 @@ def turntable_command(chosen: argparse.Namespace) -> None:
     model, codes, camera = _viewed(chosen)
     written = turntable(model, codes, camera, chosen.out, chosen.frames, chosen.size)
     _drive((count for before, count in pairwise(chain((0,), written)) if count > before), chosen.frames, "frame")
+
+
+def mesh(chosen: argparse.Namespace) -> None:
+    """``mesh``: an object as triangles."""
+    model, codes, _ = _chosen(chosen)
+    shares = export_mesh(model, codes, chosen.out, chosen.resolution)
+    with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
+        for share in shares:
+            bar.update(share - bar.n)
 
 
 def fit_command(chosen: argparse.Namespace) -> None:
@@ -121,15 +131,19 @@ def train(chosen: argparse.Namespace) -> None:
 
 def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     """The model, codes and camera that the options name: a scene's or an object's, seen from the front unless told."""
+    model, codes, camera = _chosen(chosen)
+    told = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
+    return model, codes, replace(camera, **{name: value for name, value in told.items() if value is not None})
+
+
+def _chosen(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
+    """The model and the codes that the options name, with the scene's own camera or one from the front."""
     model = load_model(chosen.model)
     if chosen.scene:
         scene = Scene.load(chosen.scene, model)
-        codes, camera = scene.codes, scene.camera
-    else:
-        codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
-        camera = model.camera(math.radians(60), math.radians(20))
-    told = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
-    return model, codes, replace(camera, **{name: value for name, value in told.items() if value is not None})
+        return model, scene.codes, scene.camera
+    codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
+    return model, codes, model.camera(math.radians(60), math.radians(20))
 
 
 def _told(step: FitStep) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Turntable videos: one orbit of an object as mp4 (H.264), gif or webp, by the file's name."""
 
-from collections.abc import Generator, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Generator
+from contextlib import closing
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -14,6 +14,7 @@ from PIL import Image
 
 from core.camera import Camera
 from core.codes import Codes
+from core.files import whole_file
 from core.frames import RenderJob, RenderSettings
 from core.frames import frames as rendered
 from core.model import Model
@@ -50,7 +51,7 @@ def turntable(
         raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
     if frames < 1 or not 2 <= size <= 4096:
         raise ValueError(f"a turntable needs at least 1 frame and 2 to 4096 px, got {frames} and {size}")
-    with _whole_file(path) as partial:
+    with whole_file(path) as partial:
         sink: _Sink = _Mp4(partial, size) if path.suffix.lower() == ".mp4" else _Pillow(partial)
         with closing(sink):
             view = camera.resized(size, size)
@@ -61,20 +62,6 @@ def turntable(
                         sink.add(frame.image)
                     yield index + (frame is not None)
             sink.finish()
-
-
-@contextmanager
-def _whole_file(path: Path) -> Iterator[Path]:
-    """A place beside ``path`` to write to, renamed to it at the end and removed should the end not come."""
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-    try:
-        partial.touch()  # at once, so that a place that cannot be written to is refused before the work
-        yield partial
-        partial.replace(path)
-    except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror or error}") from None
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 class _Mp4:

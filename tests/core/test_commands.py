@@ -13,6 +13,7 @@ from core.dataset import read_dataset
 from core.library import load_model
 from core.model import Model
 from core.scene import Scene
+from tests.core.tiny import tiny_model
 
 
 @pytest.fixture
@@ -75,6 +76,12 @@ def test_turntable_writes_a_video(file: str, tmp_path: Path):
         assert video.n_frames == 3
 
 
+def test_mesh_writes_the_object(tmp_path: Path):
+    tiny_model().save(tmp_path / "m.safetensors")
+    run(*f"mesh --model {tmp_path}/m.safetensors --object 1 --resolution 24 --out {tmp_path}/a.ply".split())
+    assert (tmp_path / "a.ply").read_bytes().startswith(b"ply")
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -87,6 +94,7 @@ def test_turntable_writes_a_video(file: str, tmp_path: Path):
         (("render", "--out", "{tmp}/a.png", "--size", "none"), "--size"),
         (("render", "--out", "{tmp}/a.png", "--azimuth", "nan"), "--azimuth"),
         (("turntable", "--out", "{tmp}/t.avi", "--model", "{file}"), "mp4"),
+        (("mesh", "--out", "{tmp}/a.stl", "--model", "{file}"), "glb"),
         (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),

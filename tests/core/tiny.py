@@ -23,7 +23,7 @@ def tiny_model() -> Model:
     corners = torch.tensor([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
     _learn(field, generator)
     objects = tuple(Entry(f"stool{i}", i, (i * 3 + 1) % 4) for i in range(4))
-    return Model(field, CodeBook(corners, corners, objects), EXTENT, "stools", SIDE, 60.0, 2.0)
+    return Model(field, CodeBook(corners, corners.clone(), objects), EXTENT, "stools", SIDE, 60.0, 2.0)
 
 
 def _learn(field: Field, generator: torch.Generator) -> None:
