@@ -41,6 +41,7 @@ def parser() -> argparse.ArgumentParser:
     _add_fit(commands)
     _add_dataset(commands)
     _add_train(commands)
+    _add_convert(commands)
     return top
 
 
@@ -130,6 +131,13 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--latent", type=_count, nargs=2, default=(64, 64), metavar=("SHAPE", "TEXTURE"))
     command.add_argument("--device", default="cpu", help="cpu or cuda")
     command.add_argument("--seed", type=int, default=0)
+
+
+def _add_convert(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "convert", "convert", "turn a checkpoint of the authors' trainer into a model file")
+    command.add_argument("checkpoint", type=Path, metavar="models.pth")
+    command.add_argument("--config", type=Path, metavar="hpam.json", help="beside the checkpoint unless told")
+    command.add_argument("--out", type=Path, required=True, metavar="X.safetensors")
 
 
 def _degrees(text: str) -> float:

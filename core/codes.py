@@ -88,8 +88,12 @@ class CodeBook:
     shapes: Float[Tensor, "shapes shape_latent"]
     textures: Float[Tensor, "textures texture_latent"]
     objects: tuple[Entry, ...]
+    broken: frozenset[int] = frozenset()
+    """Objects that training lost and that show next to nothing: still there by their index, but not in the clouds."""
 
     def __post_init__(self) -> None:
+        if not self.broken <= set(range(len(self.objects))):
+            raise ValueError(f"broken objects {sorted(self.broken)} of a book of {len(self.objects)}")
         for entry in self.objects:
             if not (0 <= entry.shape < len(self.shapes) and 0 <= entry.texture < len(self.textures)):
                 raise ValueError(f"object {entry.name} has codes outside the book")
@@ -103,15 +107,20 @@ class CodeBook:
         entry = self.objects[index]
         return Codes(self.shapes[entry.shape], self.textures[entry.texture])
 
+    @property
+    def sound(self) -> tuple[int, ...]:
+        """The objects that are not broken."""
+        return tuple(index for index in range(len(self.objects)) if index not in self.broken)
+
     @cached_property
     def shape_space(self) -> CodeSpace:
         """The cloud of the shape codes."""
-        return CodeSpace.of(self.shapes)
+        return CodeSpace.of(self._sound_rows(self.shapes, [entry.shape for entry in self.objects]))
 
     @cached_property
     def texture_space(self) -> CodeSpace:
         """The cloud of the texture codes."""
-        return CodeSpace.of(self.textures)
+        return CodeSpace.of(self._sound_rows(self.textures, [entry.texture for entry in self.objects]))
 
     @property
     def mean(self) -> Codes:
@@ -125,3 +134,8 @@ class CodeBook:
             for space in (self.shape_space, self.texture_space)
         )
         return Codes(shape, texture)
+
+    def _sound_rows(self, codes: Tensor, rows: list[int]) -> Tensor:
+        """Without the rows that only broken objects use."""
+        lost = {rows[index] for index in self.broken} - {rows[index] for index in self.sound}
+        return codes[[row for row in range(len(codes)) if row not in lost]] if lost else codes

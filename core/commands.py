@@ -12,6 +12,7 @@ from pathlib import Path
 from PIL import Image
 from tqdm import tqdm
 
+from core.authors import load_authors
 from core.camera import Camera
 from core.codes import Codes
 from core.data.meshes import mesh_plan, render_meshes
@@ -127,6 +128,19 @@ def train(chosen: argparse.Namespace) -> None:
                 trainer.save_state(state)
                 found = held_out_psnr(model, held_out)
                 tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
+
+
+def convert(chosen: argparse.Namespace) -> None:
+    """``convert``: a checkpoint of the authors' trainer as a model file."""
+    _require_folder(chosen.out)
+    if chosen.out.suffix != ".safetensors":
+        raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
+    model = load_authors(chosen.checkpoint, chosen.config)
+    model.save(chosen.out)
+    lost = ", ".join(str(index) for index in sorted(model.codes.broken))
+    print(
+        f"{len(model.codes)} {model.category}" + (f"; next to empty, so left out of the mean: {lost}" if lost else "")
+    )
 
 
 def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:

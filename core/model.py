@@ -68,6 +68,7 @@ class Model:
         about = {
             "config": asdict(self.field.config),
             "objects": [list(entry) for entry in self.codes.objects],
+            "broken": sorted(self.codes.broken),
             "extent": list(self.extent),
             "category": self.category,
             "image_size": self.image_size,
@@ -102,7 +103,8 @@ class Model:
         field = Field(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
-        codes = CodeBook(shapes, textures, tuple(Entry(*entry) for entry in about["objects"]))
+        objects = tuple(Entry(*entry) for entry in about["objects"])
+        codes = CodeBook(shapes, textures, objects, frozenset(about.get("broken", ())))
         about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "painted_ground")} | {
             "extent": tuple(about["extent"])
         }

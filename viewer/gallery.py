@@ -49,10 +49,10 @@ class Gallery:
         return fitted[::-1] + [name for name, thing in self._things.items() if not thing.photo]
 
     def open(self, model: Model) -> None:
-        """Hold the objects of a model, and nothing else."""
+        """Hold the objects of a model but its broken ones, and nothing else."""
         self._things, self.pictures = {}, {}
-        for index, entry in enumerate(model.codes.objects):
-            self._keep(Thing(entry.name, model.codes[index]))
+        for index in model.codes.sound:
+            self._keep(Thing(model.codes.objects[index].name, model.codes[index]))
         if not self._things:
             self._keep(Thing("mean", model.codes.mean))
 

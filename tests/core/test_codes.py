@@ -72,3 +72,16 @@ def test_a_book_whose_objects_have_no_codes_is_refused():
 def test_drawn_codes_repeat_with_the_seed():
     book = CodeBook(cloud(), cloud(1), ())
     assert book.drawn(torch.Generator().manual_seed(5)) == book.drawn(torch.Generator().manual_seed(5))
+
+
+def test_broken_objects_stay_but_count_for_nothing():
+    """A row that a sound object shares with a broken one is kept."""
+    shapes, textures = cloud(count=4), cloud(1, count=4)
+    entries = (Entry("a", 0, 0), Entry("lost", 1, 0), Entry("b", 2, 2), Entry("c", 3, 3), Entry("lost too", 1, 1))
+    book = CodeBook(shapes, textures, entries, frozenset({1, 4}))
+    assert book.sound == (0, 2, 3)
+    assert torch.equal(book[4].shape, shapes[1])
+    torch.testing.assert_close(book.mean.shape, shapes[[0, 2, 3]].mean(0))
+    torch.testing.assert_close(book.mean.texture, textures[[0, 2, 3]].mean(0))
+    with pytest.raises(ValueError, match="broken objects"):
+        CodeBook(shapes, textures, entries, frozenset({5}))

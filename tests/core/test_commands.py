@@ -82,6 +82,14 @@ def test_mesh_writes_the_object(tmp_path: Path):
     assert (tmp_path / "a.ply").read_bytes().startswith(b"ply")
 
 
+def test_convert_writes_a_model_file(shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    source = shared / "upstream/srncars500"
+    shutil.copy(source / "models.pth", tmp_path / "models.pth")
+    run("convert", tmp_path / "models.pth", "--config", source / "hpam.json", "--out", tmp_path / "c.safetensors")
+    assert "24, 142, 149" in capsys.readouterr().out
+    assert len(load_model(str(tmp_path / "c.safetensors")).codes) == 500
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -95,6 +103,8 @@ def test_mesh_writes_the_object(tmp_path: Path):
         (("render", "--out", "{tmp}/a.png", "--azimuth", "nan"), "--azimuth"),
         (("turntable", "--out", "{tmp}/t.avi", "--model", "{file}"), "mp4"),
         (("mesh", "--out", "{tmp}/a.stl", "--model", "{file}"), "glb"),
+        (("convert", "{file}", "--out", "{tmp}/a.safetensors"), "hpam.json"),
+        (("convert", "{file}", "--config", "{file}", "--out", "{tmp}/a.pth"), "safetensors"),
         (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),

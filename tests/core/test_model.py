@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -23,6 +24,12 @@ def test_saving_and_loading_is_exact(model: Model, tmp_path):
     )
     assert again.codes.objects == model.codes.objects
     assert [entry.name for entry in tmp_path.iterdir()] == ["m.safetensors"]
+
+
+def test_broken_objects_are_remembered(model: Model, tmp_path):
+    book = replace(model.codes, broken=frozenset({1, 4}))
+    replace(model, codes=book).save(tmp_path / "m.safetensors")
+    assert Model.load(tmp_path / "m.safetensors").codes.broken == {1, 4}
 
 
 def test_another_code_is_another_model(model: Model):
