@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,20 +10,11 @@ from core.data.backs import back_rest, hoop, padded, panel, slats
 from core.data.parts import Part, bar, moved, rounded_path, shell, slab
 from core.data.plan import Plan, ordinary_plan
 from core.data.seats import arms, bucket, seat, t_arms, upholstery
+from core.data.shape import Shape, normalised_shape
 from core.data.stands import column, feet, legs, sled, star, wire_base
 
 LABELS = ("seat", "back", "legs", "arms", "cushion", "metal")
 """What a texture must paint. Any texture fits any chair."""
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A chair: bounding box centred on the origin with a diagonal of 1, z up, a sitter looks to +y."""
-
-    kind: str
-    parts: tuple[Part, ...]
-    metre: float
-    """scene units"""
 
 
 def chair(seed: int) -> Shape:
@@ -31,12 +22,7 @@ def chair(seed: int) -> Shape:
     generator = np.random.default_rng([seed, 7])
     kind = str(generator.choice(list(_KINDS), p=[share for _, share in _KINDS.values()]))
     parts = _KINDS[kind][0](generator)
-    used = np.concatenate([part.solid.vertices for part in parts])
-    low, high = used.min(0), used.max(0)
-    metre = 1.0 / float(np.linalg.norm(high - low))
-    middle = (low + high) / 2
-    placed = [Part(p.label, replace(p.solid, vertices=(p.solid.vertices - middle) * metre)) for p in parts]
-    return Shape(kind, tuple(placed), metre)
+    return normalised_shape(kind, parts)
 
 
 def _four_leg(g: np.random.Generator) -> list[Part]:

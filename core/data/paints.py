@@ -37,28 +37,28 @@ def _wooden(g: np.random.Generator) -> Mapping[str, Paint]:
 
 
 def _painted(g: np.random.Generator) -> Mapping[str, Paint]:
-    paint = _plain(any_colour(g))
+    paint = plain(any_colour(g))
     seat = _wood(g) if g.random() < 0.4 else paint
     back = seat if g.random() < 0.3 else paint
     return _look(g, seat=seat, back=back, legs=paint, arms=back, cushion=_fabric(g, any_colour(g)))
 
 
 def _plastic(g: np.random.Generator) -> Mapping[str, Paint]:
-    body = _plain(_vivid(g) if g.random() < 0.7 else any_colour(g))
-    legs = (body, _metal(g), _wood(g), _plain(_hex("242424")))[g.integers(4)]
+    body = plain(_vivid(g) if g.random() < 0.7 else any_colour(g))
+    legs = (body, _metal(g), _wood(g), plain(from_hex("242424")))[g.integers(4)]
     cushion = body if g.random() < 0.5 else _fabric(g, _vivid(g))
     return _look(g, seat=body, back=body, legs=legs, arms=body if g.random() < 0.6 else legs, cushion=cushion)
 
 
 def _leather(g: np.random.Generator) -> Mapping[str, Paint]:
-    hide = _speckled(g, _hex(_LEATHERS[g.integers(len(_LEATHERS))]), 0.05, 0.22, 2.0)
+    hide = _speckled(g, from_hex(_LEATHERS[g.integers(len(_LEATHERS))]), 0.05, 0.22, 2.0)
     legs = (_metal(g), _wood(g))[g.integers(2)]
     return _look(g, seat=hide, back=hide, legs=legs, arms=hide if g.random() < 0.5 else legs, cushion=hide)
 
 
 def _upholstered(g: np.random.Generator) -> Mapping[str, Paint]:
     fabric = _fabric(g, any_colour(g))
-    legs = (_wood(g), _metal(g), _plain(_hex("1e1e1e")))[g.integers(3)]
+    legs = (_wood(g), _metal(g), plain(from_hex("1e1e1e")))[g.integers(3)]
     second = _fabric(g, any_colour(g)) if g.random() < 0.3 else fabric
     arms = legs if g.random() < 0.5 else second
     return _look(g, seat=fabric, back=second, legs=legs, arms=arms, cushion=fabric)
@@ -70,7 +70,7 @@ def _look(g: np.random.Generator, **paints: Paint) -> Mapping[str, Paint]:
 
 def _wood(g: np.random.Generator) -> Paint:
     """Streaks along z, with broad bands of darker wood."""
-    colour = _hex(_WOODS[g.integers(len(_WOODS))])
+    colour = from_hex(_WOODS[g.integers(len(_WOODS))])
     streaks = _noise(g, 1.0, 14.0)
     bands = np.sin(2 * np.pi * (np.arange(_TILE) / _TILE * g.integers(2, 5) + 0.35 * _noise(g, 6.0, 16.0)))
     return _paint(colour * (1 + 0.09 * streaks + 0.08 * bands)[..., None], g.uniform(0.2, 0.35))
@@ -92,7 +92,7 @@ def _fabric(g: np.random.Generator, colour: Float[np.ndarray, "3"]) -> Paint:
 
 
 def _metal(g: np.random.Generator) -> Paint:
-    return _plain(_hex(_METALS[g.integers(len(_METALS))]))
+    return plain(from_hex(_METALS[g.integers(len(_METALS))]))
 
 
 def _speckled(
@@ -101,7 +101,8 @@ def _speckled(
     return _paint(colour * (1 + depth * _noise(g, grain, grain))[..., None], period)
 
 
-def _plain(colour: Float[np.ndarray, "3"]) -> Paint:
+def plain(colour: Float[np.ndarray, "3"]) -> Paint:
+    """One colour all over, sRGB 0..1."""
     return _paint(np.broadcast_to(colour, (4, 4, 3)), 1.0)
 
 
@@ -132,5 +133,6 @@ def _vivid(g: np.random.Generator) -> Float[np.ndarray, "3"]:
     return np.array(colorsys.hsv_to_rgb(g.random(), g.uniform(0.65, 0.95), g.uniform(0.6, 0.95)))
 
 
-def _hex(colour: str) -> Float[np.ndarray, "3"]:
+def from_hex(colour: str) -> Float[np.ndarray, "3"]:
+    """sRGB 0..1."""
     return np.frombuffer(bytes.fromhex(colour), np.uint8) / 255.0

@@ -5,15 +5,19 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from core.data.chairs import Shape, chair
+from core.data.car_paints import car_texture
+from core.data.cars import car
+from core.data.chairs import chair
 from core.data.paints import Paint, texture
 from core.data.parts import Solid, surface
 from core.data.rasterise import Surface
+from core.data.shape import Shape
 from core.data.splits import Split, first_seed
 from core.data.studio import Sitter, picture_all
 
 _GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str, Paint]]]] = {
-    "chairs": (chair, texture)
+    "cars": (car, car_texture),
+    "chairs": (chair, texture),
 }
 
 

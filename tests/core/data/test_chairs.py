@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.data.chairs import LABELS, Shape, chair
+from core.data.chairs import LABELS, chair
+from core.data.shape import Shape
 
 SEEDS = range(120)
 
