@@ -1,4 +1,4 @@
-"""What is fixed to a car's body: mirrors, door handles, bumper bars, roof rails, a spoiler, exhausts, an antenna."""
+"""What is fixed to a car's body: mirrors, door handles, bumper bars, roof rails, a spoiler, exhausts."""
 
 import math
 
@@ -91,9 +91,9 @@ def _bumper_bars(g: np.random.Generator, plan: CarPlan) -> list[Part]:
 
 
 def _exhaust(plan: CarPlan) -> list[Part]:
-    z = float(plan.floor(-plan.end)) + 0.0
+    z = float(plan.floor(-plan.end))
     path = line((0.5, -plan.end - 0.03, z), (0.5, -plan.end + 0.3, z - 0.02), 2)
-    return [Part("chrome", tube(path, 0.035, 10))]
+    return [Part("exhaust", tube(path, 0.035, 10))]
 
 
 def _pod(wide: float, deep: float, tall: float) -> Solid:

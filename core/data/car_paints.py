@@ -25,6 +25,7 @@ LABELS = (
     "spoiler",
     "rail",
     "trim",
+    "exhaust",
     "chrome",
     "grille",
     "bed",
@@ -71,6 +72,7 @@ def car_texture(seed: int) -> Mapping[str, Paint]:
         "rail": (metal, dark)[g.integers(2)],
         "chrome": (metal, dark, paint)[g.choice(3, p=(0.55, 0.3, 0.15))],
         "trim": dark,
+        "exhaust": metal,
         "grille": plain(from_hex("18191a")),
     }
     return look | _constant(g, main)
@@ -107,14 +109,14 @@ def _colours(g: np.random.Generator, paint: Paint, second: Paint, dark: Paint) -
 def _constant(g: np.random.Generator, main: Colour) -> dict[str, Paint]:
     """What looks much alike on all cars."""
     # Windows must stand out from the body: light ones from a dark body, dark ones from all others.
-    panes = ("4d5c66", "5d6e7a", "6f7f88") if main.max() < 0.36 else ("1d2329", "262d33", "323b42", "14171a")
+    panes = ("5d6e7a", "6f7f88", "7d8c95") if main.max() < 0.3 else ("1d2329", "262d33", "323b42", "14171a")
     glass = from_hex(panes[g.integers(len(panes))])
     tone = np.array([1.0, 1.0, g.uniform(0.85, 1.0)])
-    amber = np.array([g.uniform(0.55, 0.8), g.uniform(0.06, 0.12), g.uniform(0.06, 0.1)])
+    red = np.array([g.uniform(0.55, 0.8), g.uniform(0.06, 0.12), g.uniform(0.06, 0.1)])
     return {
         "glass": plain(glass),
         "light": plain(tone * g.uniform(0.72, 0.95)),
-        "tail": plain(amber),
+        "tail": plain(red),
         "plate": plain(from_hex(("f0f0ea", "e8c84a", "d9dde6", "e6e4d8")[g.choice(4, p=(0.5, 0.15, 0.2, 0.15))])),
         "under": plain(from_hex("151617")),
         "tyre": plain(from_hex(("1c1c1d", "242425")[g.integers(2)])),

@@ -8,7 +8,7 @@ import numpy as np
 from core.data.car_plans import CarPlan
 from core.data.parts import Part, Solid, bar, line, moved, quads
 
-_SIDES = 22
+_SIDES = 20
 
 
 def wheels(g: np.random.Generator, plan: CarPlan) -> list[Part]:

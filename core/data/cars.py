@@ -4,7 +4,7 @@ import numpy as np
 
 from core.data.car_bodies import body
 from core.data.car_fittings import fittings
-from core.data.car_plans import KINDS, car_plan
+from core.data.car_kinds import KINDS, car_plan
 from core.data.car_wheels import wheels
 from core.data.carving import mirrored
 from core.data.parts import Part, warped

@@ -18,7 +18,10 @@ Region = Sequence[Callable[[Points], Values]]
 def carve(solid: Solid, region: Region) -> tuple[Solid, Solid]:
     """The mesh inside the region, and the rest. Each function is taken as linear along an edge."""
     # Faces wholly outside of one function stay whole, or a line would go on around the object.
-    near = np.all([(inside(solid.vertices) > 0)[solid.faces].any(1) for inside in region], axis=0)
+    near = np.ones(len(solid.faces), bool)
+    for inside in region:
+        a, b, c = (inside(solid.vertices) > 0)[solid.faces.T]
+        near &= a | b | c
     rest = [_compact(replace(solid, faces=solid.faces[~near]))]
     solid = _compact(replace(solid, faces=solid.faces[near]))
     for inside in region:
@@ -57,8 +60,10 @@ def joined(solids: Sequence[Solid]) -> Solid:
 def _halves(solid: Solid, value: Values) -> tuple[Solid, Solid]:
     """The mesh where ``value`` is positive, and where it is not."""
     inside = value > 0
+    if inside.all():
+        return solid, _compact(replace(solid, faces=solid.faces[:0]))
     corners = inside[solid.faces]
-    count = corners.sum(1)
+    count = corners[:, 0].astype(int) + corners[:, 1] + corners[:, 2]
     mixed = (count == 1) | (count == 2)
     # The corner that is alone on its side comes first.
     alone = np.where(count == 1, corners.argmax(1), corners.argmin(1))[mixed]

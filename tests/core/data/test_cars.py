@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from core.data.car_kinds import KINDS, car_plan
 from core.data.car_paints import LABELS, car_texture
-from core.data.car_plans import KINDS, car_plan
 from core.data.cars import car
 from core.data.procedural import Cell, surfaces
 from core.data.rasterise import Rasteriser
