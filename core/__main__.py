@@ -42,6 +42,7 @@ def parser() -> argparse.ArgumentParser:
     _add_dataset(commands)
     _add_train(commands)
     _add_convert(commands)
+    _add_evaluate(commands)
     return top
 
 
@@ -138,6 +139,21 @@ def _add_convert(commands: argparse._SubParsersAction) -> None:
     command.add_argument("checkpoint", type=Path, metavar="models.pth")
     command.add_argument("--config", type=Path, metavar="hpam.json", help="beside the checkpoint unless told")
     command.add_argument("--out", type=Path, required=True, metavar="X.safetensors")
+
+
+def _add_evaluate(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "evaluate", "evaluate", "the paper's protocol: fit a view, draw the others, compare")
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
+    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    command.add_argument("--inputs", type=_views, default=(64,), metavar="V,V", help="the views that are fitted")
+    command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
+    command.add_argument("--objects", type=_count, metavar="N", help="only so many, spread over the dataset")
+    command.add_argument("--report", type=Path, metavar="R.json", help="numbers; a chart is put beside them as PNG")
+    command.add_argument("--seed", type=int, default=0)
+
+
+def _views(text: str) -> tuple[int, ...]:
+    return tuple(int(word) for word in text.split(","))
 
 
 def _degrees(text: str) -> float:

@@ -19,7 +19,9 @@ from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural
 from core.data.variants import cells
 from core.data.views import SPIRAL_VIEWS
-from core.dataset import read_dataset
+from core.dataset import ObjectPlace, find_objects, read_dataset
+from core.evaluate import Protocol
+from core.evaluate import evaluate as scored
 from core.field import FieldConfig
 from core.fit import FitJob, FitStep, fit
 from core.frames import picture
@@ -28,6 +30,7 @@ from core.mesh import export_mesh
 from core.model import Model
 from core.photos import load_photo
 from core.render import render_exact
+from core.report import told, write_report
 from core.scene import Scene
 from core.train import Trainer, TrainSettings, held_out_psnr, hold_out
 from core.video import turntable
@@ -141,6 +144,35 @@ def convert(chosen: argparse.Namespace) -> None:
     print(
         f"{len(model.codes)} {model.category}" + (f"; next to empty, so left out of the mean: {lost}" if lost else "")
     )
+
+
+def evaluate(chosen: argparse.Namespace) -> None:
+    """``evaluate``: the paper's table on a test set."""
+    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.seed)
+    model = load_model(chosen.model)
+    category, places = find_objects(chosen.datasets)
+    if category and model.category not in ("", category):
+        raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
+    if chosen.report:
+        _require_folder(chosen.report)
+    places = _spread(places, chosen.objects)
+    scores = []
+    with tqdm(total=len(places), unit="object", disable=None) as bar:
+        for score in scored(model, (place.read() for place in places), protocol):
+            scores.append(score)
+            bar.set_postfix_str(f"{sum(one.psnr for one in scores) / len(scores):.2f} dB")
+            bar.update()
+    print(told(scores, protocol), flush=True)
+    if chosen.report:
+        about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
+        write_report(chosen.report, scores, protocol, about)
+
+
+def _spread(places: tuple[ObjectPlace, ...], count: int | None) -> tuple[ObjectPlace, ...]:
+    """So many of them, evenly spread."""
+    if count is None or count >= len(places):
+        return places
+    return tuple(places[index * len(places) // count] for index in range(count))
 
 
 def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:

@@ -62,6 +62,43 @@ class Dataset:
     """px, at image_size"""
 
 
+@dataclass(frozen=True)
+class ObjectPlace:
+    """An object of a dataset that has not been read yet: a test set need not fit into memory."""
+
+    folder: Path
+    shape_id: str
+    texture_id: str
+
+    @property
+    def name(self) -> str:
+        """As :class:`ObjectViews` has it."""
+        return self.folder.name
+
+    def read(self) -> ObjectViews:
+        """Its pictures. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
+        return _read_object(self.folder, (self.shape_id, self.texture_id))
+
+
+def find_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectPlace, ...]]:
+    """The category ('' where no manifest says) and the objects of dataset folders, in order of folder, then of name.
+
+    Raises ``ValueError`` naming the folder where there are none, or where categories or names clash.
+    """
+    categories, places = set[str](), list[ObjectPlace]()
+    for folder in map(Path, folders):
+        category, found = _find(folder)
+        categories |= {category} - {""}
+        places += found
+    if len(categories) > 1:
+        raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
+    names = [place.name for place in places]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice:
+        raise ValueError(f"{twice}: two folders hold an object of this name")
+    return "".join(categories), tuple(places)
+
+
 def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
     """Reads one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
 
@@ -114,15 +151,23 @@ def write_manifest(folder: Path | str, category: str, identities: Mapping[str, t
 
 def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
     """The category and the objects of one dataset folder."""
+    category, places = _find(folder)
+    # Decoding a PNG releases the interpreter lock, so threads are enough.
+    with ThreadPoolExecutor() as pool:
+        return category, list(pool.map(ObjectPlace.read, places))
+
+
+def _find(folder: Path) -> tuple[str, list[ObjectPlace]]:
+    """The category and the places of one dataset folder. Without a manifest, an object shares neither shape nor
+    texture (the paper's setting).
+    """
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such dataset folder")
     category, identities = _read_manifest(folder / "manifest.json")
     places = sorted(place for place in folder.iterdir() if place.is_dir() and not place.name.startswith("."))
     if not places:
         raise ValueError(f"{folder}: no object folders in it")
-    # Decoding a PNG releases the interpreter lock, so threads are enough.
-    with ThreadPoolExecutor() as pool:
-        return category, list(pool.map(lambda place: _read_object(place, identities.get(place.name)), places))
+    return category, [ObjectPlace(place, *identities.get(place.name, (place.name, place.name))) for place in places]
 
 
 def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
@@ -138,8 +183,8 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
         raise ValueError(f"{path}: not a manifest ({error!r})") from error
 
 
-def _read_object(place: Path, identity: tuple[str, str] | None) -> ObjectViews:
-    """One object's folder. Without an identity it shares neither shape nor texture (the paper's setting)."""
+def _read_object(place: Path, identity: tuple[str, str]) -> ObjectViews:
+    """One object's folder."""
     pictures = sorted((place / "rgb").glob("*.png"))
     if not pictures:
         raise ValueError(f"{place / 'rgb'}: no pictures (*.png)")
@@ -155,8 +200,7 @@ def _read_object(place: Path, identity: tuple[str, str] | None) -> ObjectViews:
             raise ValueError(f"{picture}: its size is not the {width}x{height} of the object's other pictures")
     scaled = focal * height / made_for
     cameras = tuple(_read_pose(poses[stem], scaled, width, height) for stem in stems)
-    shape_id, texture_id = identity or (place.name, place.name)
-    return ObjectViews(place.name, shape_id, texture_id, np.stack(images), np.stack(masks), cameras)
+    return ObjectViews(place.name, *identity, np.stack(images), np.stack(masks), cameras)
 
 
 def _read_intrinsics(path: Path) -> tuple[float, int]:

@@ -9,10 +9,11 @@ import pytest
 from PIL import Image
 
 from core.__main__ import main
-from core.dataset import read_dataset
+from core.dataset import read_dataset, write_manifest, write_object
 from core.library import load_model
 from core.model import Model
 from core.scene import Scene
+from tests.core.test_evaluate import views_of
 from tests.core.tiny import tiny_model
 
 
@@ -90,6 +91,23 @@ def test_convert_writes_a_model_file(shared: Path, tmp_path: Path, capsys: pytes
     assert len(load_model(str(tmp_path / "c.safetensors")).codes) == 500
 
 
+def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    tiny = tiny_model()
+    tiny.save(tmp_path / "m.safetensors")
+    for index in range(3):
+        write_object(tmp_path / "d", views_of(tiny, index, 3))
+    words = ("evaluate", tmp_path / "d", "--model", tmp_path / "m.safetensors", "--inputs", "0,1", "--objects", 1)
+    run(*words, "--report", tmp_path / "r.json")
+    assert "2-view (0, 1), camera known" in capsys.readouterr().out
+    told = json.loads((tmp_path / "r.json").read_text())
+    assert [one["name"] for one in told["objects"]] == ["stool0"]
+    assert told["summary"]["psnr"][0] > 20
+    assert (tmp_path / "r.png").exists()
+    assert "stool0: 3 views" in refused(capsys, *words[:4], "--inputs", "7")
+    write_manifest(tmp_path / "d", "boats", {})
+    assert "boats" in refused(capsys, *words)
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -105,6 +123,9 @@ def test_convert_writes_a_model_file(shared: Path, tmp_path: Path, capsys: pytes
         (("mesh", "--out", "{tmp}/a.stl", "--model", "{file}"), "glb"),
         (("convert", "{file}", "--out", "{tmp}/a.safetensors"), "hpam.json"),
         (("convert", "{file}", "--config", "{file}", "--out", "{tmp}/a.pth"), "safetensors"),
+        (("evaluate", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
+        (("evaluate", "{tmp}", "--model", "{file}", "--inputs", "64,,1"), "--inputs"),
+        (("evaluate", "{tmp}", "--model", "{file}", "--inputs", "3,3"), "different views"),
         (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),

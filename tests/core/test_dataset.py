@@ -13,7 +13,7 @@ import torch
 from PIL import Image
 
 from core.camera import Camera
-from core.dataset import ObjectViews, read_dataset, write_manifest, write_object
+from core.dataset import ObjectViews, find_objects, read_dataset, write_manifest, write_object
 
 SIZE = 16
 
@@ -52,6 +52,25 @@ def test_a_manifest_says_what_is_shared(tmp_path: Path) -> None:
         ("shape-1", "oak"),
         ("shape-1", "red"),
     ]
+
+
+def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
+    write_manifest(tmp_path / "one", "chairs", {"a": ("shape-1", "oak")})
+    write_object(tmp_path / "one", views("a"))
+    write_object(tmp_path / "two", views("b"))
+    (tmp_path / "two/b/rgb/000000.png").write_text("broken")
+    category, (a, b) = find_objects([tmp_path / "one", tmp_path / "two"])
+    assert category == "chairs"
+    assert (a.name, a.shape_id, a.texture_id) == ("a", "shape-1", "oak")
+    assert (b.name, b.shape_id, b.texture_id) == ("b", "b", "b")
+    assert np.array_equal(a.read().images, read_dataset(tmp_path / "one").objects[0].images)
+    with pytest.raises(ValueError, match=r"000000\.png"):
+        b.read()
+    with pytest.raises(ValueError, match="two folders hold"):
+        find_objects([tmp_path / "one", tmp_path / "one"])
+    write_manifest(tmp_path / "two", "cars", {})
+    with pytest.raises(ValueError, match="cars, chairs"):
+        find_objects([tmp_path / "one", tmp_path / "two"])
 
 
 def test_without_a_manifest_nothing_is_shared(tmp_path: Path) -> None:
