@@ -43,13 +43,13 @@ Colour = Float[np.ndarray, "3"]
 
 _COMMON = {
     "white": (("f1f1ee", "e9e8e2", "f2efe6"), 0.16),
-    "silver": (("b9bcbf", "c8cacb", "a9adb1"), 0.14),
-    "grey": (("6d7175", "51555a", "85898c", "3c4044"), 0.13),
-    "black": (("1b1c1f", "212227", "282523"), 0.11),
-    "blue": (("1f3f7a", "2b5ea8", "16264a", "4a7fb5", "7fa3c0"), 0.14),
+    "silver": (("b9bcbf", "c8cacb", "a9adb1"), 0.16),
+    "grey": (("6d7175", "51555a", "85898c", "4a4e52"), 0.13),
+    "black": (("1b1c1f", "212227", "282523"), 0.08),
+    "blue": (("1f3f7a", "2b5ea8", "1d3261", "4a7fb5", "7fa3c0"), 0.14),
     "red": (("a3161c", "c4201f", "741519", "8f2a22"), 0.13),
-    "earth": (("6b4f38", "a88f6a", "c9b893", "4a3a30"), 0.05),
-    "green": (("1f4a34", "2f6b4a", "5a6b45", "8fa88a"), 0.05),
+    "earth": (("6b4f38", "a88f6a", "c9b893", "5a4638"), 0.05),
+    "green": (("2a5c42", "2f6b4a", "5a6b45", "8fa88a"), 0.05),
 }
 _VIVID = 0.09
 """Share of cars in a vivid colour of any hue: yellow cabs, orange, lime, turquoise."""
