@@ -10,7 +10,7 @@ from jaxtyping import Float32, UInt8
 
 from core.camera import Camera
 from core.codes import Codes
-from core.march import march
+from core.march import keeps, march
 from core.model import Model
 from core.render import Rendered, exact_rays, render_rays
 
@@ -72,16 +72,27 @@ def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
     """Coarse to fine: a Frame after every stage, None after every chunk between, so that a newer job waits for one
     chunk at the most. To stop, ask for no more.
     """
-    began, settings = time.perf_counter(), job.settings
+    began = time.perf_counter()
     draw = _exactly if model.painted_ground else march
-    for stage, divisor in enumerate(settings.stages):
-        width, height = (max(1, size // divisor) for size in (job.camera.width, job.camera.height))
-        samples = settings.samples if stage == len(settings.stages) - 1 else max(1, settings.samples // 2)
-        seen = yield from draw(model, job.codes, job.camera.resized(width, height), samples)
+    plan = _plan(job)
+    kept = [stage for stage, (camera, samples) in enumerate(plan) if keeps(model, job.codes, camera, samples)]
+    # A new texture is put at once on the finest picture whose shape is known.
+    for stage in range(max(kept, default=0), len(plan)):
+        seen = yield from draw(model, job.codes, *plan[stage])
         image = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
         depth, opacity = seen.depth.cpu().numpy(), seen.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
-        yield Frame(image, depth, opacity, stage, len(settings.stages), samples, seconds)
+        yield Frame(image, depth, opacity, stage, len(plan), plan[stage][1], seconds)
+
+
+def _plan(job: RenderJob) -> list[tuple[Camera, int]]:
+    """The camera and the number of samples of every stage."""
+    settings, plan = job.settings, []
+    for stage, divisor in enumerate(settings.stages):
+        width, height = (max(1, size // divisor) for size in (job.camera.width, job.camera.height))
+        samples = settings.samples if stage == len(settings.stages) - 1 else max(1, settings.samples // 2)
+        plan.append((job.camera.resized(width, height), samples))
+    return plan
 
 
 def picture(model: Model, codes: Codes, camera: Camera) -> Frame:

@@ -1,11 +1,17 @@
-"""The fast renderer: only occupied cells are evaluated, front to back, and only what is seen is coloured."""
+"""The fast renderer: only occupied cells are evaluated, front to back, and only what is seen is coloured.
 
-from collections.abc import Generator
-from dataclasses import replace
+It works in two passes, as the field does. What a shape shows from a camera (:class:`Visible`) does not depend on the
+texture and is kept: a new texture is a second pass over what is kept. A new view keeps the occupied cells.
+"""
+
+from collections import OrderedDict
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.camera import Camera
@@ -15,16 +21,17 @@ from core.model import Model
 from core.occupancy import Occupancy
 from core.rays import Rays, camera_rays
 from core.render import Rendered
-from core.sampling import points_at
 
-_CHUNK_RAYS = 2048
-"""Rays marched at a time, about 16k evaluations: what a newer job waits for."""
+_CHUNK_RAYS = 4096
+"""Rays marched at a time, about 32k evaluations: what a newer job waits for."""
+_VIEWS = 6
+"""Views of which it is kept what they show: as many as a picture has stages."""
 _ROUND = 6
 """Occupied intervals of a ray that are evaluated before it is looked at whether its light is spent."""
 _SPENT = 6.2
 """Optical thickness behind which nothing is seen: 0.2 % of the light is left."""
-_UNSEEN = 0.1
-"""An interval that weighs less than this share of an even weight is not coloured; the others make up for it."""
+_UNSEEN = 0.002
+"""An interval that gives less than this share of a ray's light is not coloured; the others make up for it."""
 
 
 def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator[None, None, Rendered]:
@@ -35,19 +42,78 @@ def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator
             the last occupied cell behind its pixel.
     """
     with torch.inference_mode():
-        folded, occupancy = Folded(model, codes), _occupancy(model, tuple(codes.shape.tolist()))
-        first, last = occupancy.span(camera)
-        hit = (first < last).to(model.device)
-        rays = camera_rays(camera, model.extent_tensor)[hit]
+        folded = Folded(model, codes)
+    kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples))
+    parts = []
+    for chunk in kept.chunks:
+        with torch.inference_mode():
+            parts.append(_coloured(folded, chunk))
+        yield None
+    return _picture(kept, parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """What some rays see of a shape: their depth and opacity, and the intervals that are worth a colour."""
+
+    directions: Float[Tensor, "rays 3"]
+    depth: Float[Tensor, "rays"]
+    opacity: Float[Tensor, "rays"]
+    ray: Int[Tensor, "seen"]
+    share: Float[Tensor, "seen"]
+    """of its ray's light"""
+    y: Float[Tensor, "seen width"]
+    """activations from which the texture part goes on"""
+
+
+@dataclass(frozen=True, eq=False)
+class Visible:
+    """What a shape shows from a camera, whatever its texture."""
+
+    hit: Bool[Tensor, "height width"]
+    """pixels with occupied cells behind them"""
+    chunks: list[Chunk]
+
+
+class View(NamedTuple):
+    """What a :class:`Visible` depends on."""
+
+    model: Model
+    shape: tuple[float, ...]
+    camera: Camera
+    samples: int
+
+
+_kept: OrderedDict[View, Visible] = OrderedDict()
+
+
+def keeps(model: Model, codes: Codes, camera: Camera, samples: int) -> bool:
+    """Whether :func:`march` has only colours to find, as it has drawn this shape from this camera lately."""
+    return View(model, tuple(codes.shape.tolist()), camera, samples) in _kept
+
+
+def _visible(folded: Folded, view: View) -> Generator[None, None, Visible]:
+    """What is seen, kept for the last few views: the stages of one picture."""
+    if view in _kept:
+        _kept.move_to_end(view)
+        return _kept[view]
+    with torch.inference_mode():
+        occupancy = _occupancy(view.model, view.shape)
+        first, last = occupancy.span(view.camera)
+        hit = (first < last).to(occupancy.extent.device)
+        rays = camera_rays(view.camera, occupancy.extent)[hit]
         near, far = torch.maximum(rays.near, first[hit]), torch.minimum(rays.far, last[hit])
         rays = replace(rays, near=near, far=torch.maximum(near, far))
-        step = 2 * max(model.extent) / samples
-    parts = []
+        step = 2 * float(occupancy.extent.max()) / view.samples
+    chunks = []
     for start in range(0, len(rays.near), _CHUNK_RAYS):
         with torch.inference_mode():
-            parts.append(_chunk(folded, occupancy, rays[start : start + _CHUNK_RAYS], step))
+            chunks.append(_chunk(folded, occupancy, rays[start : start + _CHUNK_RAYS], step))
         yield None
-    return _picture(hit, parts)
+    _kept[view] = Visible(hit, chunks)
+    while len(_kept) > _VIEWS:
+        _kept.popitem(last=False)
+    return _kept[view]
 
 
 @lru_cache(maxsize=8)
@@ -57,64 +123,63 @@ def _occupancy(model: Model, shape: tuple[float, ...]) -> Occupancy:
     return Occupancy(model, Folded(model, codes))
 
 
-def _chunk(folded: Folded, occupancy: Occupancy, rays: Rays, step: float) -> Rendered:
+def _chunk(folded: Folded, occupancy: Occupancy, rays: Rays, step: float) -> Chunk:
     """Some rays, to the end."""
-    count = int(((rays.far - rays.near).amax() / step).ceil().clamp_min(1))
-    places = rays.near[:, None] + (torch.arange(count, device=rays.near.device) + 0.5) * step
-    points = points_at(rays, places)
-    waiting = occupancy.holds(points) & (places < rays.far[:, None])
-    thickness, found = _thickness(folded, points, waiting, step)
+    crossed = occupancy.crossed(rays, step)
+    ray, interval = crossed.nonzero(as_tuple=True)
+    counts = crossed.sum(-1)
+    rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts)[ray]
+    places = rays.near[ray] + (interval + 0.5) * step
+    points = rays.origins[ray] + rays.directions[ray] * places[:, None]
+    thickness = torch.zeros(len(counts), int(counts.amax()), device=ray.device)
+    asked, found = [], []
+    for index in _rounds(ray, rank, thickness):
+        density, y = folded.density(folded.first(points[index]))
+        thickness[ray[index], rank[index]] = density * step
+        asked.append(index)
+        found.append(y)
     passed = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
     light = torch.exp(-passed)
-    shares, left = light[:, :-1] * -torch.expm1(-thickness), light[:, -1]
-    opacity = 1 - left
-    colour = _coloured(folded, rays, shares, found) * opacity[:, None] + left[:, None]
-    depth = (shares * places).sum(-1) / opacity.clamp_min(1e-6)
-    return Rendered(colour, depth * (opacity > 0), opacity)
+    shares, opacity = light[:, :-1] * -torch.expm1(-thickness), 1 - light[:, -1]
+    order, y = torch.cat(asked), torch.cat(found)
+    share = shares[ray[order], rank[order]]
+    depth = torch.zeros_like(opacity).index_add_(0, ray[order], share * places[order]) / opacity.clamp_min(1e-6)
+    seen = share > _UNSEEN
+    return Chunk(rays.directions, depth * (opacity > 0), opacity, ray[order[seen]], share[seen], y[seen])
 
 
-def _thickness(
-    folded: Folded, points: Float[Tensor, "rays samples 3"], waiting: Bool[Tensor, "rays samples"], step: float
-) -> tuple[Float[Tensor, "rays samples"], list[tuple[Tensor, Tensor, Tensor]]]:
-    """Optical thickness of the waiting intervals, round by round until a ray's light is spent.
+def _rounds(
+    ray: Int[Tensor, "crossed"], rank: Int[Tensor, "crossed"], thickness: Float[Tensor, "rays ranks"]
+) -> Iterator[Int[Tensor, "some"]]:
+    """Which of the intervals to evaluate next, ``_ROUND`` of a ray at a time; ``thickness`` is filled in between.
 
-    With it, per round: the rays and the intervals evaluated, and their activations.
+    Args:
+        ray, rank: of every interval: which ray it lies on, and how many of that ray lie before it.
     """
-    rank = waiting.cumsum(-1)
-    thickness, found = torch.zeros(waiting.shape, device=waiting.device), []
-    longest = int(rank[:, -1].amax()) if waiting.numel() else 0
-    for done in range(0, longest, _ROUND):
+    turn = rank // _ROUND
+    for now in range(-(-thickness.shape[1] // _ROUND)):
         alive = thickness.sum(-1) < _SPENT
-        now = waiting & (rank > done) & (rank <= done + _ROUND) & alive[:, None]
-        ray, sample = now.nonzero(as_tuple=True)
-        density, y = folded.density(folded.first(points[ray, sample]))
-        thickness[ray, sample] = density * step
-        found.append((ray, sample, y))
-    return thickness, found
+        yield ((turn == now) & alive[ray]).nonzero()[:, 0]
 
 
-def _coloured(
-    folded: Folded, rays: Rays, shares: Float[Tensor, "rays samples"], found: list[tuple[Tensor, Tensor, Tensor]]
-) -> Float[Tensor, "rays 3"]:
-    """The mean colour of what each ray sees of the object."""
-    total, mixed = torch.zeros_like(rays.near), torch.zeros_like(rays.origins)
-    direction_bias = folded.direction_bias(rays.directions)
-    for ray, sample, y in found:
-        share = shares[ray, sample]
-        seen = share > _UNSEEN / shares.shape[-1]
-        ray, share = ray[seen], share[seen]
-        mixed.index_add_(0, ray, share[:, None] * folded.colour(y[seen], direction_bias[ray]))
-        total.index_add_(0, ray, share)
+def _coloured(folded: Folded, chunk: Chunk) -> Float[Tensor, "rays 3"]:
+    """The colours of a chunk's rays, on white."""
+    direction_bias = folded.direction_bias(chunk.directions)
+    seen = folded.colour(chunk.y, direction_bias[chunk.ray]) * chunk.share[:, None]
+    mixed = torch.zeros_like(chunk.directions).index_add_(0, chunk.ray, seen)
+    total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.share)[:, None]
     # Where nothing weighed enough to be coloured, what little there is counts as white.
-    return torch.where(total[:, None] > 0, mixed / total[:, None].clamp_min(1e-9), 1.0)
+    mean = torch.where(total > 0, mixed / total.clamp_min(1e-9), 1.0)
+    return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
-def _picture(hit: Bool[Tensor, "height width"], parts: list[Rendered]) -> Rendered:
+def _picture(visible: Visible, colours: list[Tensor]) -> Rendered:
     """The marched rays among the white ground."""
+    hit = visible.hit
     colour = torch.ones(*hit.shape, 3, device=hit.device)
     depth, opacity = torch.zeros(hit.shape, device=hit.device), torch.zeros(hit.shape, device=hit.device)
-    if parts:
-        colour[hit] = torch.cat([part.colour for part in parts])
-        depth[hit] = torch.cat([part.depth for part in parts])
-        opacity[hit] = torch.cat([part.opacity for part in parts])
+    if colours:
+        colour[hit] = torch.cat(colours)
+        depth[hit] = torch.cat([chunk.depth for chunk in visible.chunks])
+        opacity[hit] = torch.cat([chunk.opacity for chunk in visible.chunks])
     return Rendered(colour, depth, opacity)

@@ -10,15 +10,21 @@ from functools import lru_cache
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+from torch.nn import functional
 
 from core.camera import Camera, position, rotation
 from core.folded import Folded
 from core.model import Model
+from core.rays import Rays
 
 CELLS = 64
 """Cells along each axis of the box."""
 _EMPTY = 0.001
 """A corner whose cell would take less of the light than this is empty."""
+_NEGLIGIBLE = 0.003
+"""Optical thickness in front of an interval, taken at its most, below which what lies there is not looked at."""
+_COARSE = 2
+"""Cells along each axis that are joined where only the outline counts."""
 _BLOCK = 16384
 
 
@@ -30,26 +36,47 @@ class Occupancy:
         self.cell = 2 * self.extent / CELLS
         with torch.inference_mode():
             found = torch.cat([folded.density(part)[0] for part in _corner_activations(model, folded.dtype)])
-        solid = found * float(self.cell.amin()) > _EMPTY
-        corners = solid.reshape(1, 1, CELLS + 1, CELLS + 1, CELLS + 1)
-        self.cells: Bool[Tensor, "cells cells cells"] = _any_corner(corners[0, 0])
+        corners = found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+        most = _most_of_corners(corners)
+        self.cells: Bool[Tensor, "cells cells cells"] = most * float(self.cell.amin()) > _EMPTY
         self._flat = self.cells.flatten()
+        self._most = (most * self.cells).flatten()
+        self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE)[0] > 0
 
     def holds(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
         """Whether each point of the box lies in an occupied cell."""
         cells = ((points + self.extent) / self.cell).long().clamp_(0, CELLS - 1)
         return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
 
+    def crossed(self, rays: Rays, step: float) -> Bool[Tensor, "rays intervals"]:
+        """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object.
+
+        Their middle lies in an occupied cell, and up to there the densest corners of the cells crossed would take
+        light worth mentioning: faint fringes around an object cost nothing. As many as the longest ray has.
+        """
+        count = int(((rays.far - rays.near).amax() / step).ceil().clamp_min(1))
+        along = torch.arange(count, device=rays.near.device) + 0.5
+        pace = rays.directions * step / self.cell
+        first = (rays.origins + rays.directions * rays.near[:, None] + self.extent) / self.cell
+        index = torch.zeros(len(first), count, dtype=torch.int32, device=first.device)
+        for axis in range(3):
+            place = torch.addcmul(first[:, axis, None], pace[:, axis, None], along)
+            index.mul_(CELLS).add_(place.clamp_(0, CELLS - 1).int())
+        most = self._most.index_select(0, index.flatten()).view(index.shape)
+        most = most * (along * step < (rays.far - rays.near)[:, None])
+        return (most > 0) & (most.cumsum(-1) * step > _NEGLIGIBLE)
+
     def span(self, camera: Camera) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
         """Between which distances from the camera the occupied cells behind every pixel lie; near > far: none does.
 
-        Cells are thrown on a raster whose pixels are at least as large as half a cell looks, each on the 3x3 pixels
-        around its centre: never too little, at most a cell too much.
+        Cells, joined to larger ones, are thrown on a raster whose pixels are at least as large as half a cell looks,
+        each on the 3x3 pixels around its centre: never too little, at most a cell too much.
         """
-        centres = (self.cells.nonzero() + 0.5) * self.cell - self.extent
+        cell = self.cell * _COARSE
+        centres = (self._coarse.nonzero() + 0.5) * cell - self.extent
         angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=centres.device)
         local = (centres - position(*angles)) @ rotation(angles[0], angles[1]).T
-        reach = float(self.cell.norm()) / 2
+        reach = float(cell.norm()) / 2
         depth = local.norm(dim=-1)
         before = -local[:, 2]
         looks = reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
@@ -79,10 +106,10 @@ def _around(column: Tensor, row: Tensor, depth: Tensor, across: int, down: int) 
     return torch.cat(tiles), torch.cat(depths)
 
 
-def _any_corner(corners: Bool[Tensor, "corners corners corners"]) -> Bool[Tensor, "cells cells cells"]:
+def _most_of_corners(corners: Float[Tensor, "corners corners corners"]) -> Float[Tensor, "cells cells cells"]:
     for axis in range(3):
         length = corners.shape[axis]
-        corners = corners.narrow(axis, 0, length - 1) | corners.narrow(axis, 1, length - 1)
+        corners = torch.maximum(corners.narrow(axis, 0, length - 1), corners.narrow(axis, 1, length - 1))
     return corners
 
 

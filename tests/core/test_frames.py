@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from core.codes import Codes
 from core.frames import RenderJob, RenderSettings, frames
 from core.model import Model
 from core.render import render_exact
@@ -15,6 +16,17 @@ def test_frames_come_coarse_to_fine(model: Model):
     assert [frame.samples for frame in shown] == [96, 96, 96, 192]
     times = [frame.seconds for frame in shown]
     assert times == sorted(times)
+
+
+def test_a_new_texture_is_drawn_at_once_at_full_size():
+    model = random_model()
+    a, b = model.codes[0], model.codes[1]
+    camera = model.camera(0.3, 0.2)
+    assert [frame.stage for frame in frames(model, RenderJob(a, camera)) if frame] == [0, 1, 2, 3]
+    (only,) = [frame for frame in frames(model, RenderJob(Codes(a.shape, b.texture), camera)) if frame]
+    assert only.final
+    assert only.resolution == (32, 32)
+    assert [frame.stage for frame in frames(model, RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
 
 
 def test_a_stream_that_is_left_does_no_more_work(model: Model):

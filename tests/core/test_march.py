@@ -80,6 +80,7 @@ def test_marching_draws_what_the_reference_draws(index: int):
 def test_chunks_do_not_show(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
     whole = marched(MODEL, MODEL.codes[0], camera)
+    marching._kept.clear()
     monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
     pieces = marched(MODEL, MODEL.codes[0], camera)
     assert psnr(pieces.colour, whole.colour) > 50
@@ -93,6 +94,34 @@ def test_a_new_texture_or_view_keeps_the_occupancy():
     assert marching._occupancy.cache_info().misses == 1
     marched(MODEL, b, MODEL.camera(0.9, 0.1), 8)
     assert marching._occupancy.cache_info().misses == 2
+
+
+def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
+    camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
+    both = Codes(a.shape, b.texture)
+    marching._kept.clear()
+    full = marched(MODEL, both, camera)
+    marching._kept.clear()
+    marched(MODEL, a, camera)
+    assert marching.keeps(MODEL, both, camera, 96)
+    assert not marching.keeps(MODEL, b, camera, 96)
+    assert not marching.keeps(MODEL, both, MODEL.camera(0.31, 0.2), 96)
+    recoloured = marched(MODEL, both, camera)
+    torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
+    assert not torch.equal(recoloured.colour, marched(MODEL, a, camera).colour)
+
+
+def test_a_texture_moves_no_silhouette():
+    camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
+    first, second = (marched(MODEL, Codes(a.shape, texture), camera) for texture in (a.texture, b.texture))
+    assert torch.equal(first.opacity, second.opacity)
+    assert torch.equal(first.depth, second.depth)
+
+
+def test_views_are_kept_for_a_while_only():
+    for turn in range(10):
+        marched(MODEL, MODEL.codes[0], MODEL.camera(0.1 * turn, 0.1).resized(8, 8), 8)
+    assert len(marching._kept) <= marching._VIEWS
 
 
 def test_an_object_out_of_sight_is_white():
