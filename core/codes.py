@@ -45,13 +45,15 @@ class CodeSpace:
     @classmethod
     def of(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
         """PCA of the rows; the sign of each direction is fixed by its largest component."""
-        mean = codes.mean(0)
-        _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)
-        spread = singular / max(1, len(codes) - 1) ** 0.5
-        kept = spread > 1e-6 * spread.max().clamp_min(1e-12)
-        directions, spread = directions[kept], spread[kept]
-        largest = directions.gather(1, directions.abs().argmax(1, keepdim=True))
-        return cls(mean, directions * largest.sign(), spread)
+        # Kept for good, so no tensor of inference: whoever asks first may be drawing, and a fit needs gradients.
+        with torch.inference_mode(False), torch.no_grad():
+            mean = codes.mean(0)
+            _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)
+            spread = singular / max(1, len(codes) - 1) ** 0.5
+            kept = spread > 1e-6 * spread.max().clamp_min(1e-12)
+            directions, spread = directions[kept], spread[kept]
+            largest = directions.gather(1, directions.abs().argmax(1, keepdim=True))
+            return cls(mean, directions * largest.sign(), spread)
 
     def coordinates(self, code: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch rank"]:
         """A code in standard deviations along the principal directions."""

@@ -85,3 +85,12 @@ def test_broken_objects_stay_but_count_for_nothing():
     torch.testing.assert_close(book.mean.texture, textures[[0, 2, 3]].mean(0))
     with pytest.raises(ValueError, match="broken objects"):
         CodeBook(shapes, textures, entries, frozenset({5}))
+
+
+def test_a_cloud_first_asked_for_while_drawing_serves_a_fit_too():
+    book = CodeBook(cloud(), cloud(1), ())
+    with torch.inference_mode():
+        _ = book.mean
+    coordinates = torch.zeros(3, requires_grad=True)
+    book.shape_space.code(coordinates).sum().backward()
+    assert coordinates.grad is not None
