@@ -145,6 +145,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command = _command(commands, "evaluate", "evaluate", "the paper's protocol: fit a view, draw the others, compare")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
     command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    command.add_argument("--swap", action="store_true", help="instead: codes of two objects for untrained pairs, leaks")
     command.add_argument("--inputs", type=_views, default=(64,), metavar="V,V", help="the views that are fitted")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
     command.add_argument("--objects", type=_count, metavar="N", help="only so many, spread over the dataset")

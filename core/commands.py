@@ -8,6 +8,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
+from typing import TypeVar
 
 from PIL import Image
 from tqdm import tqdm
@@ -20,7 +21,7 @@ from core.data.procedural import procedural_plan, render_procedural
 from core.data.variants import cells
 from core.data.views import SPIRAL_VIEWS
 from core.dataset import ObjectPlace, find_objects, read_dataset
-from core.evaluate import Protocol
+from core.evaluate import ObjectScore, Protocol
 from core.evaluate import evaluate as scored
 from core.field import FieldConfig
 from core.fit import FitJob, FitStep, fit
@@ -30,13 +31,16 @@ from core.mesh import export_mesh
 from core.model import Model
 from core.photos import load_photo
 from core.render import render_exact
-from core.report import told, write_report
+from core.report import swap_told, told, write_report, write_swap_report
 from core.scene import Scene
+from core.swap import CellScore, swap, table
 from core.train import Trainer, TrainSettings, held_out_psnr, hold_out
 from core.video import turntable
 
 _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
+_Score = TypeVar("_Score", ObjectScore, CellScore)
+_Thing = TypeVar("_Thing")
 _VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
 
 
@@ -147,7 +151,7 @@ def convert(chosen: argparse.Namespace) -> None:
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
-    """``evaluate``: the paper's table on a test set."""
+    """``evaluate``: the paper's table on a test set, or with ``--swap`` how well shape and texture are told apart."""
     protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.seed)
     model = load_model(chosen.model)
     category, places = find_objects(chosen.datasets)
@@ -155,24 +159,45 @@ def evaluate(chosen: argparse.Namespace) -> None:
         raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
     if chosen.report:
         _require_folder(chosen.report)
+    about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
+    if chosen.swap:
+        _evaluate_swap(chosen, model, places, about)
+        return
     places = _spread(places, chosen.objects)
-    scores = []
-    with tqdm(total=len(places), unit="object", disable=None) as bar:
-        for score in scored(model, (place.read() for place in places), protocol):
-            scores.append(score)
-            bar.set_postfix_str(f"{sum(one.psnr for one in scores) / len(scores):.2f} dB")
-            bar.update()
+    scores = _collected(scored(model, (place.read() for place in places), protocol), len(places))
     print(told(scores, protocol), flush=True)
     if chosen.report:
-        about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
         write_report(chosen.report, scores, protocol, about)
 
 
-def _spread(places: tuple[ObjectPlace, ...], count: int | None) -> tuple[ObjectPlace, ...]:
+def _evaluate_swap(
+    chosen: argparse.Namespace, model: Model, places: tuple[ObjectPlace, ...], about: dict[str, str]
+) -> None:
+    cells = table(model, places)
+    kinds = ([cell for cell in cells if cell.trained == trained] for trained in (False, True))
+    some = [cell for kind in kinds for cell in _spread(tuple(kind), chosen.objects)]
+    scores = _collected(swap(model, some, chosen.seed), len(some))
+    print(swap_told(scores), flush=True)
+    if chosen.report:
+        write_swap_report(chosen.report, scores, about)
+
+
+def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
+    """All scores of a stream, under a bar that shows their mean."""
+    found = []
+    with tqdm(total=total, unit="object", disable=None) as bar:
+        for score in scores:
+            found.append(score)
+            bar.set_postfix_str(f"{sum(one.psnr for one in found) / len(found):.2f} dB")
+            bar.update()
+    return found
+
+
+def _spread(things: tuple[_Thing, ...], count: int | None) -> tuple[_Thing, ...]:
     """So many of them, evenly spread."""
-    if count is None or count >= len(places):
-        return places
-    return tuple(places[index * len(places) // count] for index in range(count))
+    if count is None or count >= len(things):
+        return things
+    return tuple(things[index * len(things) // count] for index in range(count))
 
 
 def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from PIL import Image, ImageDraw
 
 from core.evaluate import Mean, ObjectScore, PoseSummary, Protocol, Summary, summarised
+from core.swap import CellScore, swap_summary
 
 _ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)
 """degrees"""
@@ -17,6 +18,8 @@ _TRANSLATION_BINS = (0, 1, 2, 3, 5, 10, 20, 50, 100, 200)
 """per cent of the distance"""
 _PSNR_BINS = tuple(range(10, 42, 2))
 """dB"""
+_SHEET = 24
+"""cells on the sheet of a swap, at the most"""
 _FOUND, _FIRST = "#2f6fb0", "#8cc084"
 
 
@@ -71,6 +74,39 @@ def chart(scores: Sequence[ObjectScore]) -> Image.Image:
     for index, panel in enumerate(panels):
         _draw_panel(image, index * width, (width, height), panel)
     return image
+
+
+def swap_told(scores: Sequence[CellScore]) -> str:
+    """Held-out cells beside trained ones, what a texture edit changes, and what codes give away."""
+    found = swap_summary(scores)
+    rows = (
+        ("held-out cells, codes of two objects", found.swapped, found.swapped_ssim, found.swapped_cells),
+        ("trained cells, their own codes", found.direct, found.direct_ssim, found.direct_cells),
+    )
+    lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'cells':>9}"]
+    lines += [f"{name:38}{_interval(a, 2):>22}{_interval(b, 3):>24}{count:>9}" for name, a, b, count in rows]
+    lines.append(f"\nanother texture changes the silhouette by at most {found.opacity_change:.2g} of full opacity")
+    lines.append(f"and the ground by at most {found.ground_change:.2g} of full colour")
+    lines.append(f"\n{'read from fitted codes':38}{'right (%)':>22}{'chance (%)':>24}{'cells':>9}")
+    for name, probe in found.probes.items():
+        cells = (_interval(probe.accuracy, 0, 100), f"{100 * probe.chance:.1f}", probe.cells) if probe else ("-",) * 3
+        lines.append(f"{name:38}{cells[0]:>22}{cells[1]:>24}{cells[2]:>9}")
+    return "\n".join(lines)
+
+
+def write_swap_report(path: Path, scores: Sequence[CellScore], about: dict[str, str]) -> None:
+    """The numbers as JSON, per cell too, and beside it, as PNG, true and drawn views of the cells, held-out first."""
+    cells = [
+        {"name": score.cell.place.name, "trained": score.cell.trained, "psnr": score.psnr, "ssim": score.ssim}
+        for score in scores
+    ]
+    write_json(path, about | {"summary": asdict(swap_summary(scores)), "cells": cells})
+    first = sorted(scores, key=lambda score: score.cell.trained)[:_SHEET]
+    height, width = first[0].pictures.shape[:2]
+    sheet = Image.new("RGB", (width * min(4, len(first)), height * math.ceil(len(first) / 4)), "white")
+    for index, score in enumerate(first):
+        sheet.paste(Image.fromarray(score.pictures), (index % 4 * width, index // 4 * height))
+    sheet.save(path.with_suffix(".png"))
 
 
 def _row(name: str, summary: Summary) -> str:
