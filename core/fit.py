@@ -17,7 +17,19 @@ from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes
-from core.hypotheses import Numbers, Pool, Rates, advanced, cameras, codes, joined, judged, twin_of, twins
+from core.hypotheses import (
+    Numbers,
+    Pool,
+    Rates,
+    advanced,
+    cameras,
+    codes,
+    joined,
+    judged,
+    spread_out,
+    twin_of,
+    twins,
+)
 from core.metrics import psnr_of
 from core.model import Model
 from core.photos import Photo
@@ -109,6 +121,8 @@ _RATES = {"angles": 0.03, "distance": 0.012, "shift": 0.003, "shape": 0.08, "tex
 """Adam's, in the beginning; rad, logarithm, focal lengths, standard deviations"""
 _RATE_LEFT = 0.04
 """of them at the end"""
+_LIKENESS = 0.6
+"""How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
 _SIZES = 0.25
 """How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
 
@@ -127,7 +141,7 @@ class _Stage(NamedTuple):
 
 
 def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
-    """Successive halving over two fifths of the steps, then the best and its twin, then the best alone."""
+    """Successive halving over two fifths of the steps, then the best few with a twin, then the best alone."""
     whole = 10_000
     if not racing:
         return (_Stage(1, settings.steps, settings.rays, settings.samples, whole, True),)
@@ -140,7 +154,7 @@ def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
         plan.append(_Stage(count, steps, rays, max(2, settings.samples * 3 // 4), rank))
         rank *= 2
     left = max(2, settings.steps - steps * len(counts))
-    plan.append(_Stage(min(2, settings.starts), left // 2, settings.rays, settings.samples, rank))
+    plan.append(_Stage(min(3, settings.starts), left // 2, settings.rays, settings.samples, rank))
     plan.append(_Stage(1, left - left // 2, settings.rays, settings.samples, whole, True))
     return tuple(plan)
 
@@ -199,9 +213,11 @@ class _Race:
         return parts
 
     def entered(self) -> Pool:
-        """The hypotheses at the start line: the mean object from the cameras of the bank."""
+        """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
         count, views = self.plan[0].hypotheses, len(self.given)
         angles, distance = torch.zeros(count, views, 2), torch.zeros(count, views)
+        ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
+        alike, texture = (torch.zeros(count, rank) for rank in ranks)
         for view, (photo, camera) in enumerate(zip(self.photos, self.given, strict=True)):
             angles[:, view] = torch.tensor([camera.azimuth, camera.elevation])
             distance[:, view] = math.log(camera.distance / self.model.distance)
@@ -212,9 +228,9 @@ class _Race:
                 away = (starts.distance / self.model.distance).log()
                 # Objects differ in size too: only what that does not explain is put down to the distance.
                 distance[:, view] = away - away.clamp(-_SIZES, _SIZES)
-        ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
-        shape, texture = (torch.zeros(count, rank) for rank in ranks)
-        return Pool.of(Numbers(angles, distance, torch.zeros_like(angles), shape, texture))
+                space = self.model.codes.shape_space
+                alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
+        return Pool.of(Numbers(angles, distance, torch.zeros_like(angles), _LIKENESS * alike, texture))
 
     def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
         """Hypotheses of all pictures, from those of the single ones: the cheapest combinations."""
@@ -249,19 +265,14 @@ class _Race:
                 yield best[1] if stage.last and step == stage.steps else pool
 
     def cut(self, pool: Pool, stage: _Stage) -> Pool:
-        """The best go on; so does the twin of the leader, and where it is lost, it is set up again."""
+        """The best go on, one from each basin first; the leader's twin is set up again where it is lost."""
         if len(pool) <= stage.hypotheses:
             return pool
-        leader, order = pool.leader, pool.cost.argsort()
-        order = order[pool.cost[order].isfinite()]
-        kept = order[: stage.hypotheses]
+        leader, kept = pool.leader, spread_out(pool, self.unknown)[: stage.hypotheses]
         behind = twins(pool, leader, self.unknown)
-        if stage.hypotheses < 2 or bool(behind[kept].any()):
+        if stage.hypotheses < 3 or bool(behind[kept].any()):
             return pool[kept]
-        rest = kept[: stage.hypotheses - 1]
-        if bool(behind[order].any()):
-            return pool[torch.cat((rest, order[behind[order]][:1]))]
-        return joined(pool[rest], twin_of(pool, leader, self.unknown)) if stage.hypotheses > 2 else pool[kept]
+        return joined(pool[kept[:-1]], twin_of(pool, leader, self.unknown))
 
     def stepped(self, pool: Pool, stage: _Stage, progress: float) -> Pool:
         """One step for all hypotheses."""

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from core.camera import Camera
+from core.camera import Camera, rotation
 from core.codes import Codes
 from core.model import Model
 from core.precision import autocast
@@ -23,6 +23,8 @@ _DISTANCE_SPREAD = 0.05
 """How far the logarithm of the distance strays from that of the training pictures before it costs much."""
 _DISTANCE_PRIOR = 2e-3
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
+_BASIN = math.radians(25)
+"""Cameras that differ by less mostly end at the same place."""
 _STEEPEST = math.radians(89.9)
 _DECAYS = (0.9, 0.98)
 """Adam's, short as the fit is"""
@@ -204,6 +206,22 @@ def twins(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, 
     """Which hypotheses see some unknown picture from roughly behind where this one does (azimuth + 180 degrees)."""
     turn = pool.numbers.angles[:, views, 0] - pool.numbers.angles[index, views, 0]
     return (turn.cos() < -0.6).any(-1)
+
+
+def spread_out(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
+    """Hypotheses in order of cost, the best of each basin before all that stand close to a better one.
+
+    Those that have diverged are left out.
+    """
+    turns = rotation(*pool.numbers.angles[:, views].unbind(-1))
+    cosines = (torch.einsum("avij,bvij->abv", turns, turns) - 1) / 2
+    close = (cosines > math.cos(_BASIN)).all(-1)
+    order = pool.cost.argsort()
+    order = order[pool.cost[order].isfinite()]
+    first, beside = list[int](), list[int]()
+    for index in order.tolist():
+        (beside if first and bool(close[index, first].any()) else first).append(index)
+    return torch.tensor(first + beside)
 
 
 def twin_of(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Pool:

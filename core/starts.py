@@ -7,7 +7,7 @@ the picture; the ratio of the two sizes then says from how far.
 
 import math
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -61,19 +61,29 @@ class Starts(NamedTuple):
     azimuth: Float[Tensor, "starts"]
     elevation: Float[Tensor, "starts"]
     distance: Float[Tensor, "starts"]
+    prototype: Int[Tensor, "starts"]
+    """the object of the bank that looks most like the picture from there"""
 
 
 _banks: OrderedDict[str, Bank] = OrderedDict()
 
 
 def bank_of(model: Model) -> Bank:
-    """The model's bank, made once (about a second) and kept in memory for the last few models."""
+    """The model's bank, made once (seconds) and kept in memory for the last few models."""
+    for _ in preparing(model):
+        pass
+    return _banks[model.fingerprint]
+
+
+def preparing(model: Model) -> Iterator[None]:
+    """Makes the model's bank, where it is not there yet, an object at a time, so that nobody waits for it later."""
     key = model.fingerprint
-    if key not in _banks:
-        _banks[key] = _made(model)
-        while len(_banks) > 4:
-            _banks.popitem(last=False)
-    return _banks[key]
+    if key in _banks:
+        return
+    made = yield from _making(model)
+    _banks[key] = made
+    while len(_banks) > 4:
+        _banks.popitem(last=False)
 
 
 def ranked(
@@ -102,7 +112,7 @@ def ranked(
     chosen = _spread(bank, best, count)
     distance = model.distance * bank.sizes[prototype[chosen], chosen] / size
     limited = distance.clamp(0.5 * model.distance, 2 * model.distance)
-    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited)
+    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, prototype[chosen])
 
 
 class Apparent(NamedTuple):
@@ -162,7 +172,7 @@ def _spread_out(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
     return functional.max_pool3d(cells.float()[None], 3, 1, 1)[0] > 0.5
 
 
-def _made(model: Model) -> Bank:
+def _making(model: Model) -> Generator[None, None, Bank]:
     elevation, azimuth = torch.meshgrid(
         torch.tensor(ELEVATIONS).deg2rad(), torch.arange(AZIMUTHS) * (2 * math.pi / AZIMUTHS), indexing="ij"
     )
@@ -173,6 +183,7 @@ def _made(model: Model) -> Bank:
         if len(points) >= 20:
             kept.append(codes)
             views.append(_thrown(points, colours, azimuth, elevation, model.distance))
+        yield None
     if not kept:
         raise ValueError("the model shows no objects: all of its prototypes are empty")
     codes = Codes(torch.stack([one.shape for one in kept]), torch.stack([one.texture for one in kept]))
