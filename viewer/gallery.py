@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -32,12 +33,14 @@ class Thing:
 
 
 class Gallery:
-    """Objects by name. Their pictures are drawn on the worker, a few at a time, once."""
+    """Objects by name. Their pictures are drawn on the worker, once, when they are first asked for."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._things: dict[str, Thing] = {}
-        self.pictures: dict[str, Frame] = {}
+        self._pictures: dict[str, Frame] = {}
+        self._asked: set[str] = set()
+        self._waiting: deque[str] = deque()
 
     def __getitem__(self, name: str) -> Thing:
         return self._things[name]
@@ -50,7 +53,8 @@ class Gallery:
 
     def open(self, model: Model) -> None:
         """Hold the objects of a model but its broken ones, and nothing else."""
-        self._things, self.pictures = {}, {}
+        self._session.worker.cancel("thumbnails")
+        self._things, self._pictures, self._asked, self._waiting = {}, {}, set(), deque()
         for index in model.codes.sound:
             self._keep(Thing(model.codes.objects[index].name, model.codes[index]))
         if not self._things:
@@ -58,16 +62,20 @@ class Gallery:
 
     def add(self, thing: Thing) -> str:
         """Take in a fitted object; its name, which is made unique."""
-        name = self._keep(thing)
-        self.draw_missing()
-        return name
+        return self._keep(thing)
 
-    def draw_missing(self) -> None:
-        """Ask for the pictures that are not there yet."""
+    def picture(self, name: str) -> Frame | None:
+        """An object's picture; None until it is drawn."""
+        if name not in self._asked:
+            self._asked.add(name)
+            self._waiting.append(name)
+            self._draw_waiting()
+        return self._pictures.get(name)
+
+    def _draw_waiting(self) -> None:
         model = self._session.model
-        missing = [self._things[name] for name in self.names if name not in self.pictures]
-        if model and missing:
-            job = Job("thumbnails", lambda: self._draw(model, missing), self._drawn, self._failed, share=0.2)
+        if model and self._waiting and not self._session.worker.busy("thumbnails"):
+            job = Job("thumbnails", lambda: self._draw(model), self._drawn, self._ended, share=0.2)
             self._session.worker.submit(job)
 
     def _keep(self, thing: Thing) -> str:
@@ -78,15 +86,17 @@ class Gallery:
         self._things[name] = replace(thing, name=name)
         return name
 
-    def _draw(self, model: Model, things: list[Thing]) -> Iterator[tuple[str, Frame] | None]:
-        camera = orbit.home(model).resized(_SIZE, _SIZE)
-        for thing in things:
-            for frame in self._session.streams.frames(model, RenderJob(thing.codes, camera, _SETTINGS)):
-                yield (thing.name, frame) if frame else None
+    def _draw(self, model: Model) -> Iterator[tuple[str, Frame] | None]:
+        camera, waiting = orbit.home(model).resized(_SIZE, _SIZE), self._waiting
+        while waiting:
+            name = waiting.popleft()
+            for frame in self._session.streams.frames(model, RenderJob(self._things[name].codes, camera, _SETTINGS)):
+                yield (name, frame) if frame else None
 
     def _drawn(self, drawn: tuple[str, Frame]) -> None:
-        self.pictures[drawn[0]] = drawn[1]
+        self._pictures[drawn[0]] = drawn[1]
 
-    def _failed(self, error: Exception | None) -> None:
+    def _ended(self, error: Exception | None) -> None:
         if error:
             self._session.report("Cannot draw the thumbnails", error)
+        self._draw_waiting()

@@ -17,6 +17,7 @@ from core.library import load_model
 from core.model import Model
 from core.photos import Photo, load_photo
 from core.scene import Scene
+from core.starts import preparing
 from viewer import orbit
 from viewer.exporting import Exporting, turntable
 from viewer.fitting import Fitting
@@ -27,6 +28,8 @@ from viewer.quality import Speed
 from viewer.worker import Job, Worker
 
 Part = Literal["shape", "texture"]
+_BESIDE = 0.2
+"""Share of the worker for what will be wanted soon."""
 PARTS: tuple[Part, Part] = ("shape", "texture")
 
 
@@ -38,6 +41,7 @@ class Streams:
     load_photo: Callable[[Path, Model], Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
+    preparing: Callable[[Model], Iterator[None]] = preparing
     turntable: Callable[..., Iterator[int]] = turntable
 
 
@@ -121,7 +125,7 @@ class Session:
         scene = Scene(model.fingerprint, self.gallery[first].codes, orbit.home(model))
         self.history = History(State(scene, Mix(first, second)))
         self.render()
-        self.gallery.draw_missing()
+        self.worker.submit(Job("bank", lambda: self.streams.preparing(model), lambda _: None, share=_BESIDE))
         waiting, self.when_ready = self.when_ready, lambda: None
         waiting()
 

@@ -20,8 +20,18 @@ def test_a_model_opens_with_its_first_object_drawn(session: Session, model: Mode
     assert session.scene.camera == orbit.home(model)
     assert session.frame is not None
     assert session.frame.final
-    assert len(session.gallery.pictures) == len(model.codes)
     assert session.messages == []
+
+
+def test_thumbnails_are_drawn_when_they_are_asked_for(session: Session, model: Model) -> None:
+    names = session.gallery.names
+    assert len(names) == len(model.codes)
+    assert [session.gallery.picture(name) for name in names[:2]] == [None, None]
+    finish(session)
+    assert all(session.gallery.picture(name) for name in names[:2])
+    assert session.gallery.picture(names[2]) is None
+    finish(session)
+    assert session.gallery.picture(names[2])
 
 
 def test_no_edit_before_there_is_a_model_does_harm(worker: Worker, streams: Streams, tmp_path: Path) -> None:
@@ -127,7 +137,9 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Mo
     assert session.scene.camera.width == model.image_size
     assert session.gallery.names[0] == "block"
     assert session.state.mix.a == "block"
-    assert "block" in session.gallery.pictures
+    session.gallery.picture("block")
+    finish(session)
+    assert session.gallery.picture("block")
     assert session.fitting.photo is not None
     assert session.fitting.picture is not None
     assert len(session.fitting.steps) == 10

@@ -100,7 +100,7 @@ def _face(desk: Desk, name: str, letter: str, colour: Colour, side: float) -> No
 
 def _paint(desk: Desk, name: str, corner: ImVec2, side: float) -> None:
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
-    picture = desk.session.gallery.pictures.get(name)
+    picture = desk.session.gallery.picture(name)
     if picture is None or desk.images is None:
         draw.add_rect_filled(corner, opposite, packed(desk.palette.raised), _rounding())
         return
