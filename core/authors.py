@@ -45,7 +45,7 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
         state = torch.load(path, map_location="cpu", weights_only=True)
         settings = json.loads(settings_path.read_text())
         sizes = settings["net_hyperparams"]
-        config = FieldConfig(
+        network = FieldConfig(
             width=sizes["W"],
             shape_blocks=sizes["shape_blocks"],
             texture_blocks=sizes["texture_blocks"],
@@ -56,7 +56,7 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
             density_scale=1.0,
             bounded_colour=False,
         )
-        field = Field(config)
+        field = Field(network)
         field.load_state_dict(_renamed(state["model_params"]))
         shapes, textures = state["shape_code_params"]["weight"], state["texture_code_params"]["weight"]
         middle = (settings["near"] + settings["far"]) / 2

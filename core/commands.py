@@ -153,6 +153,8 @@ def convert(chosen: argparse.Namespace) -> None:
 def evaluate(chosen: argparse.Namespace) -> None:
     """``evaluate``: the paper's table on a test set, or with ``--swap`` how well shape and texture are told apart."""
     protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.seed)
+    if chosen.swap and protocol != Protocol(seed=chosen.seed):
+        raise ValueError("--swap draws all cells with their true cameras: it goes with no --inputs and no --pose")
     model = load_model(chosen.model)
     category, places = find_objects(chosen.datasets)
     if category and model.category not in ("", category):
