@@ -92,6 +92,17 @@ def keeps(model: Model, codes: Codes, camera: Camera, samples: int) -> bool:
     return View(model, tuple(codes.shape.tolist()), camera, samples) in _kept
 
 
+def forget_views() -> None:
+    """Keep nothing of any view: the next pictures cost what a new view costs."""
+    _kept.clear()
+
+
+def forget() -> None:
+    """Keep nothing of any shape: the next pictures cost what a new shape costs."""
+    forget_views()
+    _occupancy.cache_clear()
+
+
 def _visible(folded: Folded, view: View) -> Generator[None, None, Visible]:
     """What is seen, kept for the last few views: the stages of one picture."""
     if view in _kept:

@@ -80,14 +80,14 @@ def test_marching_draws_what_the_reference_draws(index: int):
 def test_chunks_do_not_show(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
     whole = marched(MODEL, MODEL.codes[0], camera)
-    marching._kept.clear()
+    marching.forget_views()
     monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
     pieces = marched(MODEL, MODEL.codes[0], camera)
     assert psnr(pieces.colour, whole.colour) > 50
 
 
 def test_a_new_texture_or_view_keeps_the_occupancy():
-    marching._occupancy.cache_clear()
+    marching.forget()
     a, b = MODEL.codes[0], MODEL.codes[1]
     marched(MODEL, a, MODEL.camera(0.1, 0.1), 8)
     marched(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
@@ -99,9 +99,9 @@ def test_a_new_texture_or_view_keeps_the_occupancy():
 def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
     camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
     both = Codes(a.shape, b.texture)
-    marching._kept.clear()
+    marching.forget_views()
     full = marched(MODEL, both, camera)
-    marching._kept.clear()
+    marching.forget_views()
     marched(MODEL, a, camera)
     assert marching.keeps(MODEL, both, camera, 96)
     assert not marching.keeps(MODEL, b, camera, 96)
