@@ -46,7 +46,7 @@ class FitSettings:
     steps: int = 160
     rays: int = 384
     """per picture and step for the last hypotheses; the many in the beginning share them out"""
-    samples: int = 32
+    samples: int = 64
     """along a ray"""
     prior: float = 1e-4
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
@@ -144,7 +144,7 @@ def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
     """Successive halving over two fifths of the steps, then the best few with a twin, then the best alone."""
     whole = 10_000
     if not racing:
-        return (_Stage(1, settings.steps, settings.rays, settings.samples, whole, True),)
+        return (_Stage(1, settings.steps, settings.rays, settings.samples, whole, last=True),)
     counts = [settings.starts]
     while counts[-1] > 4:
         counts.append(counts[-1] // 2)
@@ -155,7 +155,7 @@ def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
         rank *= 2
     left = max(2, settings.steps - steps * len(counts))
     plan.append(_Stage(min(3, settings.starts), left // 2, settings.rays, settings.samples, rank))
-    plan.append(_Stage(1, left - left // 2, settings.rays, settings.samples, whole, True))
+    plan.append(_Stage(1, left - left // 2, settings.rays, settings.samples, whole, last=True))
     return tuple(plan)
 
 

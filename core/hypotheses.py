@@ -14,7 +14,7 @@ from core.codes import Codes
 from core.model import Model
 from core.precision import autocast
 from core.rays import Rays, cast
-from core.render import render_rays
+from core.sparse import render_seen
 from core.targets import Drawn
 
 _SILHOUETTE = 0.1
@@ -116,16 +116,20 @@ def judged(
     shape = model.field.shape_bias(model.codes.shape_space.code(numbers.shape.to(device)))
     texture = model.field.texture_bias(model.codes.texture_space.code(numbers.texture.to(device)))
     with autocast(device):
-        seen = render_rays(model, rays, samples, shape[:, None, None, None], texture[:, None, None, None])
-    error = (seen.colour.cpu() - drawn.colours).square().mean(-1)
+        colour, opacity = render_seen(model, rays, samples, _kept(samples), shape, texture)
+    error = (colour.cpu() - drawn.colours).square().mean(-1)
     objective = error.mean((1, 2))
     if not model.painted_ground:
-        wrong = (seen.opacity.cpu() - drawn.opaque).square() * drawn.sure
+        wrong = (opacity.cpu() - drawn.opaque).square() * drawn.sure
         objective = objective + _SILHOUETTE * wrong.mean((1, 2))
     unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
     strayed = (numbers.distance / _DISTANCE_SPREAD).square().log1p().mean(-1)
     squared = (error * drawn.shares).sum((1, 2)) / error.shape[1]
     return Judged(objective + prior * unlikely + _DISTANCE_PRIOR * strayed, squared.detach())
+
+
+def _kept(samples: int) -> int:
+    return max(2, samples // 6)
 
 
 def _spans(model: Model, rays: Rays, samples: int, jitter: Tensor | None) -> Rays:

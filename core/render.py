@@ -29,18 +29,27 @@ class Rendered:
     """0..1, one less the light left over"""
 
 
+def intervals(
+    model: Model, rays: Rays, samples: int
+) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch samples_and_one"]]:
+    """Where a ray is asked, and the edges of the intervals that each answer stands for; scene units along the ray.
+
+    Where the network paints the ground they are the authors': samples at both ends, the last interval without end.
+    """
+    if model.painted_ground:
+        depths = uniform_edges(rays, samples - 1)
+        return depths, torch.cat((depths, depths[..., -1:] + 1e10), -1)
+    edges = uniform_edges(rays, samples)
+    return midpoints(edges), edges
+
+
 def render_rays(model: Model, rays: Rays, samples: int, shape_bias: Tensor, texture_bias: Tensor) -> Rendered:
     """Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:
         shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
     """
-    if model.painted_ground:
-        depths = uniform_edges(rays, samples - 1)
-        edges = torch.cat((depths, depths[..., -1:] + 1e10), -1)
-    else:
-        edges = uniform_edges(rays, samples)
-        depths = midpoints(edges)
+    depths, edges = intervals(model, rays, samples)
     density, features = model.field.density(points_at(rays, depths), shape_bias)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
     colours = model.field.colour(features, direction_bias, texture_bias)

@@ -194,7 +194,8 @@ def _making(model: Model) -> Generator[None, None, Bank]:
 def _prototypes(model: Model) -> list[Codes]:
     """The mean object, and objects spread over the shapes: the ones nearest to the centres of k-means."""
     book = model.codes
-    coordinates = book.shape_space.coordinates(book.shapes[[entry.shape for entry in book.objects]])
+    sound = book.sound
+    coordinates = book.shape_space.coordinates(book.shapes[[book.objects[index].shape for index in sound]])
     coordinates = coordinates * book.shape_space.spread
     count = min(PROTOTYPES - 1, len(coordinates))
     generator = torch.Generator(coordinates.device).manual_seed(0)
@@ -205,7 +206,7 @@ def _prototypes(model: Model) -> list[Codes]:
             [coordinates[nearest == i].mean(0) if (nearest == i).any() else centres[i] for i in range(count)]
         )
     medoids = torch.cdist(centres, coordinates).argmin(1).unique()
-    return [book.mean] + [book[int(index)] for index in medoids]
+    return [book.mean] + [book[sound[index]] for index in medoids.tolist()]
 
 
 def _thrown(

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import NoReturn
 
 import hypothesis
 import pytest
@@ -29,6 +30,14 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no shared data at {folder} (set CODENERF_SHARED)")
     return folder
+
+
+def no_opengl(error: Exception) -> NoReturn:
+    """Ends a test that cannot draw: skipped, or failed where CI says that drawing should be possible."""
+    said = f"no OpenGL to draw with: {error}"
+    if os.environ.get("CI", "").lower() == "true":
+        pytest.fail(said)
+    pytest.skip(said)
 
 
 def random_model(seed: int = 0, painted_ground: bool = False) -> Model:

@@ -142,25 +142,11 @@ def test_wrong_input_is_said_in_one_line(words, says, file, tmp_path, capsys):
     assert says in refused(capsys, *filled)
 
 
-def test_dataset_train_and_render_from_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+@pytest.mark.usefixtures("rasteriser")
+def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     """Objects of the generator become a dataset, the dataset a model, the model a picture; and training resumes."""
-    try:
-        run(
-            "dataset",
-            "procedural",
-            "--category",
-            "chairs",
-            "--count",
-            2,
-            "--views",
-            6,
-            "--size",
-            24,
-            "--out",
-            tmp_path / "d",
-        )
-    except SystemExit:
-        pytest.skip(capsys.readouterr().err)
+    words = ("dataset", "procedural", "--category", "chairs", "--count", 2, "--views", 6, "--size", 24)
+    run(*words, "--out", tmp_path / "d")
     assert len(read_dataset(tmp_path / "d").objects) == 2
     out = tmp_path / "m.safetensors"
     words = ("train", tmp_path / "d", "--out", out, "--width", 16, "--latent", 4, 4)

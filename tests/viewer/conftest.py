@@ -1,6 +1,5 @@
 """Sessions and windows to test; a tiny model."""
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.model import Model
-from tests.conftest import random_model
+from tests.conftest import no_opengl, random_model
 from tests.viewer.window_driver import Driver, finish, quick_fit, quick_frames, quick_photo
 from viewer import window
 from viewer.app import App
@@ -88,9 +87,7 @@ def opengl() -> None:
     try:
         window.prepare(headless=True)
     except window.NoDisplayError as error:
-        if os.environ.get("CI", "").lower() == "true":
-            pytest.fail(f"window tests need OpenGL here: {error}")
-        pytest.skip(f"no OpenGL to draw a window with: {error}")
+        no_opengl(error)
 
 
 @pytest.fixture

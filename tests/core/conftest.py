@@ -1,10 +1,11 @@
-"""Drawing needs OpenGL through EGL (Mesa's software one will do); without it these tests say so and step aside."""
+"""Drawing needs OpenGL through EGL (Mesa's software one will do)."""
 
 from collections.abc import Iterator
 
 import pytest
 
 from core.data.rasterise import Rasteriser
+from tests.conftest import no_opengl
 
 
 @pytest.fixture(scope="module")
@@ -13,6 +14,6 @@ def rasteriser() -> Iterator[Rasteriser]:
     try:
         made = Rasteriser(64)
     except RuntimeError as error:
-        pytest.skip(str(error))
+        no_opengl(error)
     with made:
         yield made

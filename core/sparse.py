@@ -1,0 +1,61 @@
+"""Eq. 3 for fitting: only the samples that are seen are differentiated.
+
+Most of a ray passes through nothing or behind a surface. A first look without gradients finds where its light goes;
+the few samples that give nearly all of it are then asked again, with gradients.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.composite import weights
+from core.model import Model
+from core.rays import Rays
+from core.render import intervals
+from core.sampling import points_at
+
+_CHUNK_POINTS = 8192
+"""Points looked at in one go: few enough that activations stay in cache."""
+
+
+def render_seen(
+    model: Model,
+    rays: Rays,
+    samples: int,
+    kept: int,
+    shape_bias: Float[Tensor, "objects blocks width"],
+    texture_bias: Float[Tensor, "objects more_blocks width"],
+) -> tuple[Float[Tensor, "objects views rays 3"], Float[Tensor, "objects views rays"]]:
+    """Colour and opacity of rays, shaped (objects, views, rays), every object with its own codes.
+
+    Differentiable in rays and biases through ``kept`` samples a ray on average: those of the largest weights among
+    all samples of an object. The others keep their density, and their colour is taken to be that of the rest of
+    their ray. With ``kept`` = ``samples`` it is :func:`core.render.render_rays`.
+    """
+    depths, edges = intervals(model, rays, samples)
+    points = points_at(rays, depths)
+    with torch.no_grad():
+        looked = _density(model, points, shape_bias)
+        count = kept * depths[0, ..., 0].numel()
+        seen = weights(looked, edges)[0].flatten(1).topk(count, sorted=False).indices
+    ray, objects = seen // samples, torch.arange(len(points), device=seen.device)[:, None]
+    density, features = model.field.density(points.flatten(1, 3)[objects, seen], shape_bias[:, None])
+    direction_bias = model.field.direction_bias(rays.directions).flatten(1, 2)[objects, ray]
+    colours = model.field.colour(features, direction_bias, texture_bias[:, None])
+    shares, left = weights(looked.flatten(1).scatter(1, seen, density).reshape(looked.shape), edges)
+    share = shares.flatten(1).gather(1, seen)[..., None]
+    light = torch.zeros(len(points), left[0].numel(), 4, device=seen.device)
+    light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((share * colours, share), -1))
+    light, opacity = light.reshape(*left.shape, 4), 1 - left
+    return light[..., :3] * (opacity / light[..., 3].clamp_min(1e-6))[..., None] + left[..., None], opacity
+
+
+def _density(
+    model: Model, points: Float[Tensor, "objects views rays samples 3"], shape_bias: Tensor
+) -> Float[Tensor, "objects views rays samples"]:
+    parts = [
+        model.field.density(part, bias)[0]
+        for one, bias in zip(points.flatten(1, 3), shape_bias, strict=True)
+        for part in one.split(_CHUNK_POINTS)
+    ]
+    return torch.cat(parts).reshape(points.shape[:-1])
