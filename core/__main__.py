@@ -43,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
     _add_train(commands)
     _add_convert(commands)
     _add_evaluate(commands)
+    _add_bench(commands)
     return top
 
 
@@ -151,6 +152,16 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--objects", type=_count, metavar="N", help="only so many, spread over the dataset")
     command.add_argument("--report", type=Path, metavar="R.json", help="numbers; a chart is put beside them as PNG")
     command.add_argument("--seed", type=int, default=0)
+
+
+def _add_bench(commands: argparse._SubParsersAction) -> None:
+    kinds = commands.add_parser("bench", help="measure on this machine and draw the charts").add_subparsers(
+        required=True, metavar="KIND"
+    )
+    rendering = _command(kinds, "render", "bench_render", "milliseconds a frame against PSNR, part by part")
+    rendering.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another side")
+    rendering.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
 
 
 def _views(text: str) -> tuple[int, ...]:

@@ -14,6 +14,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from core.authors import load_authors
+from core.bench import charts, rendering
 from core.camera import Camera
 from core.codes import Codes
 from core.data.meshes import mesh_plan, render_meshes
@@ -170,6 +171,19 @@ def evaluate(chosen: argparse.Namespace) -> None:
     print(told(scores, protocol), flush=True)
     if chosen.report:
         write_report(chosen.report, scores, protocol, about)
+
+
+def bench_render(chosen: argparse.Namespace) -> None:
+    """``bench render``: speed and accuracy of the renderer, as numbers, table and chart."""
+    model = load_model(chosen.model)
+    with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
+        for found in rendering.measured(model, chosen.views):
+            if isinstance(found, rendering.Measured):
+                charts.write_rendering(found, chosen.out)
+                bar.clear()
+                print(charts.rendering_table(found), flush=True)
+            else:
+                bar.set_description_str(found)
 
 
 def _evaluate_swap(

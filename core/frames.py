@@ -1,7 +1,7 @@
 """The progressive stream of pictures that a viewer shows: coarse at once, fine when the hand rests."""
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,10 +12,6 @@ from core.camera import Camera
 from core.codes import Codes
 from core.march import keeps, march
 from core.model import Model
-from core.render import Rendered, exact_rays, render_rays
-
-_CHUNK_POINTS = 16384
-"""Points the reference evaluates at a time, at the most: what a newer job waits for."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +69,11 @@ def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
     chunk at the most. To stop, ask for no more.
     """
     began = time.perf_counter()
-    draw = _exactly if model.painted_ground else march
     plan = _plan(job)
     kept = [stage for stage, (camera, samples) in enumerate(plan) if keeps(model, job.codes, camera, samples)]
     # A new texture is put at once on the finest picture whose shape is known.
     for stage in range(max(kept, default=0), len(plan)):
-        seen = yield from draw(model, job.codes, *plan[stage])
+        seen = yield from march(model, job.codes, *plan[stage])
         image = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
         depth, opacity = seen.depth.cpu().numpy(), seen.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
@@ -100,16 +95,3 @@ def picture(model: Model, codes: Codes, camera: Camera) -> Frame:
     *_, last = frames(model, RenderJob(codes, camera, RenderSettings(stages=(1,))))
     assert last is not None
     return last
-
-
-def _exactly(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator[None, None, Rendered]:
-    """The reference, chunk by chunk."""
-    rays = exact_rays(model, camera)
-    shape_bias, texture_bias = model.field.shape_bias(codes.shape), model.field.texture_bias(codes.texture)
-    rows = max(1, _CHUNK_POINTS // (camera.width * samples))
-    parts = []
-    for row in range(0, camera.height, rows):
-        with torch.no_grad():
-            parts.append(render_rays(model, rays[row : row + rows], samples, shape_bias, texture_bias))
-        yield None
-    return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))

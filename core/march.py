@@ -30,8 +30,8 @@ _ROUND = 6
 """Occupied intervals of a ray that are evaluated before it is looked at whether its light is spent."""
 _SPENT = 6.2
 """Optical thickness behind which nothing is seen: 0.2 % of the light is left."""
-_UNSEEN = 0.002
-"""An interval that gives less than this share of a ray's light is not coloured; the others make up for it."""
+_UNSEEN = 0.001
+"""An interval that gives less than this of what the object gives to its ray is not coloured; the others make up."""
 
 
 def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator[None, None, Rendered]:
@@ -110,9 +110,9 @@ def _visible(folded: Folded, view: View) -> Generator[None, None, Visible]:
         return _kept[view]
     with torch.inference_mode():
         occupancy = _occupancy(view.model, view.shape)
-        first, last = occupancy.span(view.camera)
+        first, last = occupancy.span(view.camera, view.model.corner)
         hit = (first < last).to(occupancy.extent.device)
-        rays = camera_rays(view.camera, occupancy.extent)[hit]
+        rays = camera_rays(view.camera, occupancy.extent, view.model.corner)[hit]
         near, far = torch.maximum(rays.near, first[hit]), torch.minimum(rays.far, last[hit])
         rays = replace(rays, near=near, far=torch.maximum(near, far))
         step = 2 * float(occupancy.extent.max()) / view.samples
@@ -155,7 +155,7 @@ def _chunk(folded: Folded, occupancy: Occupancy, rays: Rays, step: float) -> Chu
     order, y = torch.cat(asked), torch.cat(found)
     share = shares[ray[order], rank[order]]
     depth = torch.zeros_like(opacity).index_add_(0, ray[order], share * places[order]) / opacity.clamp_min(1e-6)
-    seen = share > _UNSEEN
+    seen = share > _UNSEEN * opacity[ray[order]]
     return Chunk(rays.directions, depth * (opacity > 0), opacity, ray[order[seen]], share[seen], y[seen])
 
 
@@ -164,11 +164,13 @@ def _rounds(
 ) -> Iterator[Int[Tensor, "some"]]:
     """Which of the intervals to evaluate next, ``_ROUND`` of a ray at a time; ``thickness`` is filled in between.
 
+    At least once, even where no ray crosses any.
+
     Args:
         ray, rank: of every interval: which ray it lies on, and how many of that ray lie before it.
     """
     turn = rank // _ROUND
-    for now in range(-(-thickness.shape[1] // _ROUND)):
+    for now in range(max(1, -(-thickness.shape[1] // _ROUND))):
         alive = thickness.sum(-1) < _SPENT
         yield ((turn == now) & alive[ray]).nonzero()[:, 0]
 

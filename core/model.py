@@ -49,6 +49,11 @@ class Model:
         """``extent`` on the model's device."""
         return torch.tensor(self.extent, device=self.device)
 
+    @property
+    def corner(self) -> float:
+        """px, by how much its rays pass left of and above pixel centres: the authors' go through pixel corners."""
+        return 0.5 if self.painted_ground else 0.0
+
     @cached_property
     def fingerprint(self) -> str:
         """A hash of weights and codes, by which a scene recognises its model."""

@@ -66,11 +66,14 @@ class Occupancy:
         most = most * (along * step < (rays.far - rays.near)[:, None])
         return (most > 0) & (most.cumsum(-1) * step > _NEGLIGIBLE)
 
-    def span(self, camera: Camera) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
+    def span(
+        self, camera: Camera, corner: float = 0.0
+    ) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
         """Between which distances from the camera the occupied cells behind every pixel lie; near > far: none does.
 
         Cells, joined to larger ones, are thrown on a raster whose pixels are at least as large as half a cell looks,
-        each on the 3x3 pixels around its centre: never too little, at most a cell too much.
+        each on the 3x3 pixels around its centre: never too little, at most a cell too much. ``corner`` as in
+        :func:`core.rays.camera_rays`.
         """
         cell = self.cell * _COARSE
         centres = (self._coarse.nonzero() + 0.5) * cell - self.extent
@@ -82,8 +85,8 @@ class Occupancy:
         looks = reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
         tile = max(1.0, looks)
         across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
-        column = (camera.width / 2 + local[:, 0] / before * camera.focal) * (across / camera.width)
-        row = (camera.height / 2 - local[:, 1] / before * camera.focal) * (down / camera.height)
+        column = (camera.width / 2 + corner + local[:, 0] / before * camera.focal) * (across / camera.width)
+        row = (camera.height / 2 + corner - local[:, 1] / before * camera.focal) * (down / camera.height)
         shown = before > 1e-3
         tiles, depths = _around(column[shown].floor().long(), row[shown].floor().long(), depth[shown], across, down)
         near = torch.full((across * down,), torch.inf).scatter_reduce_(0, tiles, depths - reach, "amin")

@@ -63,10 +63,14 @@ def cast(
     return Rays(origins, directions, near, far)
 
 
-def camera_rays(camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
-    """The rays through all pixel centres of a camera, shaped (height, width), on ``extent``'s device."""
+def camera_rays(camera: Camera, extent: Float[Tensor, "3"], corner: float = 0.0) -> Rays:
+    """The rays through all pixel centres of a camera, shaped (height, width), on ``extent``'s device.
+
+    Args:
+        corner: px, by how much further to the left and up they pass.
+    """
     angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=extent.device)
-    pixels = pixel_centres(camera.width, camera.height, extent.device)
+    pixels = pixel_centres(camera.width, camera.height, extent.device) - corner
     size = (camera.width, camera.height)
     return cast(pixels, angles[0], angles[1], angles[2], camera.focal, size, extent)
 

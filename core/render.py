@@ -10,7 +10,7 @@ from core.camera import Camera
 from core.codes import Codes
 from core.composite import over_white, weights
 from core.model import Model
-from core.rays import Rays, camera_rays, cast, pixel_centres
+from core.rays import Rays, camera_rays
 from core.sampling import midpoints, points_at, uniform_edges
 
 _CHUNK_POINTS = 8192
@@ -67,10 +67,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
     """
     if not model.painted_ground:
         return camera_rays(camera, model.extent_tensor)
-    angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=model.device)
-    corners = pixel_centres(camera.width, camera.height, model.device) - 0.5
-    size = (camera.width, camera.height)
-    rays = cast(corners, angles[0], angles[1], angles[2], camera.focal, size, model.extent_tensor)
+    rays = camera_rays(camera, model.extent_tensor, model.corner)
     near = torch.full_like(rays.near, model.distance - 0.5)
     return replace(rays, near=near, far=near + 1.0)
 

@@ -55,9 +55,7 @@ class Target:
             raise ValueError("the picture shows no object: its mask is empty")
         height, width = mask.shape
         focal = photo.camera.focal if photo.camera is not None else model.focal * height / model.image_size
-        # Where the network paints the ground its pictures are the authors', whose rays pass pixel corners.
-        corner = 0.5 if model.painted_ground else 0.0
-        middle = torch.tensor([width / 2 + corner, height / 2 + corner])
+        middle = torch.tensor([width / 2 + model.corner, height / 2 + model.corner])
         places = (pixel_centres(width, height) - middle) / focal
         strata, fractions = _strata(mask)
         enclosed = ~mask & ~_joined_to_border(~mask)

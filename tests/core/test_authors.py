@@ -9,6 +9,7 @@ import torch
 from core.authors import load_authors
 from core.camera import Camera
 from core.codes import Codes
+from core.frames import picture
 from core.metrics import psnr
 from core.model import Model
 from core.render import render_exact
@@ -51,6 +52,13 @@ def test_the_converted_file_draws_the_authors_pictures(index: int, converted: Mo
     codes = Codes(converted.codes.shapes[shape], converted.codes.textures[texture])
     found = render_exact(converted, codes, camera, 64)
     assert psnr(found.colour, torch.tensor(expected[f"rgb_{index}"])) > 60
+
+
+def test_the_viewers_renderer_draws_them_too(converted: Model) -> None:
+    codes, camera = converted.codes[1], converted.camera(0.7, 0.4)
+    exact = render_exact(converted, codes, camera, 96).colour.clamp(0, 1)
+    fast = torch.from_numpy(picture(converted, codes, camera).image).float() / 255
+    assert psnr(fast, exact) > 45
 
 
 class Trap:

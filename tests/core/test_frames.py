@@ -1,10 +1,8 @@
-import numpy as np
 import pytest
 
 from core.codes import Codes
 from core.frames import RenderJob, RenderSettings, frames
 from core.model import Model
-from core.render import render_exact
 from tests.conftest import random_model
 
 
@@ -33,14 +31,6 @@ def test_a_stream_that_is_left_does_no_more_work(model: Model):
     stream = frames(model, RenderJob(model.codes[0], model.camera(0.3, 0.2)))
     next(stream)
     stream.close()
-
-
-def test_a_painted_ground_is_drawn_by_the_reference():
-    model = random_model(painted_ground=True)
-    job = RenderJob(model.codes[0], model.camera(0.3, 0.2), RenderSettings(24, (1,)))
-    *_, last = frames(model, job)
-    exact = render_exact(model, job.codes, job.camera, 24).colour.clamp(0, 1).numpy()
-    assert np.abs(last.image / 255 - exact).max() < 0.003
 
 
 @pytest.mark.parametrize("settings", [{"samples": 1}, {"stages": ()}, {"stages": (0,)}])

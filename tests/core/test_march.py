@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import torch
 from hypothesis import given, settings
@@ -11,7 +13,7 @@ from core.model import Model
 from core.occupancy import Occupancy
 from core.precision import linear_dtype
 from core.rays import camera_rays
-from core.render import Rendered, render_exact
+from core.render import Rendered, render_exact, render_rays
 from core.sampling import midpoints, points_at, uniform_edges
 from tests.conftest import random_model
 
@@ -129,3 +131,33 @@ def test_an_object_out_of_sight_is_white():
     nothing = MODEL.codes[0]
     far = marched(MODEL, nothing, camera.resized(3, 3), 8)
     assert bool(torch.isfinite(far.colour).all())
+
+
+def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel_corners():
+    painted = random_model(painted_ground=True)
+    codes, camera = painted.codes[0], painted.camera(0.4, 0.3)
+    plain = replace(painted, painted_ground=False)
+    rays = camera_rays(camera, plain.extent_tensor, 0.5)
+    biases = plain.field.shape_bias(codes.shape), plain.field.texture_bias(codes.texture)
+    exact = render_rays(plain, rays, 96, *biases)
+    seen = marched(painted, codes, camera)
+    assert psnr(seen.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
+    assert psnr(marched(plain, codes, camera).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
+
+
+def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):
+    """Behind the pixel lies an occupied cell, and yet the ray passes beside all of them."""
+    monkeypatch.setattr(Occupancy, "crossed", lambda self, rays, step: torch.zeros(len(rays.near), 0, dtype=torch.bool))
+    marching.forget_views()
+    seen = marched(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
+    assert bool((seen.colour == 1).all())
+    assert float(seen.opacity.max()) == 0
+    marching.forget_views()
+
+
+def test_finer_intervals_never_cost_quality():
+    """In a mist every interval gives a little only, and the finer they are the less: none of it may be lost."""
+    codes, camera = MODEL.codes[2], MODEL.camera(0.5, 0.3)
+    exact = render_exact(MODEL, codes, camera, 512).colour.clamp(0, 1)
+    found = [psnr(marched(MODEL, codes, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
+    assert found == sorted(found)

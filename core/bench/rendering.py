@@ -1,0 +1,239 @@
+"""Milliseconds against decibels: the fast renderer, the naive recipe, and the fast one without each of its parts.
+
+Everything is judged by the exact renderer with 256 samples a ray in float32. Times are the median of several rounds
+in which all settings take turns, so that what else the machine does falls on all alike: read them as ratios.
+"""
+
+import math
+import platform
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from statistics import median
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from core import folded, march, occupancy, precision
+from core.camera import Camera
+from core.codes import Codes
+from core.frames import RenderJob, RenderSettings, frames
+from core.metrics import psnr
+from core.model import Model
+from core.render import Rendered, render_exact
+
+REFERENCE_SAMPLES = 256
+NAIVE_SAMPLES = (8, 16, 32, 64, 96)
+FAST_SAMPLES = (32, 48, 64, 96, 128, 192, 256)
+SIZES = (64, 128, 256, 512)
+DRAG_SIZES = (128, 256)
+"""px"""
+_ROUNDS = 7
+_DRAGGED = 40
+"""frames of a drag"""
+
+
+@dataclass(frozen=True)
+class Point:
+    """One setting of one recipe."""
+
+    recipe: str
+    size: int
+    """px"""
+    samples: int
+    ms: float
+    """per frame, mean over the views of the medians over rounds"""
+    psnr: float
+    """dB, mean over the views"""
+    worst_view: float
+    """dB"""
+    worst_pixel: float
+    """largest difference of a channel, 0..1"""
+
+
+@dataclass(frozen=True)
+class Drag:
+    """How long frames take while something moves."""
+
+    what: str
+    size: int
+    p50: float
+    """ms"""
+    p95: float
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Everything that one run found."""
+
+    machine: str
+    views: int
+    naive: tuple[Point, ...]
+    fast: tuple[Point, ...]
+    sizes: tuple[Point, ...]
+    ablation: tuple[Point, ...]
+    drags: tuple[Drag, ...]
+
+    def told(self) -> dict:
+        """As plain values."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    codes: Codes
+    camera: Camera
+
+
+def measured(model: Model, views: int = 3) -> Iterator[str | Measured]:
+    """What is being measured now, and in the end all that was found."""
+    seen = _views(model, views)
+    yield "reference, 128 px"
+    truth = [_exact(model, view, REFERENCE_SAMPLES) for view in seen]
+    recipes = {("naive", samples): _naive(samples) for samples in NAIVE_SAMPLES}
+    recipes |= {("fast", samples): _fast(samples) for samples in FAST_SAMPLES}
+    yield "naive and fast, 128 px"
+    points = _points(model, seen, truth, recipes)
+    yield "without each part"
+    default = RenderSettings().samples
+    parts = {(name, default): _fast(default, _PARTS.get(name, ())) for name in ("nothing left out", *_PARTS)}
+    ablation = _points(model, seen, truth, parts)
+    sizes = []
+    for size in SIZES:
+        yield f"{size} px"
+        some = [_View(view.codes, view.camera.resized(size, size)) for view in seen[:1]]
+        exact = [_exact(model, view, REFERENCE_SAMPLES) for view in some]
+        sizes += _points(model, some, exact, {("fast", default): _fast(default)})
+    yield "drags"
+    drags = tuple(drag for size in DRAG_SIZES for drag in _drags(model, size))
+    naive, fast = ([point for point in points if point.recipe == name] for name in ("naive", "fast"))
+    yield Measured(_machine(), len(seen), tuple(naive), tuple(fast), tuple(sizes), tuple(ablation), drags)
+
+
+def _views(model: Model, count: int) -> list[_View]:
+    """Objects spread over the model, from cameras spread over the upper half, none of which was trained from."""
+    step = max(1, len(model.codes.objects) // count)
+    directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (count + 0.9))) for index in range(count)]
+    return [_View(model.codes[i * step], model.camera(*angles)) for i, angles in enumerate(directions)]
+
+
+class _Recipe(NamedTuple):
+    draw: Callable[[Model, _View], Tensor]
+    changes: tuple[tuple[object, str, object], ...] = ()
+    """(module, name, value) that hold while it draws"""
+
+
+def _exact(model: Model, view: _View, samples: int) -> Tensor:
+    return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1)
+
+
+def _naive(samples: int) -> _Recipe:
+    return _Recipe(lambda model, view: _exact(model, view, samples))
+
+
+def _fast(samples: int, changes: tuple[tuple[object, str, object], ...] = ()) -> _Recipe:
+    """A new view of a known shape: an orbit."""
+
+    def draw(model: Model, view: _View) -> Tensor:
+        march.forget_views()
+        return _drained(march.march(model, view.codes, view.camera, samples)).colour.clamp(0, 1)
+
+    return _Recipe(draw, changes)
+
+
+def _drained(stream: Iterator[None]) -> Rendered:
+    while True:
+        try:
+            next(stream)
+        except StopIteration as done:
+            return done.value
+
+
+def _points(
+    model: Model, views: Sequence[_View], truth: Sequence[Tensor], recipes: dict[tuple[str, int], _Recipe]
+) -> list[Point]:
+    """All recipes on all views, taking turns."""
+    seconds: dict[tuple[str, int], list[list[float]]] = {key: [[] for _ in views] for key in recipes}
+    found: dict[tuple[str, int], list[Tensor]] = {}
+    for turn in range(_ROUNDS + 1):
+        for key, recipe in recipes.items():
+            # The slow ones vary little, and one round of them takes as long as all others together.
+            if key[0] == "naive" and turn > 2:
+                continue
+            with _changed(recipe.changes):
+                pictures = []
+                for index, view in enumerate(views):
+                    picture, spent = _timed(recipe, model, view)
+                    pictures.append(picture)
+                    if turn:
+                        seconds[key][index].append(spent)
+            found[key] = pictures
+    points = []
+    for (name, samples), pictures in found.items():
+        ms = 1000 * sum(median(times) for times in seconds[name, samples]) / len(views)
+        quality = [psnr(picture, exact) for picture, exact in zip(pictures, truth, strict=True)]
+        off = max(float((picture - exact).abs().max()) for picture, exact in zip(pictures, truth, strict=True))
+        size = views[0].camera.width
+        points.append(Point(name, size, samples, ms, sum(quality) / len(quality), min(quality), off))
+    return points
+
+
+def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
+    if recipe.changes:
+        recipe.draw(model, view)  # what is kept for a shape is made anew under the changes
+    began = time.perf_counter()
+    picture = recipe.draw(model, view)
+    return picture, time.perf_counter() - began
+
+
+@contextmanager
+def _changed(changes: Sequence[tuple[object, str, object]]) -> Iterator[None]:
+    before = [getattr(module, name) for module, name, _ in changes]
+    for module, name, value in changes:
+        setattr(module, name, value)
+    if changes:
+        march.forget()
+    try:
+        yield
+    finally:
+        for (module, name, _), value in zip(changes, before, strict=True):
+            setattr(module, name, value)
+        if changes:
+            march.forget()
+
+
+_PARTS: dict[str, tuple[tuple[object, str, object], ...]] = {
+    "without occupancy": ((occupancy, "_EMPTY", -1.0), (occupancy, "_NEGLIGIBLE", -1.0)),
+    "without passing over faint fringes": ((occupancy, "_NEGLIGIBLE", -1.0),),
+    "without stopping spent rays": ((march, "_SPENT", math.inf),),
+    "colouring all intervals": ((march, "_UNSEEN", -1.0),),
+    "in float32": ((folded, "linear_dtype", lambda device: torch.float32),),
+}
+
+
+def _drags(model: Model, size: int) -> Iterator[Drag]:
+    """Frames of the default quality while the camera, the texture or the shape moves by itself."""
+    codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
+    other, settings = model.codes[len(model.codes.objects) // 2], RenderSettings(stages=(1,))
+
+    def at(what: str, share: float) -> RenderJob:
+        turned = replace(camera, azimuth=camera.azimuth + 2 * share)
+        mixed = codes.mixed(other, share * (what == "shape"), share * (what == "texture"))
+        return RenderJob(mixed, turned if what == "orbit" else camera, settings)
+
+    for what in ("orbit", "texture", "shape"):
+        times = []
+        for index in range(_DRAGGED + 3):
+            began = time.perf_counter()
+            for _ in frames(model, at(what, (index + 1) / (_DRAGGED + 3))):
+                pass
+            times.append(1000 * (time.perf_counter() - began))
+        ordered = sorted(times[3:])
+        yield Drag(what, size, median(ordered), ordered[int(0.95 * (len(ordered) - 1))])
+
+
+def _machine() -> str:
+    dtype = str(precision.linear_dtype("cpu")).removeprefix("torch.")
+    return f"{platform.machine()}, {torch.get_num_threads()} threads, {dtype}, torch {torch.__version__}"
