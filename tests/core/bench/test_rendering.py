@@ -15,14 +15,9 @@ from tests.core.tiny import tiny_model
 def found() -> Measured:
     patch = pytest.MonkeyPatch()
     with patch.context() as changed:
-        for name, value in (
-            ("_ROUNDS", 1),
-            ("_DRAGGED", 2),
-            ("SIZES", (16, 32)),
-            ("DRAG_SIZES", (24,)),
-            ("REFERENCE_SAMPLES", 96),
-        ):
+        for name, value in (("_ROUNDS", 1), ("_DRAGGED", 2), ("SIZES", (16, 32)), ("DRAG_SIZES", (24,))):
             changed.setattr(rendering, name, value)
+        changed.setattr(rendering, "REFERENCE_SAMPLES", 96)
         *told, found = measured(tiny_model(), 2)
     assert all(isinstance(line, str) for line in told)
     assert isinstance(found, Measured)
