@@ -15,6 +15,7 @@ from torch.nn import functional
 
 from core.codes import Codes
 from core.field import Field, encode
+from core.layers import linear_relu
 from core.model import Model
 from core.precision import linear_dtype
 
@@ -45,7 +46,7 @@ class Folded:
     def first(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """The activations of the first layer, which depend on no code."""
         encoded = encode(points, self.field.config.point_octaves).to(self.dtype)
-        return functional.linear(encoded, *self._weights.point).relu_()
+        return linear_relu(encoded, *self._weights.point)
 
     def density(
         self, first: Float[Tensor, "points width"]
@@ -53,7 +54,7 @@ class Folded:
         """Density per scene unit, and what the texture part goes on from, of :meth:`first`'s activations."""
         y = first
         for weight, bias in zip(self._weights.shape_blocks, self._shape, strict=True):
-            y = functional.linear(y, weight, bias).relu_()
+            y = linear_relu(y, weight, bias)
         logit = functional.linear(y, *self._weights.density)[:, 0].float()
         return self.field.config.density_scale * functional.softplus(logit), y
 
@@ -67,8 +68,8 @@ class Folded:
         """Rgb of :meth:`density`'s second value, seen along each point's ray."""
         y = (functional.linear(y, self._weights.direction) + direction_bias).relu_()
         for weight, bias in zip(self._weights.texture_blocks, self._texture, strict=True):
-            y = functional.linear(y, weight, bias).relu_()
-        y = functional.linear(y, *self._weights.hidden).relu_()
+            y = linear_relu(y, weight, bias)
+        y = linear_relu(y, *self._weights.hidden)
         logits = functional.linear(y, *self._weights.rgb).float()
         return logits.sigmoid() if self.field.config.bounded_colour else logits
 

@@ -19,7 +19,7 @@ from core.codes import Codes
 from core.folded import Folded
 from core.model import Model
 from core.occupancy import Occupancy
-from core.rays import Rays, camera_rays
+from core.rays import Rays, pixel_centres, rays_through
 from core.render import Rendered
 
 _CHUNK_RAYS = 4096
@@ -112,7 +112,8 @@ def _visible(folded: Folded, view: View) -> Generator[None, None, Visible]:
         occupancy = _occupancy(view.model, view.shape)
         first, last = occupancy.span(view.camera, view.model.corner)
         hit = (first < last).to(occupancy.extent.device)
-        rays = camera_rays(view.camera, occupancy.extent, view.model.corner)[hit]
+        pixels = pixel_centres(view.camera.width, view.camera.height, hit.device)[hit] - view.model.corner
+        rays = rays_through(pixels, view.camera, occupancy.extent)
         near, far = torch.maximum(rays.near, first[hit]), torch.minimum(rays.far, last[hit])
         rays = replace(rays, near=near, far=torch.maximum(near, far))
         step = 2 * float(occupancy.extent.max()) / view.samples
@@ -139,13 +140,13 @@ def _chunk(folded: Folded, occupancy: Occupancy, rays: Rays, step: float) -> Chu
     crossed = occupancy.crossed(rays, step)
     ray, interval = crossed.nonzero(as_tuple=True)
     counts = crossed.sum(-1)
-    rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts)[ray]
-    places = rays.near[ray] + (interval + 0.5) * step
-    points = rays.origins[ray] + rays.directions[ray] * places[:, None]
+    rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts).index_select(0, ray)
+    places = rays.near.index_select(0, ray) + (interval + 0.5) * step
+    points = rays.origins.index_select(0, ray) + rays.directions.index_select(0, ray) * places[:, None]
     thickness = torch.zeros(len(counts), int(counts.amax()), device=ray.device)
     asked, found = [], []
     for index in _rounds(ray, rank, thickness):
-        density, y = folded.density(folded.first(points[index]))
+        density, y = folded.density(folded.first(points.index_select(0, index)))
         thickness[ray[index], rank[index]] = density * step
         asked.append(index)
         found.append(y)
@@ -153,10 +154,13 @@ def _chunk(folded: Folded, occupancy: Occupancy, rays: Rays, step: float) -> Chu
     light = torch.exp(-passed)
     shares, opacity = light[:, :-1] * -torch.expm1(-thickness), 1 - light[:, -1]
     order, y = torch.cat(asked), torch.cat(found)
-    share = shares[ray[order], rank[order]]
-    depth = torch.zeros_like(opacity).index_add_(0, ray[order], share * places[order]) / opacity.clamp_min(1e-6)
-    seen = share > _UNSEEN * opacity[ray[order]]
-    return Chunk(rays.directions, depth * (opacity > 0), opacity, ray[order[seen]], share[seen], y[seen])
+    whose = ray.index_select(0, order)
+    share = shares[whose, rank.index_select(0, order)]
+    depth = torch.zeros_like(opacity).index_add_(0, whose, share * places.index_select(0, order))
+    depth = depth / opacity.clamp_min(1e-6)
+    seen = (share > _UNSEEN * opacity.index_select(0, whose)).nonzero()[:, 0]
+    kept = (part.index_select(0, seen) for part in (whose, share, y))
+    return Chunk(rays.directions, depth * (opacity > 0), opacity, *kept)
 
 
 def _rounds(
@@ -178,7 +182,7 @@ def _rounds(
 def _coloured(folded: Folded, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     """The colours of a chunk's rays, on white."""
     direction_bias = folded.direction_bias(chunk.directions)
-    seen = folded.colour(chunk.y, direction_bias[chunk.ray]) * chunk.share[:, None]
+    seen = folded.colour(chunk.y, direction_bias.index_select(0, chunk.ray)) * chunk.share[:, None]
     mixed = torch.zeros_like(chunk.directions).index_add_(0, chunk.ray, seen)
     total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.share)[:, None]
     # Where nothing weighed enough to be coloured, what little there is counts as white.

@@ -69,8 +69,12 @@ def camera_rays(camera: Camera, extent: Float[Tensor, "3"], corner: float = 0.0)
     Args:
         corner: px, by how much further to the left and up they pass.
     """
+    return rays_through(pixel_centres(camera.width, camera.height, extent.device) - corner, camera, extent)
+
+
+def rays_through(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
+    """The rays of a camera through some points of its picture: (x, y) in px from the top left corner."""
     angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=extent.device)
-    pixels = pixel_centres(camera.width, camera.height, extent.device) - corner
     size = (camera.width, camera.height)
     return cast(pixels, angles[0], angles[1], angles[2], camera.focal, size, extent)
 

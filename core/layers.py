@@ -1,0 +1,38 @@
+"""A linear layer together with its rectifier, in one pass over memory where this processor's library can."""
+
+from functools import cache
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+
+def linear_relu(
+    values: Float[Tensor, "points inputs"], weight: Float[Tensor, "outputs inputs"], bias: Float[Tensor, "outputs"]
+) -> Float[Tensor, "points outputs"]:
+    """``relu(values @ weight.T + bias)``, not differentiable; about twice as fast as its three steps on a processor.
+
+    oneDNN can do them in one call. torch has that for its compiler only, so it is tried once before it is used.
+    """
+    if _fusible(values.device.type, values.dtype):
+        return _fused(values, weight, bias)
+    return functional.linear(values, weight, bias).relu_()
+
+
+def _fused(values: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+    return torch.ops.mkldnn._linear_pointwise(values, weight, bias, "relu", [], "")
+
+
+@cache
+def _fusible(device_type: str, dtype: torch.dtype) -> bool:
+    """Whether the call is there and right."""
+    if device_type != "cpu":
+        return False
+    values, weight, bias = (torch.linspace(-1, 1, n).to(dtype) for n in (96, 80, 5))
+    values, weight = values.reshape(6, 16), weight.reshape(5, 16)
+    try:
+        found = _fused(values, weight, bias)
+    except (AttributeError, NotImplementedError, RuntimeError):
+        return False
+    return torch.allclose(found.float(), functional.linear(values, weight, bias).relu().float(), rtol=0.02, atol=0.02)

@@ -1,0 +1,34 @@
+import pytest
+import torch
+from torch.nn import functional
+
+from core import layers
+from core.layers import linear_relu
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+@pytest.mark.parametrize("points", [0, 1, 37, 512])
+def test_it_is_a_linear_layer_and_its_rectifier(points: int, dtype: torch.dtype) -> None:
+    generator = torch.Generator().manual_seed(points)
+    values, weight, bias = (
+        torch.randn(*size, generator=generator).to(dtype) for size in ((points, 33), (20, 33), (20,))
+    )
+    plain = functional.linear(values, weight, bias).relu()
+    close = 1e-5 if dtype == torch.float32 else 0.1
+    torch.testing.assert_close(linear_relu(values, weight, bias), plain, rtol=close, atol=close)
+
+
+def test_where_it_cannot_be_fused_the_result_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    values, weight, bias = torch.randn(8, 4), torch.randn(3, 4), torch.randn(3)
+    found = linear_relu(values, weight, bias)
+    monkeypatch.setattr(layers, "_fusible", lambda device, dtype: False)
+    torch.testing.assert_close(linear_relu(values, weight, bias), found)
+
+
+def test_a_processor_without_the_call_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(*values: torch.Tensor) -> torch.Tensor:
+        raise AttributeError("no such operator")
+
+    monkeypatch.setattr(layers, "_fused", missing)
+    assert not layers._fusible.__wrapped__("cpu", torch.float32)
+    assert not layers._fusible.__wrapped__("cuda", torch.float32)
