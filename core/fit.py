@@ -41,9 +41,9 @@ from core.targets import Drawn, Target, draw
 class FitSettings:
     """Every field is an axis of the charts."""
 
-    starts: int = 16
+    starts: int = 24
     """cameras to begin from, for every picture whose camera is unknown"""
-    steps: int = 160
+    steps: int = 200
     rays: int = 384
     """per picture and step for the last hypotheses; the many in the beginning share them out"""
     samples: int = 64
@@ -141,21 +141,22 @@ class _Stage(NamedTuple):
 
 
 def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
-    """Successive halving over two fifths of the steps, then the best few with a twin, then the best alone."""
+    """Successive halving over two fifths of the steps, then the best of six basins, of three, and the best alone."""
     whole = 10_000
     if not racing:
         return (_Stage(1, settings.steps, settings.rays, settings.samples, whole, last=True),)
     counts = [settings.starts]
-    while counts[-1] > 4:
+    while counts[-1] > 8:
         counts.append(counts[-1] // 2)
     steps, rank, plan = max(1, round(0.4 * settings.steps / len(counts))), 8, []
     for count in counts:
         rays = min(settings.rays, max(64, settings.rays * 2 // count))
         plan.append(_Stage(count, steps, rays, max(2, settings.samples * 3 // 4), rank))
         rank *= 2
-    left = max(2, settings.steps - steps * len(counts))
-    plan.append(_Stage(min(3, settings.starts), left // 2, settings.rays, settings.samples, rank))
-    plan.append(_Stage(1, left - left // 2, settings.rays, settings.samples, whole, last=True))
+    left = max(3, settings.steps - steps * len(counts))
+    plan.append(_Stage(min(6, settings.starts), left // 3, settings.rays // 2, settings.samples, 32))
+    plan.append(_Stage(min(3, settings.starts), left // 3, settings.rays, settings.samples, 64))
+    plan.append(_Stage(1, left - 2 * (left // 3), settings.rays, settings.samples, whole, last=True))
     return tuple(plan)
 
 

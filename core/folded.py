@@ -5,6 +5,7 @@ not depend on the codes. And the feature layer is linear with nothing between it
 it is multiplied into both.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,6 +19,9 @@ from core.field import Field, encode
 from core.layers import linear_relu
 from core.model import Model
 from core.precision import linear_dtype
+
+_CHUNK_POINTS = 8192
+"""Points evaluated in one go: few enough that activations stay in cache."""
 
 
 class _Weights(NamedTuple):
@@ -45,18 +49,13 @@ class Folded:
 
     def first(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """The activations of the first layer, which depend on no code."""
-        encoded = encode(points, self.field.config.point_octaves).to(self.dtype)
-        return linear_relu(encoded, *self._weights.point)
+        return _first(self.field, self._weights, points)
 
     def density(
         self, first: Float[Tensor, "points width"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
         """Density per scene unit, and what the texture part goes on from, of :meth:`first`'s activations."""
-        y = first
-        for weight, bias in zip(self._weights.shape_blocks, self._shape, strict=True):
-            y = linear_relu(y, weight, bias)
-        logit = functional.linear(y, *self._weights.density)[:, 0].float()
-        return self.field.config.density_scale * functional.softplus(logit), y
+        return _density(self.field, self._weights, first, self._shape)
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """The viewing direction's part of the first texture layer."""
@@ -72,6 +71,33 @@ class Folded:
         y = linear_relu(y, *self._weights.hidden)
         logits = functional.linear(y, *self._weights.rgb).float()
         return logits.sigmoid() if self.field.config.bounded_colour else logits
+
+
+@torch.no_grad()
+def densities(
+    model: Model, points: Float[Tensor, "objects points 3"], shape_bias: Float[Tensor, "objects blocks width"]
+) -> Float[Tensor, "objects points"]:
+    """Density per scene unit of many objects at once, each at its own points; not differentiable."""
+    weights = _weights(model, linear_dtype(model.device.type))
+    biases = shape_bias.to(weights.direction.dtype)
+    rows = [
+        _density(model.field, weights, _first(model.field, weights, part), bias.unbind(0))[0]
+        for one, bias in zip(points, biases, strict=True)
+        for part in one.split(_CHUNK_POINTS)
+    ]
+    return torch.cat(rows).reshape(points.shape[:-1])
+
+
+def _first(field: Field, weights: _Weights, points: Tensor) -> Tensor:
+    encoded = encode(points, field.config.point_octaves).to(weights.direction.dtype)
+    return linear_relu(encoded, *weights.point)
+
+
+def _density(field: Field, weights: _Weights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+    for weight, bias in zip(weights.shape_blocks, biases, strict=True):
+        y = linear_relu(y, weight, bias)
+    logit = functional.linear(y, *weights.density)[:, 0].float()
+    return field.config.density_scale * functional.softplus(logit), y
 
 
 @lru_cache(maxsize=4)

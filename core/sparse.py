@@ -9,13 +9,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.composite import weights
+from core.folded import densities
 from core.model import Model
 from core.rays import Rays
 from core.render import intervals
 from core.sampling import points_at
-
-_CHUNK_POINTS = 8192
-"""Points looked at in one go: few enough that activations stay in cache."""
 
 
 def render_seen(
@@ -35,7 +33,7 @@ def render_seen(
     depths, edges = intervals(model, rays, samples)
     points = points_at(rays, depths)
     with torch.no_grad():
-        looked = _density(model, points, shape_bias)
+        looked = densities(model, points.flatten(1, 3), shape_bias).reshape(depths.shape)
         count = kept * depths[0, ..., 0].numel()
         seen = weights(looked, edges)[0].flatten(1).topk(count, sorted=False).indices
     ray, objects = seen // samples, torch.arange(len(points), device=seen.device)[:, None]
@@ -48,14 +46,3 @@ def render_seen(
     light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((share * colours, share), -1))
     light, opacity = light.reshape(*left.shape, 4), 1 - left
     return light[..., :3] * (opacity / light[..., 3].clamp_min(1e-6))[..., None] + left[..., None], opacity
-
-
-def _density(
-    model: Model, points: Float[Tensor, "objects views rays samples 3"], shape_bias: Tensor
-) -> Float[Tensor, "objects views rays samples"]:
-    parts = [
-        model.field.density(part, bias)[0]
-        for one, bias in zip(points.flatten(1, 3), shape_bias, strict=True)
-        for part in one.split(_CHUNK_POINTS)
-    ]
-    return torch.cat(parts).reshape(points.shape[:-1])
