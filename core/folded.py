@@ -31,7 +31,7 @@ class _Weights(NamedTuple):
     shape_blocks: tuple[Tensor, ...]
     density: tuple[Tensor, Tensor]
     direction: Tensor
-    direction_bias: Tensor
+    view: tuple[Tensor, Tensor]
     texture_blocks: tuple[Tensor, ...]
     hidden: tuple[Tensor, Tensor]
     rgb: tuple[Tensor, Tensor]
@@ -59,7 +59,8 @@ class Folded:
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """The viewing direction's part of the first texture layer."""
-        return (self.field.direction_bias(directions) + self._weights.direction_bias).to(self.dtype)
+        encoded = encode(directions, self.field.config.direction_octaves).to(self.dtype)
+        return functional.linear(encoded, *self._weights.view)
 
     def colour(
         self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
@@ -105,7 +106,8 @@ def _density(field: Field, weights: _Weights, y: Tensor, biases: Sequence[Tensor
 def _weights(model: Model, dtype: torch.dtype) -> _Weights:
     field: Field = model.field
     width, features = field.config.width, field.feature_layer
-    from_features = field.direction_layer.weight[:, :width]
+    entry = field.direction_layer
+    from_features = entry.weight[:, :width]
 
     def cast(tensor: Tensor) -> Tensor:
         return tensor.detach().to(dtype).contiguous()
@@ -119,7 +121,7 @@ def _weights(model: Model, dtype: torch.dtype) -> _Weights:
         shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),
         density=(cast(sigma.weight @ features.weight), cast(sigma.weight @ features.bias + sigma.bias)),
         direction=cast(from_features @ features.weight),
-        direction_bias=from_features @ features.bias,
+        view=(cast(entry.weight[:, width:]), cast(from_features @ features.bias + entry.bias)),
         texture_blocks=tuple(layer(f"texture_block.{index}")[0] for index in range(field.config.texture_blocks)),
         hidden=layer("colour_hidden"),
         rgb=layer("colour_layer"),

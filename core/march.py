@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from core.camera import Camera
@@ -45,17 +45,19 @@ def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator
         folded = Folded(model, codes)
     kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples))
     parts = []
-    for chunk in kept.chunks:
+    for chunk in kept:
         with torch.inference_mode():
             parts.append(_coloured(folded, chunk))
         yield None
-    return _picture(kept, parts)
+    return _picture(camera, kept, parts, model.device)
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
     """What some rays see of a shape: their depth and opacity, and the intervals that are worth a colour."""
 
+    pixel: Int[Tensor, "rays"]
+    """of the picture, row by row"""
     directions: Float[Tensor, "rays 3"]
     depth: Float[Tensor, "rays"]
     opacity: Float[Tensor, "rays"]
@@ -66,17 +68,8 @@ class Chunk:
     """activations from which the texture part goes on"""
 
 
-@dataclass(frozen=True, eq=False)
-class Visible:
-    """What a shape shows from a camera, whatever its texture."""
-
-    hit: Bool[Tensor, "height width"]
-    """pixels with occupied cells behind them"""
-    chunks: list[Chunk]
-
-
 class View(NamedTuple):
-    """What a :class:`Visible` depends on."""
+    """What is seen of a shape depends on these."""
 
     model: Model
     shape: tuple[float, ...]
@@ -84,7 +77,7 @@ class View(NamedTuple):
     samples: int
 
 
-_kept: OrderedDict[View, Visible] = OrderedDict()
+_kept: OrderedDict[View, list[Chunk]] = OrderedDict()
 
 
 def keeps(model: Model, codes: Codes, camera: Camera, samples: int) -> bool:
@@ -103,26 +96,28 @@ def forget() -> None:
     _occupancy.cache_clear()
 
 
-def _visible(folded: Folded, view: View) -> Generator[None, None, Visible]:
-    """What is seen, kept for the last few views: the stages of one picture."""
+def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:
+    """What a shape shows, whatever its texture; kept for the last few views, which are the stages of a picture."""
     if view in _kept:
         _kept.move_to_end(view)
         return _kept[view]
     with torch.inference_mode():
         occupancy = _occupancy(view.model, view.shape)
         first, last = occupancy.span(view.camera, view.model.corner)
-        hit = (first < last).to(occupancy.extent.device)
-        pixels = pixel_centres(view.camera.width, view.camera.height, hit.device)[hit] - view.model.corner
-        rays = rays_through(pixels, view.camera, occupancy.extent)
-        near, far = torch.maximum(rays.near, first[hit]), torch.minimum(rays.far, last[hit])
+        pixel = (first < last).flatten().nonzero()[:, 0]
+        centres = pixel_centres(view.camera.width, view.camera.height, pixel.device).reshape(-1, 2)
+        rays = rays_through(centres.index_select(0, pixel) - view.model.corner, view.camera, occupancy.extent)
+        near = torch.maximum(rays.near, first.flatten().index_select(0, pixel))
+        far = torch.minimum(rays.far, last.flatten().index_select(0, pixel))
         rays = replace(rays, near=near, far=torch.maximum(near, far))
         step = 2 * float(occupancy.extent.max()) / view.samples
     chunks = []
     for start in range(0, len(rays.near), _CHUNK_RAYS):
         with torch.inference_mode():
-            chunks.append(_chunk(folded, occupancy, rays[start : start + _CHUNK_RAYS], step))
+            some = slice(start, start + _CHUNK_RAYS)
+            chunks.append(_chunk(folded, occupancy, pixel[some], rays[some], step))
         yield None
-    _kept[view] = Visible(hit, chunks)
+    _kept[view] = chunks
     while len(_kept) > _VIEWS:
         _kept.popitem(last=False)
     return _kept[view]
@@ -135,15 +130,17 @@ def _occupancy(model: Model, shape: tuple[float, ...]) -> Occupancy:
     return Occupancy(model, Folded(model, codes))
 
 
-def _chunk(folded: Folded, occupancy: Occupancy, rays: Rays, step: float) -> Chunk:
-    """Some rays, to the end."""
+def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float) -> Chunk:
+    """Some rays, to the end; those that cross nothing are dropped."""
     crossed = occupancy.crossed(rays, step)
+    some = crossed.any(-1).nonzero()[:, 0]
+    crossed, pixel, rays = crossed.index_select(0, some), pixel.index_select(0, some), rays[some]
     ray, interval = crossed.nonzero(as_tuple=True)
     counts = crossed.sum(-1)
     rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts).index_select(0, ray)
     places = rays.near.index_select(0, ray) + (interval + 0.5) * step
     points = rays.origins.index_select(0, ray) + rays.directions.index_select(0, ray) * places[:, None]
-    thickness = torch.zeros(len(counts), int(counts.amax()), device=ray.device)
+    thickness = torch.zeros(len(counts), int(counts.amax()) if len(counts) else 0, device=ray.device)
     asked, found = [], []
     for index in _rounds(ray, rank, thickness):
         density, y = folded.density(folded.first(points.index_select(0, index)))
@@ -160,7 +157,7 @@ def _chunk(folded: Folded, occupancy: Occupancy, rays: Rays, step: float) -> Chu
     depth = depth / opacity.clamp_min(1e-6)
     seen = (share > _UNSEEN * opacity.index_select(0, whose)).nonzero()[:, 0]
     kept = (part.index_select(0, seen) for part in (whose, share, y))
-    return Chunk(rays.directions, depth * (opacity > 0), opacity, *kept)
+    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, *kept)
 
 
 def _rounds(
@@ -190,13 +187,12 @@ def _coloured(folded: Folded, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
-def _picture(visible: Visible, colours: list[Tensor]) -> Rendered:
+def _picture(camera: Camera, chunks: list[Chunk], colours: list[Tensor], device: torch.device) -> Rendered:
     """The marched rays among the white ground."""
-    hit = visible.hit
-    colour = torch.ones(*hit.shape, 3, device=hit.device)
-    depth, opacity = torch.zeros(hit.shape, device=hit.device), torch.zeros(hit.shape, device=hit.device)
-    if colours:
-        colour[hit] = torch.cat(colours)
-        depth[hit] = torch.cat([chunk.depth for chunk in visible.chunks])
-        opacity[hit] = torch.cat([chunk.opacity for chunk in visible.chunks])
-    return Rendered(colour, depth, opacity)
+    count = camera.height * camera.width
+    colour = torch.ones(count, 3, device=device)
+    depth, opacity = torch.zeros(count, device=device), torch.zeros(count, device=device)
+    for chunk, seen in zip(chunks, colours, strict=True):
+        colour[chunk.pixel], depth[chunk.pixel], opacity[chunk.pixel] = seen, chunk.depth, chunk.opacity
+    size = camera.height, camera.width
+    return Rendered(colour.reshape(*size, 3), depth.reshape(size), opacity.reshape(size))
