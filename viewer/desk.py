@@ -15,6 +15,7 @@ from viewer.theme import DARK, LIGHT, Palette
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 PICTURES = (".png", ".jpg", ".webp")
 VIDEOS = (".mp4", ".gif", ".webp")
+MESHES = (".glb", ".ply", ".obj")
 
 
 @dataclass(eq=False)

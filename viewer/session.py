@@ -19,7 +19,7 @@ from core.photos import Photo, load_photo
 from core.scene import Scene
 from core.starts import preparing
 from viewer import orbit
-from viewer.exporting import Exporting, turntable
+from viewer.exporting import Exporting, mesh, turntable
 from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, State
@@ -43,6 +43,7 @@ class Streams:
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     preparing: Callable[[Model], Iterator[None]] = preparing
     turntable: Callable[..., Iterator[int]] = turntable
+    mesh: Callable[..., Iterator[float]] = mesh
 
 
 class Session:

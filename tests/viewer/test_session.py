@@ -42,6 +42,7 @@ def test_no_edit_before_there_is_a_model_does_harm(worker: Worker, streams: Stre
     session.render()
     session.load_scene(tmp_path / "scene.json")
     session.exporting.turntable(tmp_path / "a.mp4")
+    session.exporting.mesh(tmp_path / "a.glb")
     session.exporting.picture(tmp_path / "a.png")
     session.fitting.stop()
     assert not session.ready
@@ -236,10 +237,10 @@ def test_scenes_that_cannot_be_opened_change_nothing(session: Session, tmp_path:
 
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
-    seen: list[int] = []
+    seen: list[float] = []
     session.exporting.turntable(tmp_path / "turn.gif", frames=4, size=16)
-    finish(session, lambda: bool(seen.append(session.exporting.done)) or not session.exporting.running)
-    assert max(seen) == 4
+    finish(session, lambda: bool(seen.append(session.exporting.progress)) or not session.exporting.running)
+    assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
         assert (video.n_frames, video.size) == (4, (16, 16))
     assert session.errors == []
@@ -247,7 +248,7 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
 
 def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) -> None:
     session.exporting.turntable(tmp_path / "turn.mp4", frames=5000, size=16)
-    while session.exporting.done < 2:
+    while session.exporting.progress == 0:
         session.worker.deliver()
     session.exporting.cancel()
     finish(session, lambda: not list(tmp_path.iterdir()))
@@ -260,6 +261,16 @@ def test_a_turntable_that_cannot_be_written_is_told(session: Session, tmp_path: 
     finish(session)
     assert len(session.errors) == 1
     assert not session.exporting.running
+
+
+def test_a_mesh_that_cannot_be_made_is_told_and_leaves_nothing(session: Session, tmp_path: Path) -> None:
+    for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
+        session.messages.clear()
+        session.exporting.mesh(tmp_path / name, resolution=16)
+        finish(session)
+        assert len(session.errors) == 1, name
+        assert not session.exporting.running
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a"])

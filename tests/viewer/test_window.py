@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +10,13 @@ import av
 import numpy as np
 import pytest
 import torch
+import trimesh
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.field import Field
+from core.files import whole_file
 from core.model import Model
 from core.scene import Scene
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit
@@ -223,11 +225,14 @@ def test_bad_files_are_told_and_change_nothing(
     drive(act)
 
 
-def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_streams: Streams, model: Model) -> None:
+def filled(model: Model, bias: float) -> Model:
+    """Clear air, or a solid block: both are drawn quickly."""
     field = Field(model.field.config)
-    torch.nn.init.constant_(field.density_layer.bias, -100.0)
-    nothing = replace(model, field=field)  # is drawn quickly
+    torch.nn.init.constant_(field.density_layer.bias, bias)
+    return replace(model, field=field)
 
+
+def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_streams: Streams, model: Model) -> None:
     def act(window: Driver) -> None:
         window.show("Export")
         window.click("Export/##video size")
@@ -236,37 +241,60 @@ def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_streams: Str
         window.click("**/36 frames")
         window.click("Export/###export turntable")
         window.type(str(tmp_path / "turn.mp4"))
-        window.wait(lambda: window.session.exporting.done > 1, 60)
+        window.wait(lambda: window.session.exporting.progress > 0, 60)
         window.wait(lambda: not window.session.exporting.running, 60)
         assert window.session.errors == []
         with av.open(str(tmp_path / "turn.mp4")) as video:
             assert (video.streams.video[0].frames, video.streams.video[0].width) == (36, 128)
 
-    drive(act, replace(real_streams, load_model=lambda name: nothing))
+    air = filled(model, -100.0)
+    drive(act, replace(real_streams, load_model=lambda name: air))
 
 
-def test_an_export_is_cancelled_and_leaves_nothing(drive: Drive, tmp_path: Path, streams: Streams) -> None:
-    def slow(*_: object) -> object:
-        try:
+def test_a_mesh_is_exported(drive: Drive, tmp_path: Path, streams: Streams, model: Model) -> None:
+    def act(window: Driver) -> None:
+        window.show("Export")
+        window.click("Export/##mesh format")
+        window.click("**/.ply")
+        window.click("Export/##cells")
+        window.click("**/96 cells")
+        window.click("Export/###export mesh")
+        window.type(str(tmp_path / "block"))
+        window.wait(lambda: window.session.exporting.progress > 0)
+        window.wait(lambda: not window.session.exporting.running)
+        assert window.session.errors == []
+        found = trimesh.load_mesh(tmp_path / "block.ply")
+        assert found.is_watertight
+        np.testing.assert_allclose(found.extents, 2 * np.array(model.extent), rtol=0.05)
+        assert found.visual.kind == "vertex"
+        assert [path.name for path in tmp_path.iterdir()] == ["block.ply"]
+
+    block = filled(model, 100.0)
+    drive(act, replace(streams, load_model=lambda name: block))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("turntable", "turn.mp4"), ("mesh", "chair.glb")])
+def test_an_export_is_cancelled_and_leaves_nothing(
+    drive: Drive, tmp_path: Path, streams: Streams, kind: str, name: str
+) -> None:
+    def slow(*_: object) -> Iterator[float]:
+        with whole_file(tmp_path / name):
             for number in range(1000):
                 time.sleep(0.01)
-                yield number
-        finally:
-            closed.append(True)
-
-    closed: list[bool] = []
+                yield number / 1000
 
     def act(window: Driver) -> None:
         window.show("Export")
-        window.click("Export/###export turntable")
-        window.type(str(tmp_path / "turn.mp4"))
-        window.wait(lambda: window.session.exporting.done > 1)
+        window.click(f"Export/###export {kind}")
+        window.type(str(tmp_path / name))
+        window.wait(lambda: window.session.exporting.progress > 0)
+        assert len(list(tmp_path.iterdir())) == 1
         window.click("Export/###cancel export")
-        window.wait(lambda: bool(closed))
+        window.wait(lambda: not list(tmp_path.iterdir()))
         assert not window.session.exporting.running
         assert window.session.errors == []
 
-    drive(act, replace(streams, turntable=slow))
+    drive(act, replace(streams, turntable=slow, mesh=slow))
 
 
 def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
