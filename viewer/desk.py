@@ -7,6 +7,7 @@ from typing import Protocol
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
+from core.pictures import held_scene
 from viewer.canvas import Canvas, Images
 from viewer.files import Files, Wish
 from viewer.session import Session
@@ -15,6 +16,7 @@ from viewer.theme import DARK, LIGHT, Palette
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 PICTURES = (".png", ".jpg", ".webp")
 VIDEOS = (".mp4", ".gif", ".webp")
+SCENES = (".json", ".png")
 MESHES = (".glb", ".ply", ".obj")
 
 
@@ -53,19 +55,19 @@ class Desk:
         self.session.fitting.start(path)
 
     def open_scene(self) -> None:
-        """Ask for a scene, and open it."""
-        self.files.ask(Wish("Scene to open", self.session.load_scene, (".json",)))
+        """Ask for a scene, or a picture that holds one, and open it."""
+        self.files.ask(Wish("Scene to open", self.session.load_scene, SCENES))
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
         self.files.ask(Wish("Save the scene as", self.session.save_scene, (".json",), True, "scene.json"))
 
     def drop(self, paths: list[str]) -> None:
-        """A file was let go over the window: a scene is opened, anything else is taken for an image."""
+        """Take a file let go over the window: a scene, or a picture that holds one, is opened; any other is fitted."""
         if not paths:
             return
         path = Path(paths[0])
-        if path.suffix.lower() == ".json":
+        if path.suffix.lower() == ".json" or held_scene(path):
             self.session.load_scene(path)
         else:
             self.fit(path)

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PIL import Image
-
 from core.camera import Camera
 from core.codes import Codes
 from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
+from core.pictures import save_picture
 from core.scene import Scene
 from viewer.worker import Job
 
@@ -76,7 +75,7 @@ class Exporting:
             self.path = None
 
     def picture(self, path: Path, size: int = 512) -> None:
-        """Write the scene as a square picture on white."""
+        """Write the scene as a square picture on white; a PNG holds the scene as well."""
         if self._session.model is None:
             return
         path = path if path.suffix else path.with_suffix(".png")
@@ -90,7 +89,7 @@ class Exporting:
                 self._session.say(f"Saved {path.name}")
 
         stream = self._session.streams.frames(model, job)
-        self._session.worker.submit(Job("picture", lambda: _written(stream, path), lambda _: None, ended))
+        self._session.worker.submit(Job("picture", lambda: _written(stream, path, scene), lambda _: None, ended))
 
     def _begin(self, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float) -> None:
         """Draw from a stream that tells how much it has done, of so much in all."""
@@ -113,17 +112,8 @@ class Exporting:
             self._session.say(f"Saved {path.name}")
 
 
-def _written(stream: Iterator[Frame | None], path: Path) -> Iterator[None]:
+def _written(stream: Iterator[Frame | None], path: Path, scene: Scene) -> Iterator[None]:
     for frame in stream:
         if frame:
-            _save(frame, path)
+            save_picture(frame.image, path, scene)
         yield None
-
-
-def _save(frame: Frame, path: Path) -> None:
-    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-    try:
-        Image.fromarray(frame.image).save(partial)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -16,6 +16,7 @@ from core.frames import Frame, RenderJob, RenderSettings, frames
 from core.library import load_model
 from core.model import Model
 from core.photos import Photo, load_photo
+from core.pictures import open_scene
 from core.scene import Scene
 from core.starts import preparing
 from viewer import orbit
@@ -189,11 +190,12 @@ class Session:
         self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(name, self.state.mix.b))
 
     def load_scene(self, path: Path) -> None:
-        """Open a saved scene; one that cannot be read changes nothing."""
+        """Open a scene, or a picture that holds one; what cannot be read, or is of another model, changes nothing."""
         if self.model is None:
+            self.when_ready = lambda: self.load_scene(path)
             return
         try:
-            self._edit(Scene.load(path, self.model))
+            self._edit(open_scene(path, self.model))
         except ValueError as error:
             self.report("Cannot open the scene", error)
         else:

@@ -217,6 +217,29 @@ def test_scenes_come_back_exactly(session: Session, tmp_path: Path) -> None:
     assert session.scene == scene
 
 
+def test_a_saved_picture_brings_its_scene_back_exactly(session: Session, tmp_path: Path) -> None:
+    session.randomise("texture")
+    session.look(orbit.dragged(session.scene.camera, 0.123, 0.05))
+    scene = session.scene
+    session.exporting.picture(tmp_path / "mine.png", size=24)
+    session.show("object 5")
+    finish(session)
+    session.load_scene(tmp_path / "mine.png")
+    assert session.scene == scene
+    session.undo()
+    assert session.scene.codes == session.gallery["object 5"].codes
+
+
+def test_a_scene_dropped_while_the_model_loads_is_opened_then(session: Session, tmp_path: Path) -> None:
+    session.randomise("shape")
+    session.save_scene(tmp_path / "mine.json")
+    other = Session(session.worker, session.streams)
+    other.load_scene(tmp_path / "mine.json")
+    other.open_model("chairs")
+    finish(other)
+    assert other.scene == session.scene
+
+
 def test_scenes_that_cannot_be_opened_change_nothing(session: Session, tmp_path: Path) -> None:
     session.save_scene(tmp_path / "scene.json")
     about = json.loads((tmp_path / "scene.json").read_text())

@@ -18,6 +18,7 @@ from PIL import Image
 from core.field import Field
 from core.files import whole_file
 from core.model import Model
+from core.pictures import save_picture
 from core.scene import Scene
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit
 from viewer import orbit
@@ -322,6 +323,35 @@ def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) 
         window.ctx.item_click("//Choose a file###ask/Cancel")
         window.ctx.yield_(2)
         assert not window.desk.files.asking
+
+    drive(act)
+
+
+def test_a_dropped_picture_of_this_program_restores_its_scene(drive: Drive, tmp_path: Path, model: Model) -> None:
+    other = Scene("another model", model.codes[0], model.camera(0, 0))
+    save_picture(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
+
+    def act(window: Driver) -> None:
+        session = window.session
+        window.drag("View/orbit", 90, -20)
+        window.click("Codes/**/###Random shape")
+        scene = session.scene
+        window.show("Export")
+        window.click("Export/###save picture")
+        window.type(str(tmp_path / "mine.png"))
+        window.wait()
+        window.click("View/###home")
+        window.click("Objects/**/show object 4")
+        window.desk.drop([str(tmp_path / "mine.png")])
+        assert session.scene == scene
+        before = session.history
+        window.desk.drop([str(tmp_path / "other.png")])
+        window.wait(lambda: bool(session.errors))
+        assert "another model" in session.errors[0]
+        assert session.history is before
+        assert not session.fitting.running
+        assert session.gallery.names == [f"object {number}" for number in range(6)]
+        testing.capture(window.ctx, str(tmp_path / "told.png"))
 
     drive(act)
 

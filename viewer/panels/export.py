@@ -14,6 +14,8 @@ _FILM, _CAMERA = icons_fontawesome_4.ICON_FA_FILM, icons_fontawesome_4.ICON_FA_C
 _CUBE = icons_fontawesome_4.ICON_FA_CUBE
 _SIZES = (128, 256, 384, 512, 768, 1024)
 _COUNTS = (36, 72, 144, 288)
+_PICTURE_HELP = """The view as a square picture on white.
+A png holds codes and camera: drop it on the window to bring them back."""
 _CELLS = (96, 128, 192, 256, 384, 512)
 
 
@@ -43,13 +45,16 @@ class Export:
         imgui.separator_text("Picture")
         self._picture = _choice("picture size", self._picture, _SIZES, "{} px", "Width and height of the picture")
         imgui.same_line()
-        if button(f"{_CAMERA}  Save picture…###save picture", "The view as a square picture on white"):
+        if button(
+            f"{_CAMERA}  Save picture…###save picture",
+            _PICTURE_HELP,
+        ):
             desk.files.ask(Wish("Save the picture as", self._save_picture(desk), PICTURES, True, "picture.png"))
         imgui.separator_text("Scene")
         if button("Save scene…###save scene", "Codes and camera, exact, as a small file (Ctrl+S)"):
             desk.save_scene()
         imgui.same_line()
-        if button("Open scene…###open scene", "A scene saved before, of the same model (Ctrl+O)"):
+        if button("Open scene…###open scene", "A scene or picture saved before, of the same model (Ctrl+O)"):
             desk.open_scene()
 
     def _draw_turntable(self, desk: Desk) -> None:

@@ -20,6 +20,7 @@ LINES = (
     ("Files", ""),
     ("Drop an image", "fit it (Ctrl+I to choose one)"),
     ("Drop a scene (.json)", "open it (Ctrl+O to choose, Ctrl+S to save)"),
+    ("Drop a picture saved here", "a png brings its codes and camera back"),
     ("Everywhere", ""),
     ("Ctrl+Z", "undo; a drag is one step"),
     ("Ctrl+Y, Ctrl+Shift+Z", "redo"),
