@@ -78,7 +78,7 @@ class Panel(Protocol):
 
     title: str
     dock: str
-    """View, Upper or Lower"""
+    """View, Top, Upper or Lower"""
 
     def draw(self, desk: Desk) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""

@@ -181,8 +181,11 @@ class Session:
         """Slide the shape, or the texture, from A (0) to B (1). The other stays as it is."""
         now = self.state.mix
         mix = replace(now, shape=amount) if part == "shape" else replace(now, texture=amount)
-        codes = self._with(part, getattr(self._mixed(mix), part))
-        self._edit(replace(self.scene, codes=codes), mix, gesture)
+        self._slide(mix, (part,), gesture)
+
+    def mix_both(self, shape: float, texture: float, gesture: str = "") -> None:
+        """Slide both at once, each from A (0) to B (1)."""
+        self._slide(replace(self.state.mix, shape=shape, texture=texture), PARTS, gesture)
 
     def adopt(self, thing: Thing, camera: Camera) -> None:
         """Take a fitted object among the objects and make it current, seen as in its photo."""
@@ -281,6 +284,11 @@ class Session:
 
     def _mixed(self, mix: Mix) -> Codes:
         return self.gallery[mix.a].codes.mixed(self.gallery[mix.b].codes, mix.shape, mix.texture)
+
+    def _slide(self, mix: Mix, parts: tuple[Part, ...], gesture: str) -> None:
+        mixed = self._mixed(mix)
+        codes = replace(self.scene.codes, **{part: getattr(mixed, part) for part in parts})
+        self._edit(replace(self.scene, codes=codes), mix, gesture)
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
         assert self.history is not None, "no model yet"

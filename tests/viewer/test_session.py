@@ -69,6 +69,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, tmp_path: Path, m
         lambda: session.pick_b("object 4"),
         lambda: session.mix("shape", 0.5),
         lambda: session.mix("texture", 0.7),
+        lambda: session.mix_both(0.2, 0.3),
         lambda: session.move_along("shape", 1, 2.0),
         lambda: session.randomise("texture"),
         lambda: session.to_mean("shape"),

@@ -145,17 +145,40 @@ def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
         window.click("Objects/**/show object 4", 1)
         assert (session.state.mix.a, session.state.mix.b) == ("object 2", "object 4")
         assert session.scene.codes == model.codes[2]
-        window.ctx.item_input_value("//Objects/**/##mix shape", 1.0)
+        window.ctx.item_input_value("//Mix/##mix shape", 1.0)
         window.ctx.yield_(2)
         np.testing.assert_allclose(session.code("shape"), model.codes[4].shape)
         np.testing.assert_allclose(session.code("texture"), model.codes[2].texture)
-        window.drag("Objects/**/##mix texture", 60)
+        window.drag("Mix/##mix texture", 60)
         assert 0 < session.state.mix.texture <= 1
         assert session.state.mix.shape == 1.0
         past = len(session.history.past)
         window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         assert session.state.mix.texture == 0
         assert len(session.history.past) == past - 1
+
+    drive(act)
+
+
+def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.click("Objects/**/show object 2")
+        window.click("Objects/**/show object 4", 1)
+        before = session.state
+        window.click("Mix/mix pad")
+        assert session.state.mix.shape == pytest.approx(0.5, abs=0.05)
+        assert session.state.mix.texture == pytest.approx(0.5, abs=0.05)
+        middle = session.state
+        window.drag("Mix/mix pad", 300, 15)  # beyond its border
+        mix = session.state.mix
+        assert mix.shape == 1.0
+        assert 0 < mix.texture < middle.mix.texture
+        assert session.scene.codes == model.codes[2].mixed(model.codes[4], mix.shape, mix.texture)
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == middle
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == before
 
     drive(act)
 
@@ -405,14 +428,14 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
             imgui.push_id("left open too")
             raise KeyError("a mistake")
 
-        drawn = window.app.panels[1].draw
-        window.app.panels[1].draw = fail
+        drawn = window.app.panels[2].draw
+        window.app.panels[2].draw = fail
         window.wait(lambda: bool(window.session.errors))
         window.ctx.yield_(5)
         assert window.session.errors == ["The panel Objects failed: KeyError: 'a mistake'"]
         window.drag("View/orbit", 30)
         assert window.session.history.past
-        window.app.panels[1].draw = drawn
+        window.app.panels[2].draw = drawn
         window.click("Objects/Try again")
         window.click("Objects/**/show object 3")
         assert window.session.state.mix.a == "object 3"

@@ -14,6 +14,8 @@ LINES = (
     ("Objects", ""),
     ("Click", "show the object; it is A"),
     ("Right click", "make it B, where the sliders lead"),
+    ("Mix", ""),
+    ("Drag in the pad", "across: shape from A to B; upwards: texture"),
     ("Codes", ""),
     ("Ctrl+click", "type a value"),
     ("Right click", "set the direction to 0"),

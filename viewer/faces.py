@@ -1,0 +1,36 @@
+"""An object, small: its picture, a coloured frame, a letter in its corner."""
+
+from imgui_bundle import ImVec2, hello_imgui, imgui
+
+from viewer.desk import Desk
+from viewer.theme import Colour, packed
+
+
+def paint(desk: Desk, name: str, corner: ImVec2, side: float) -> None:
+    """An object's picture, or an empty square until it is drawn."""
+    draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
+    picture = desk.session.gallery.picture(name)
+    if picture is None or desk.images is None:
+        draw.add_rect_filled(corner, opposite, packed(desk.palette.raised), rounding())
+        return
+    texture = desk.images.texture(picture, desk.palette)
+    draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
+
+
+def frame(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:
+    """A border, so many px within the square."""
+    low, high = corner + ImVec2(inset, inset), corner + ImVec2(side - inset, side - inset)
+    imgui.get_window_draw_list().add_rect(low, high, packed(colour), rounding(), thickness=2.0)
+
+
+def mark(corner: ImVec2, letter: str, colour: Colour) -> None:
+    """A letter on a coloured ground."""
+    draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
+    draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
+    place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(letter) * 0.5
+    draw.add_text(place, packed((0.06, 0.07, 0.08)), letter)
+
+
+def rounding() -> float:
+    """px, of every corner."""
+    return 0.3 * hello_imgui.em_size()
