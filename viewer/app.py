@@ -84,7 +84,7 @@ class App:
         docking.docking_splits = [
             hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.33),
             hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
-            hello_imgui.DockingSplit("Upper", "Top", up, 0.28),
+            hello_imgui.DockingSplit("Upper", "Top", up, 0.31),
         ]
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 

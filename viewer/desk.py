@@ -36,6 +36,8 @@ class Desk:
     images: Images | None = None
     focus: str = "Codes"
     """the panel to bring to the front"""
+    dragged: str = ""
+    """the object that a hand drags to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
     """two corners of the picture on screen"""
     quit: Callable[[], None] = lambda: None

@@ -1,9 +1,17 @@
 """An object, small: its picture, a coloured frame, a letter in its corner."""
 
-from imgui_bundle import ImVec2, hello_imgui, imgui
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.desk import Desk
+from viewer.session import Part
 from viewer.theme import Colour, packed
+
+DRAGGED = "object"
+"""the kind of payload that a hand drags to a slot"""
+ICONS: dict[Part, str] = {
+    "shape": icons_fontawesome_4.ICON_FA_CUBE,
+    "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,
+}
 
 
 def paint(desk: Desk, name: str, corner: ImVec2, side: float) -> None:
@@ -23,12 +31,12 @@ def frame(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> No
     imgui.get_window_draw_list().add_rect(low, high, packed(colour), rounding(), thickness=2.0)
 
 
-def mark(corner: ImVec2, letter: str, colour: Colour) -> None:
-    """A letter on a coloured ground."""
+def mark(corner: ImVec2, label: str, colour: Colour) -> None:
+    """A letter or an icon on a coloured ground."""
     draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
     draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
-    place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(letter) * 0.5
-    draw.add_text(place, packed((0.06, 0.07, 0.08)), letter)
+    place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
+    draw.add_text(place, packed((0.06, 0.07, 0.08)), label)
 
 
 def rounding() -> float:

@@ -70,6 +70,8 @@ def test_every_edit_can_be_undone_and_redone(session: Session, tmp_path: Path, m
         lambda: session.mix("shape", 0.5),
         lambda: session.mix("texture", 0.7),
         lambda: session.mix_both(0.2, 0.3),
+        lambda: session.take("texture", "object 3"),
+        lambda: session.swap(),
         lambda: session.move_along("shape", 1, 2.0),
         lambda: session.randomise("texture"),
         lambda: session.to_mean("shape"),
@@ -122,6 +124,49 @@ def test_shape_and_texture_slide_from_a_to_b_independently(session: Session) -> 
     torch.testing.assert_close(session.code("shape"), b.shape)
 
 
+def test_shape_and_texture_are_taken_from_different_objects(session: Session) -> None:
+    one, two = session.gallery["object 1"].codes, session.gallery["object 2"].codes
+    session.show("object 3")
+    session.mix_both(0.5, 0.5)
+    session.take("shape", "object 1")
+    assert torch.equal(session.code("shape"), one.shape)
+    assert (session.state.mix.a, session.state.mix.shape) == (("object 1", "object 3"), 0.0)
+    assert session.state.mix.texture == 0.5
+    session.take("texture", "object 2")
+    assert torch.equal(session.code("texture"), two.texture)
+    session.swap()
+    assert session.state.mix.a == ("object 2", "object 1")
+    torch.testing.assert_close(session.code("shape"), two.shape)
+    torch.testing.assert_close(session.code("texture"), one.texture)
+    session.move_along("shape", 0, 1.0)
+    session.to_object("shape")
+    assert torch.equal(session.code("shape"), two.shape)
+
+
+def test_what_is_locked_stays_whatever_is_picked(session: Session) -> None:
+    session.show("object 1")
+    session.mix_both(0.5, 0.5)
+    session.lock("shape", True)
+    shape, mix = session.code("shape"), session.state.mix
+    edits = (
+        lambda: session.show("object 2"),
+        lambda: session.randomise("shape"),
+        lambda: session.take("shape", "object 3"),
+        lambda: session.take("texture", "object 3"),
+        lambda: session.mix_both(0.9, 0.9),
+        lambda: session.swap(),
+        lambda: session.to_mean("shape"),
+    )
+    for edit in edits:
+        edit()
+        assert torch.equal(session.code("shape"), shape)
+        assert (session.state.mix.a.shape, session.state.mix.shape) == (mix.a.shape, mix.shape)
+    assert session.state.mix.texture == 0.9
+    session.lock("shape", False)
+    session.show("object 2")
+    assert session.scene.codes == session.gallery["object 2"].codes
+
+
 def test_another_b_takes_over_what_is_mixed_in(session: Session) -> None:
     session.show("object 1")
     session.mix("texture", 1.0)
@@ -138,7 +183,7 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Mo
     assert session.scene.camera.azimuth == pytest.approx(1.0)
     assert session.scene.camera.width == model.image_size
     assert session.gallery.names[0] == "block"
-    assert session.state.mix.a == "block"
+    assert session.state.mix.a == ("block", "block")
     session.gallery.picture("block")
     finish(session)
     assert session.gallery.picture("block")

@@ -15,6 +15,7 @@ from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
+from core.codes import Codes
 from core.field import Field
 from core.files import whole_file
 from core.model import Model
@@ -142,8 +143,8 @@ def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
         session = window.session
         window.click("Objects/**/show object 2")
-        window.click("Objects/**/show object 4", 1)
-        assert (session.state.mix.a, session.state.mix.b) == ("object 2", "object 4")
+        window.choose("object 4", "Make it B")
+        assert (session.state.mix.a, session.state.mix.b) == (("object 2", "object 2"), "object 4")
         assert session.scene.codes == model.codes[2]
         window.ctx.item_input_value("//Mix/##mix shape", 1.0)
         window.ctx.yield_(2)
@@ -164,7 +165,7 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
     def act(window: Driver) -> None:
         session = window.session
         window.click("Objects/**/show object 2")
-        window.click("Objects/**/show object 4", 1)
+        window.choose("object 4", "Make it B")
         before = session.state
         window.click("Mix/mix pad")
         assert session.state.mix.shape == pytest.approx(0.5, abs=0.05)
@@ -179,6 +180,37 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
         assert session.state == middle
         window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         assert session.state == before
+
+    drive(act)
+
+
+def test_shape_and_texture_are_taken_from_different_thumbnails(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.choose("object 2", "Take only its texture")
+        assert session.scene.codes == Codes(model.codes[3].shape, model.codes[2].texture)
+        window.drop("Objects/**/show object 5", "Mix/slot B")
+        assert (session.state.mix.a, session.state.mix.b) == (("object 3", "object 2"), "object 5")
+        window.click("Mix/###swap")
+        assert session.scene.codes == Codes(model.codes[2].shape, model.codes[3].texture)
+        assert len(session.history.past) == 4
+
+    drive(act)
+
+
+def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.click("Mix/###lock shape")
+        window.click("Objects/**/show object 2")
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.click("Codes/**/###Random texture")
+        assert torch.equal(session.code("shape"), model.codes[0].shape)
+        assert len(session.history.past) == 2
+        window.click("Mix/###lock shape")
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        assert torch.equal(session.code("shape"), model.codes[3].shape)
 
     drive(act)
 
@@ -438,7 +470,7 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
         window.app.panels[2].draw = drawn
         window.click("Objects/Try again")
         window.click("Objects/**/show object 3")
-        assert window.session.state.mix.a == "object 3"
+        assert window.session.state.mix.a.shape == "object 3"
 
     drive(act, strict=False)
 

@@ -4,6 +4,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer import faces
 from viewer.desk import Desk, tip
+from viewer.session import PARTS
 from viewer.theme import WARM, Colour, packed
 
 _CELL = 4.6
@@ -13,7 +14,7 @@ _FITTED: Colour = (0.35, 0.75, 0.5)
 
 
 class Objects:
-    """Click one to show it (it is A), right click one to make it B."""
+    """Click one to show it (it is A), drag it to a slot, or right click it to choose."""
 
     title = "Objects"
     dock = "Upper"
@@ -50,17 +51,43 @@ def _cell(desk: Desk, name: str, side: float) -> None:
     if imgui.invisible_button(f"show {name}", (side, side)):
         session.show(name)
     hovered = imgui.is_item_hovered()
-    if imgui.is_item_clicked(imgui.MouseButton_.right):
-        session.pick_b(name)
-    tip(f"{name}\nClick to show it (A), right click to make it B")
+    tip(f"{name}\nClick to show it, drag it to a slot, right click to choose")
+    if imgui.begin_drag_drop_source():
+        desk.dragged = name
+        imgui.set_drag_drop_payload_py_id(faces.DRAGGED, 0)
+        imgui.text(name)
+        imgui.end_drag_drop_source()
+    if imgui.begin_popup_context_item():
+        _draw_menu(desk, name)
+        imgui.end_popup()
     faces.paint(desk, name, corner, side)
-    mix, draw = session.state.mix, imgui.get_window_draw_list()
-    marks = [(mix.a, "A", desk.palette.accent), (mix.b, "B", WARM)]
-    for number, (_, letter, colour) in enumerate(mark for mark in marks if mark[0] == name):
+    draw = imgui.get_window_draw_list()
+    for number, (label, colour) in enumerate(_marks(desk, name)):
         faces.frame(corner, side, colour, inset=2.0 * number)
-        faces.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), letter, colour)
+        faces.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
         draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), faces.rounding())
     if session.gallery[name].photo:
         low = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * hello_imgui.em_size()
         draw.add_circle_filled(low, 0.3 * hello_imgui.em_size(), packed(_FITTED))
+
+
+def _draw_menu(desk: Desk, name: str) -> None:
+    session = desk.session
+    if imgui.menu_item_simple("Show it"):
+        session.show(name)
+    for part in PARTS:
+        if imgui.menu_item_simple(f"Take only its {part}", enabled=part not in session.locked):
+            session.take(part, name)
+    if imgui.menu_item_simple("Make it B"):
+        session.pick_b(name)
+
+
+def _marks(desk: Desk, name: str) -> list[tuple[str, Colour]]:
+    """What an object is just now: A, what A's shape or texture was taken from, B."""
+    mix, accent = desk.session.state.mix, desk.palette.accent
+    if mix.a == (name, name):
+        marks = [("A", accent)]
+    else:
+        marks = [(faces.ICONS[part], accent) for part in PARTS if getattr(mix.a, part) == name]
+    return [*marks, ("B", WARM)] if mix.b == name else marks
