@@ -107,6 +107,18 @@ class Session:
         """The current code of one kind."""
         return getattr(self.scene.codes, part)
 
+    def distance(self, part: Part) -> float:
+        """From the current code to the mean of the trained ones, in standard deviations; a trained one has about 1."""
+        return float(self.space(part).distance(self.code(part)))
+
+    def nearest(self, part: Part) -> tuple[str, float] | None:
+        """The trained object whose code of one kind is nearest, and how far it is (standard deviations)."""
+        if self.model is None or not self.model.codes.sound:
+            return None
+        index = self.model.codes.nearest(self.scene.codes)[PARTS.index(part)]
+        code = getattr(self.model.codes[index], part)
+        return self.model.codes.objects[index].name, float(self.space(part).distance(self.code(part), code))
+
     # The model
 
     def open_model(self, name: str) -> None:
@@ -151,6 +163,12 @@ class Session:
     def move_along(self, part: Part, direction: int, to: float, gesture: str = "") -> None:
         """Set one coordinate of a code, in standard deviations along a principal direction."""
         self.set_code(part, self.space(part).moved(self.code(part), direction, to), gesture)
+
+    def pull(self, part: Part, to: float, gesture: str = "") -> None:
+        """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
+        mean, distance = self.space(part).mean, self.distance(part)
+        if distance > 0:
+            self.set_code(part, mean + (self.code(part) - mean) * (to / distance), gesture)
 
     def to_mean(self, part: Part) -> None:
         """The mean of the trained codes."""

@@ -74,6 +74,7 @@ def test_every_edit_can_be_undone_and_redone(session: Session, tmp_path: Path, m
         lambda: session.swap(),
         lambda: session.move_along("shape", 1, 2.0),
         lambda: session.randomise("texture"),
+        lambda: session.pull("shape", 0.5),
         lambda: session.to_mean("shape"),
         lambda: session.to_object("texture"),
         lambda: session.reset_view(),
@@ -165,6 +166,24 @@ def test_what_is_locked_stays_whatever_is_picked(session: Session) -> None:
     session.lock("shape", False)
     session.show("object 2")
     assert session.scene.codes == session.gallery["object 2"].codes
+
+
+def test_a_code_is_pulled_back_straight_towards_the_mean(session: Session) -> None:
+    session.show("object 2")
+    name, away = session.nearest("shape") or ("", 1.0)
+    assert (name, away) == ("object 2", pytest.approx(0, abs=1e-5))
+    space, before, history = session.space("shape"), session.code("shape"), session.history
+    for to in (0.9, 0.01, 0.5):
+        session.pull("shape", to, gesture="pull shape")
+        assert session.distance("shape") == pytest.approx(to, rel=1e-3)
+    direction = torch.nn.functional.cosine_similarity(session.code("shape") - space.mean, before - space.mean, dim=0)
+    assert float(direction) == pytest.approx(1, abs=1e-3)
+    assert session.nearest("texture") == ("object 2", pytest.approx(0, abs=1e-5))
+    session.undo()
+    assert session.state == history.now
+    session.to_mean("shape")
+    session.pull("shape", 1.0)  # the mean has no direction
+    assert session.distance("shape") == pytest.approx(0, abs=1e-5)
 
 
 def test_another_b_takes_over_what_is_mixed_in(session: Session) -> None:
@@ -391,3 +410,4 @@ def test_a_model_of_no_objects_still_opens(worker: Worker, streams: Streams, mod
     finish(session)
     assert session.gallery.names == ["mean"]
     assert session.scene.codes == empty.codes.mean
+    assert session.nearest("shape") is None

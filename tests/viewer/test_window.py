@@ -215,6 +215,22 @@ def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
     drive(act)
 
 
+def test_a_code_is_measured_and_pulled_back(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Plausible")
+        window.click("Objects/**/show object 3")
+        assert [session.nearest(part)[0] for part in ("shape", "texture")] == ["object 3", "object 3"]
+        before, far = session.state, session.distance("shape")
+        window.drag("Plausible/**/##pull shape", -60)
+        assert 0 < session.distance("shape") < far
+        assert session.scene.codes.texture is before.scene.codes.texture
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == before
+
+    drive(act)
+
+
 def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
 
