@@ -82,7 +82,7 @@ class App:
         docking = self.params.docking_params
         docking.main_dock_space_node_flags = imgui.DockNodeFlags_.auto_hide_tab_bar
         docking.docking_splits = [
-            hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.33),
+            hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.36),
             hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
             hello_imgui.DockingSplit("Upper", "Top", up, 0.31),
         ]

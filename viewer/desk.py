@@ -1,6 +1,6 @@
 """What panels share: the session, and the window's own things around it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -98,3 +98,16 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> b
     imgui.end_disabled()
     tip(text)
     return pressed
+
+
+def draw_progress(desk: Desk, kinds: Sequence[str]) -> bool:
+    """How far the file under way is, where it is one of these kinds."""
+    exporting = desk.session.exporting
+    if exporting.path is None or exporting.path.suffix.lower() not in kinds:
+        return False
+    told = f"{exporting.path.name}   {exporting.progress:.0%}"
+    imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), told)
+    imgui.same_line()
+    if button("Cancel###cancel export", "Give it up; no half-written file stays"):
+        exporting.cancel()
+    return True

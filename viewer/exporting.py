@@ -1,4 +1,4 @@
-"""Turntables, meshes and pictures on their way into files."""
+"""Turntables, meshes, sheets and pictures on their way into files."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
 from core.pictures import save_picture
 from core.scene import Scene
+from viewer import orbit
+from viewer.sheet import write_sheet
 from viewer.worker import Job
 
 if TYPE_CHECKING:
@@ -35,18 +37,18 @@ def mesh(model: Model, codes: Codes, path: Path, resolution: int = 256) -> Itera
 
 
 class Exporting:
-    """At most one turntable or mesh, and one picture, at a time."""
+    """At most one turntable, mesh or sheet, and one picture, at a time."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.path: Path | None = None
-        """the turntable or mesh under way"""
+        """the turntable, mesh or sheet under way"""
         self.progress = 0.0
         """of it, 0..1"""
 
     @property
     def running(self) -> bool:
-        """A turntable or a mesh is under way."""
+        """A turntable, a mesh or a sheet is under way."""
         return self.path is not None
 
     def turntable(self, path: Path, frames: int = 72, size: int = 256) -> None:
@@ -67,8 +69,20 @@ class Exporting:
             path, lambda model, scene: self._session.streams.mesh(model, scene.codes, path, resolution), total=1.0
         )
 
+    def sheet(self, path: Path, size: int = 256) -> None:
+        """Write the cross sheet as one picture on white, a cell so many px wide and high."""
+        session = self._session
+        rows = [[session.pair(pair) for pair in row] for row in session.sheet.rows]
+
+        def stream(model: Model, scene: Scene) -> Iterator[float]:
+            camera = orbit.home(model).resized(size, size)
+            return write_sheet(lambda job: session.streams.frames(model, job), rows, camera, path)
+
+        if rows:
+            self._begin(path, stream, total=1.0)
+
     def cancel(self) -> None:
-        """Give the turntable or mesh up; no half-written file stays."""
+        """Give the file under way up; no half-written file stays."""
         if self.path:
             self._session.worker.cancel("export")
             self._session.say(f"Cancelled: {self.path.name} was not written")

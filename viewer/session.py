@@ -26,6 +26,7 @@ from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
 from viewer.quality import Speed
+from viewer.sheet import Sheet
 from viewer.worker import Job, Worker
 
 Part = Literal["shape", "texture"]
@@ -70,6 +71,7 @@ class Session:
         self.messages: list[Message] = []
         self.speed = Speed()
         self.gallery = Gallery(self)
+        self.sheet = Sheet(self)
         self.fitting = Fitting(self)
         self.exporting = Exporting(self)
         self._random = torch.Generator()
@@ -107,6 +109,10 @@ class Session:
         """The current code of one kind."""
         return getattr(self.scene.codes, part)
 
+    def pair(self, pair: Pair) -> Codes:
+        """The shape of one object in the texture of another."""
+        return Codes(self.gallery[pair.shape].codes.shape, self.gallery[pair.texture].codes.texture)
+
     def distance(self, part: Part) -> float:
         """From the current code to the mean of the trained ones, in standard deviations; a trained one has about 1."""
         return float(self.space(part).distance(self.code(part)))
@@ -137,6 +143,7 @@ class Session:
         self.exporting.cancel()
         self.model, self.frame, self.locked = model, None, frozenset()
         self.gallery.open(model)
+        self.sheet.clear()
         first, second = self.gallery.names[0], self.gallery.names[min(1, len(self.gallery.names) - 1)]
         scene = Scene(model.fingerprint, self.gallery[first].codes, orbit.home(model))
         self.history = History(State(scene, Mix(Pair(first, first), second)))
@@ -176,7 +183,7 @@ class Session:
 
     def to_object(self, part: Part) -> None:
         """Back to the code of object A."""
-        self.set_code(part, getattr(self._a(self.state.mix.a), part))
+        self.set_code(part, getattr(self.pair(self.state.mix.a), part))
 
     def randomise(self, part: Part) -> None:
         """A code drawn from the cloud of the trained ones, taken as normal."""
@@ -185,7 +192,11 @@ class Session:
 
     def show(self, name: str) -> None:
         """Make an object current; it becomes A, and both sliders go to A."""
-        self._recode(self.gallery[name].codes, Mix(Pair(name, name), self.state.mix.b))
+        self.show_pair(Pair(name, name))
+
+    def show_pair(self, pair: Pair) -> None:
+        """Make current the shape of one object in the texture of another; the pair becomes A."""
+        self._recode(self.pair(pair), Mix(pair, self.state.mix.b))
 
     def take(self, part: Part, name: str) -> None:
         """Take only the shape, or only the texture, of an object; its slider goes to A."""
@@ -316,10 +327,7 @@ class Session:
         return replace(self.scene.codes, **{part: code})
 
     def _mixed(self, mix: Mix) -> Codes:
-        return self._a(mix.a).mixed(self.gallery[mix.b].codes, mix.shape, mix.texture)
-
-    def _a(self, pair: Pair) -> Codes:
-        return Codes(self.gallery[pair.shape].codes.shape, self.gallery[pair.texture].codes.texture)
+        return self.pair(mix.a).mixed(self.gallery[mix.b].codes, mix.shape, mix.texture)
 
     def _slide(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:
         mixed = self._mixed(mix)

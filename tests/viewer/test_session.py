@@ -168,6 +168,38 @@ def test_what_is_locked_stays_whatever_is_picked(session: Session) -> None:
     assert session.scene.codes == session.gallery["object 2"].codes
 
 
+def test_the_sheet_crosses_shapes_with_textures(session: Session, tmp_path: Path) -> None:
+    session.sheet.add("object 1", "object 2")
+    session.sheet.add("object 2", "object 4")
+    assert session.sheet.names == ("object 1", "object 2", "object 4")
+    finish(session)
+    assert all(session.sheet.picture(pair) for row in session.sheet.rows for pair in row)
+    session.show_pair(session.sheet.rows[0][2])
+    assert torch.equal(session.code("shape"), session.gallery["object 1"].codes.shape)
+    assert torch.equal(session.code("texture"), session.gallery["object 4"].codes.texture)
+    session.sheet.remove("object 2")
+    assert [pair.texture for pair in session.sheet.rows[1]] == ["object 1", "object 4"]
+    session.exporting.sheet(tmp_path / "sheet.png", size=16)
+    finish(session)
+    with Image.open(tmp_path / "sheet.png") as image:
+        assert image.size == (32, 32)
+    session.sheet.clear()
+    session.exporting.sheet(tmp_path / "empty.png")
+    assert not session.exporting.running
+    session.sheet.add(*session.gallery.names, *(f"object {n}" for n in range(6)))
+    assert len(session.sheet.names) == 6
+
+
+def test_a_sheet_that_cannot_be_written_is_told(session: Session, tmp_path: Path) -> None:
+    session.sheet.add("object 1")
+    for name in ("sheet.xyz", "missing/sheet.png"):
+        session.messages.clear()
+        session.exporting.sheet(tmp_path / name, size=16)
+        finish(session)
+        assert len(session.errors) == 1, name
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_code_is_pulled_back_straight_towards_the_mean(session: Session) -> None:
     session.show("object 2")
     name, away = session.nearest("shape") or ("", 1.0)

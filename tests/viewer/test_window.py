@@ -215,6 +215,32 @@ def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
     drive(act)
 
 
+def test_a_sheet_is_filled_clicked_and_exported(drive: Drive, model: Model, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Sheet")
+        window.click("Sheet/###add")
+        window.choose("object 3", "Add to the sheet")
+        window.drop("Objects/**/show object 5", "Sheet/###add")
+        assert session.sheet.names == ("object 0", "object 1", "object 3", "object 5")
+        window.wait()
+        window.click("Sheet/pair 3 2")
+        assert session.scene.codes == Codes(model.codes[3].shape, model.codes[1].texture)
+        assert len(session.history.past) == 1
+        window.click("Sheet/texture of object 1")
+        assert session.sheet.names == ("object 0", "object 3", "object 5")
+        window.click("Sheet/###export sheet")
+        window.type(str(tmp_path / "mine"))
+        window.wait()
+        with Image.open(tmp_path / "mine.png") as image:
+            assert image.size == (768, 768)
+        window.click("Sheet/###clear sheet")
+        assert session.sheet.names == ()
+        assert session.errors == []
+
+    drive(act)
+
+
 def test_a_code_is_measured_and_pulled_back(drive: Drive) -> None:
     def act(window: Driver) -> None:
         session = window.session

@@ -7,9 +7,10 @@ from viewer.panels.fit import Fit
 from viewer.panels.mix import MixPanel
 from viewer.panels.objects import Objects
 from viewer.panels.plausibility import Plausibility
+from viewer.panels.sheet import SheetPanel
 from viewer.panels.view import View
 
 
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
-    return [View(), MixPanel(), Objects(), CodesPanel(), Plausibility(), Fit(), Export()]
+    return [View(), MixPanel(), Objects(), CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()]

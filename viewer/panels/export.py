@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.desk import MESHES, PICTURES, VIDEOS, Desk, button, tip
+from viewer.desk import MESHES, PICTURES, VIDEOS, Desk, button, draw_progress, tip
 from viewer.files import Wish
 
 T = TypeVar("T")
@@ -58,7 +58,7 @@ class Export:
             desk.open_scene()
 
     def _draw_turntable(self, desk: Desk) -> None:
-        if _draw_progress(desk, VIDEOS):
+        if draw_progress(desk, VIDEOS):
             return
         self._video = _choice("format", self._video, VIDEOS, "{}", "mp4 is the smallest, gif plays everywhere")
         imgui.same_line()
@@ -72,7 +72,7 @@ class Export:
             desk.files.ask(Wish("Export the turntable as", self._export_turntable(desk), VIDEOS, True, name))
 
     def _draw_mesh(self, desk: Desk) -> None:
-        if _draw_progress(desk, MESHES):
+        if draw_progress(desk, MESHES):
             return
         self._mesh = _choice("mesh format", self._mesh, MESHES, "{}", "glb opens in most programs")
         imgui.same_line()
@@ -93,19 +93,6 @@ class Export:
 
     def _save_picture(self, desk: Desk) -> Callable[[Path], None]:
         return lambda path: desk.session.exporting.picture(path, self._picture)
-
-
-def _draw_progress(desk: Desk, kinds: Sequence[str]) -> bool:
-    """How far the file under way is, where it is one of these kinds."""
-    exporting = desk.session.exporting
-    if exporting.path is None or exporting.path.suffix.lower() not in kinds:
-        return False
-    told = f"{exporting.path.name}   {exporting.progress:.0%}"
-    imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), told)
-    imgui.same_line()
-    if button("Cancel###cancel export", "Give it up; no half-written file stays"):
-        exporting.cancel()
-    return True
 
 
 def _named(path: Path, suffix: str) -> Path:

@@ -38,7 +38,7 @@ class MixPanel:
         b = desk.session.state.mix.b
         _draw_face(desk, b, "B", WARM, side)
         tip(f"B is {b}\nDrop an object here to make it B")
-        if dropped := _dropped(desk):
+        if dropped := faces.dropped(desk):
             desk.session.pick_b(dropped)
 
     def _draw_slot(self, desk: Desk, part: Part, side: float) -> None:
@@ -47,7 +47,7 @@ class MixPanel:
         imgui.begin_group()
         _draw_face(desk, name, faces.ICONS[part], desk.palette.accent, side, f"slot {part}")
         tip(f"The {part} is taken from {name}\nDrop an object here to take only its {part}")
-        if not locked and (dropped := _dropped(desk)):
+        if not locked and (dropped := faces.dropped(desk)):
             session.take(part, dropped)
         what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or drawn at random"
         if button(f"{_LOCKED if locked else _OPEN}###lock {part}", what, width=3.4):
@@ -104,15 +104,6 @@ def _draw_face(desk: Desk, name: str, label: str, colour: Colour, side: float, s
     faces.paint(desk, name, corner, side)
     faces.frame(corner, side, colour)
     faces.mark(corner, label, colour)
-
-
-def _dropped(desk: Desk) -> str:
-    """The object that was let go over the last item, if any."""
-    if not imgui.begin_drag_drop_target():
-        return ""
-    payload = imgui.accept_drag_drop_payload_py_id(faces.DRAGGED)
-    imgui.end_drag_drop_target()
-    return desk.dragged if payload else ""
 
 
 def _within(amount: float) -> float:

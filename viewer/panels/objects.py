@@ -81,6 +81,9 @@ def _draw_menu(desk: Desk, name: str) -> None:
             session.take(part, name)
     if imgui.menu_item_simple("Make it B"):
         session.pick_b(name)
+    if imgui.menu_item_simple("Add to the sheet"):
+        session.sheet.add(name)
+        desk.focus = "Sheet"
 
 
 def _marks(desk: Desk, name: str) -> list[tuple[str, Colour]]:
