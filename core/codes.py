@@ -69,6 +69,15 @@ class CodeSpace:
         step = to - float(self.coordinates(code)[direction])
         return code + step * self.spread[direction] * self.directions[direction]
 
+    def distance(
+        self, code: Float[Tensor, "*batch latent"], start: Float[Tensor, "*#batch latent"] | None = None
+    ) -> Float[Tensor, "*batch"]:
+        """How far a code is from another, or from the mean: the root mean square of the coordinates between.
+
+        In standard deviations: over the cloud, the mean square of the distance from the mean is 1.
+        """
+        return self.coordinates(code if start is None else code - start + self.mean).square().mean(-1).sqrt()
+
     @property
     def explained(self) -> Float[Tensor, "rank"]:
         """The share of the cloud's variance along each direction."""
@@ -128,6 +137,19 @@ class CodeBook:
     def mean(self) -> Codes:
         """The mean shape in the mean texture, where the paper's fit begins."""
         return Codes(self.shape_space.mean, self.texture_space.mean)
+
+    def nearest(self, codes: Codes) -> tuple[int, int]:
+        """The sound objects with the nearest shape and with the nearest texture, by :meth:`CodeSpace.distance`.
+
+        Raises ``ValueError`` where there is no such object.
+        """
+        if not self.sound:
+            raise ValueError("the book has no objects to compare with")
+        shapes = self.shapes[[self.objects[index].shape for index in self.sound]]
+        textures = self.textures[[self.objects[index].texture for index in self.sound]]
+        shape = int(self.shape_space.distance(shapes, codes.shape).argmin())
+        texture = int(self.texture_space.distance(textures, codes.texture).argmin())
+        return self.sound[shape], self.sound[texture]
 
     def drawn(self, generator: torch.Generator) -> Codes:
         """A pair drawn from the two clouds, taken as normal."""

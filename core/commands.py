@@ -10,7 +10,6 @@ from itertools import chain, pairwise
 from pathlib import Path
 from typing import TypeVar
 
-from PIL import Image
 from tqdm import tqdm
 
 from core.authors import load_authors
@@ -31,6 +30,7 @@ from core.library import load_model
 from core.mesh import export_mesh
 from core.model import Model
 from core.photos import load_photo
+from core.pictures import open_scene, save_picture
 from core.render import render_exact
 from core.report import swap_told, told, write_report, write_swap_report
 from core.scene import Scene
@@ -55,7 +55,7 @@ def render(chosen: argparse.Namespace) -> None:
         image = (colour * 255 + 0.5).byte().cpu().numpy()
     else:
         image = picture(model, codes, camera).image
-    Image.fromarray(image).save(chosen.out)
+    save_picture(image, chosen.out, Scene(model.fingerprint, codes, camera))
 
 
 def turntable_command(chosen: argparse.Namespace) -> None:
@@ -227,7 +227,7 @@ def _chosen(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     """The model and the codes that the options name, with the scene's own camera or one from the front."""
     model = load_model(chosen.model)
     if chosen.scene:
-        scene = Scene.load(chosen.scene, model)
+        scene = open_scene(chosen.scene, model)
         return model, scene.codes, scene.camera
     codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
     return model, codes, model.camera(math.radians(60), math.radians(20))

@@ -78,12 +78,13 @@ class App:
         window_params.show_menu_bar = True
         window_params.show_menu_app = window_params.show_menu_view = False
         window_params.show_menu_view_themes = False
-        right, down = imgui.Dir.right, imgui.Dir.down
+        right, down, up = imgui.Dir.right, imgui.Dir.down, imgui.Dir.up
         docking = self.params.docking_params
         docking.main_dock_space_node_flags = imgui.DockNodeFlags_.auto_hide_tab_bar
         docking.docking_splits = [
-            hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.33),
+            hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.36),
             hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
+            hello_imgui.DockingSplit("Upper", "Top", up, 0.31),
         ]
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 

@@ -1,12 +1,13 @@
 """What panels share: the session, and the window's own things around it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
+from core.pictures import held_scene
 from viewer.canvas import Canvas, Images
 from viewer.files import Files, Wish
 from viewer.session import Session
@@ -15,6 +16,8 @@ from viewer.theme import DARK, LIGHT, Palette
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 PICTURES = (".png", ".jpg", ".webp")
 VIDEOS = (".mp4", ".gif", ".webp")
+SCENES = (".json", ".png")
+MESHES = (".glb", ".ply", ".obj")
 
 
 @dataclass(eq=False)
@@ -33,6 +36,8 @@ class Desk:
     images: Images | None = None
     focus: str = "Codes"
     """the panel to bring to the front"""
+    dragged: str = ""
+    """the object that a hand drags to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
     """two corners of the picture on screen"""
     quit: Callable[[], None] = lambda: None
@@ -52,19 +57,19 @@ class Desk:
         self.session.fitting.start(path)
 
     def open_scene(self) -> None:
-        """Ask for a scene, and open it."""
-        self.files.ask(Wish("Scene to open", self.session.load_scene, (".json",)))
+        """Ask for a scene, or a picture that holds one, and open it."""
+        self.files.ask(Wish("Scene to open", self.session.load_scene, SCENES))
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
         self.files.ask(Wish("Save the scene as", self.session.save_scene, (".json",), True, "scene.json"))
 
     def drop(self, paths: list[str]) -> None:
-        """A file was let go over the window: a scene is opened, anything else is taken for an image."""
+        """Take a file let go over the window: a scene, or a picture that holds one, is opened; any other is fitted."""
         if not paths:
             return
         path = Path(paths[0])
-        if path.suffix.lower() == ".json":
+        if path.suffix.lower() == ".json" or held_scene(path):
             self.session.load_scene(path)
         else:
             self.fit(path)
@@ -75,7 +80,7 @@ class Panel(Protocol):
 
     title: str
     dock: str
-    """View, Upper or Lower"""
+    """View, Top, Upper or Lower"""
 
     def draw(self, desk: Desk) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""
@@ -93,3 +98,16 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> b
     imgui.end_disabled()
     tip(text)
     return pressed
+
+
+def draw_progress(desk: Desk, kinds: Sequence[str]) -> bool:
+    """How far the file under way is, where it is one of these kinds."""
+    exporting = desk.session.exporting
+    if exporting.path is None or exporting.path.suffix.lower() not in kinds:
+        return False
+    told = f"{exporting.path.name}   {exporting.progress:.0%}"
+    imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), told)
+    imgui.same_line()
+    if button("Cancel###cancel export", "Give it up; no half-written file stays"):
+        exporting.cancel()
+    return True

@@ -1,17 +1,19 @@
-"""Turntables and pictures on their way into files."""
+"""Turntables, meshes, sheets and pictures on their way into files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
-
-from PIL import Image
 
 from core.camera import Camera
 from core.codes import Codes
 from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
+from core.pictures import save_picture
+from core.scene import Scene
+from viewer import orbit
+from viewer.sheet import write_sheet
 from viewer.worker import Job
 
 if TYPE_CHECKING:
@@ -27,45 +29,67 @@ def turntable(
     return stream(model, codes, camera, path, frames, size)
 
 
+def mesh(model: Model, codes: Codes, path: Path, resolution: int = 256) -> Iterator[float]:
+    """core.mesh.export_mesh; imported on the worker, as the mesh libraries take their time."""
+    from core.mesh import export_mesh
+
+    return export_mesh(model, codes, path, resolution)
+
+
 class Exporting:
-    """At most one turntable and one picture at a time."""
+    """At most one turntable, mesh or sheet, and one picture, at a time."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.path: Path | None = None
-        """the turntable under way"""
-        self.done = 0
-        self.total = 1
+        """the turntable, mesh or sheet under way"""
+        self.progress = 0.0
+        """of it, 0..1"""
 
     @property
     def running(self) -> bool:
-        """A turntable is under way."""
+        """A turntable, a mesh or a sheet is under way."""
         return self.path is not None
 
     def turntable(self, path: Path, frames: int = 72, size: int = 256) -> None:
         """Write the object turning once round as mp4, gif or webp, by the file's name."""
-        if self.running or self._session.model is None:
-            return
-        self.path, self.done, self.total = path, 0, frames
-        model, scene, stream = self._session.model, self._session.scene, self._session.streams.turntable
-        self._session.worker.submit(
-            Job(
-                "turntable",
-                lambda: stream(model, scene.codes, scene.camera, path, frames, size),
-                self._advanced,
-                self._ended,
-            )
+        self._begin(
+            path,
+            lambda model, scene: self._session.streams.turntable(model, scene.codes, scene.camera, path, frames, size),
+            frames,
         )
 
+    def mesh(self, path: Path, resolution: int = 256) -> None:
+        """Write the object as a coloured mesh, glb, ply or obj by the file's name.
+
+        Args:
+            resolution: cells along the longest side of the model's box.
+        """
+        self._begin(
+            path, lambda model, scene: self._session.streams.mesh(model, scene.codes, path, resolution), total=1.0
+        )
+
+    def sheet(self, path: Path, size: int = 256) -> None:
+        """Write the cross sheet as one picture on white, a cell so many px wide and high."""
+        session = self._session
+        rows = [[session.pair(pair) for pair in row] for row in session.sheet.rows]
+
+        def stream(model: Model, scene: Scene) -> Iterator[float]:
+            camera = orbit.home(model).resized(size, size)
+            return write_sheet(lambda job: session.streams.frames(model, job), rows, camera, path)
+
+        if rows:
+            self._begin(path, stream, total=1.0)
+
     def cancel(self) -> None:
-        """Give the turntable up; no half-written file stays."""
+        """Give the file under way up; no half-written file stays."""
         if self.path:
-            self._session.worker.cancel("turntable")
+            self._session.worker.cancel("export")
             self._session.say(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
     def picture(self, path: Path, size: int = 512) -> None:
-        """Write the scene as a square picture on white."""
+        """Write the scene as a square picture on white; a PNG holds the scene as well."""
         if self._session.model is None:
             return
         path = path if path.suffix else path.with_suffix(".png")
@@ -79,30 +103,31 @@ class Exporting:
                 self._session.say(f"Saved {path.name}")
 
         stream = self._session.streams.frames(model, job)
-        self._session.worker.submit(Job("picture", lambda: _written(stream, path), lambda _: None, ended))
+        self._session.worker.submit(Job("picture", lambda: _written(stream, path, scene), lambda _: None, ended))
 
-    def _advanced(self, done: int) -> None:
-        self.done = done
+    def _begin(self, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float) -> None:
+        """Draw from a stream that tells how much it has done, of so much in all."""
+        model = self._session.model
+        if self.running or model is None:
+            return
+        self.path, self.progress = path, 0.0
+        scene = self._session.scene
+
+        def advanced(done: float) -> None:
+            self.progress = done / total
+
+        self._session.worker.submit(Job("export", lambda: stream(model, scene), advanced, self._ended))
 
     def _ended(self, error: Exception | None) -> None:
         path, self.path = self.path, None
-        if error:
-            self._session.report("Cannot export the turntable", error)
+        if path and error:
+            self._session.report(f"Cannot export {path.name}", error)
         elif path:
             self._session.say(f"Saved {path.name}")
 
 
-def _written(stream: Iterator[Frame | None], path: Path) -> Iterator[None]:
+def _written(stream: Iterator[Frame | None], path: Path, scene: Scene) -> Iterator[None]:
     for frame in stream:
         if frame:
-            _save(frame, path)
+            save_picture(frame.image, path, scene)
         yield None
-
-
-def _save(frame: Frame, path: Path) -> None:
-    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-    try:
-        Image.fromarray(frame.image).save(partial)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)

@@ -1,6 +1,7 @@
 """What undo remembers: states before and after this one, a drag counted once."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from core.scene import Scene
 
@@ -8,14 +9,25 @@ _DEPTH = 500
 """States kept; a state is a few hundred numbers."""
 
 
+class Pair(NamedTuple):
+    """An object put together: whose shape, and whose texture."""
+
+    shape: str
+    texture: str
+
+
 @dataclass(frozen=True)
 class Mix:
     """Between which objects the two sliders run, and where they stand (0 is A, 1 is B)."""
 
-    a: str
+    a: Pair
     b: str
     shape: float = 0.0
     texture: float = 0.0
+
+    def slid(self, part: str, amount: float) -> "Mix":
+        """With the slider of one part moved."""
+        return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
 
 
 @dataclass(frozen=True)

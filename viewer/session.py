@@ -16,15 +16,17 @@ from core.frames import Frame, RenderJob, RenderSettings, frames
 from core.library import load_model
 from core.model import Model
 from core.photos import Photo, load_photo
+from core.pictures import open_scene
 from core.scene import Scene
 from core.starts import preparing
 from viewer import orbit
-from viewer.exporting import Exporting, turntable
+from viewer.exporting import Exporting, mesh, turntable
 from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
-from viewer.history import History, Mix, State
+from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
 from viewer.quality import Speed
+from viewer.sheet import Sheet
 from viewer.worker import Job, Worker
 
 Part = Literal["shape", "texture"]
@@ -43,6 +45,7 @@ class Streams:
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     preparing: Callable[[Model], Iterator[None]] = preparing
     turntable: Callable[..., Iterator[int]] = turntable
+    mesh: Callable[..., Iterator[float]] = mesh
 
 
 class Session:
@@ -63,9 +66,12 @@ class Session:
         """px, the size of the view"""
         self.detail = 256
         """px along the shorter side of the finished picture"""
+        self.locked: frozenset[Part] = frozenset()
+        """what no edit of codes changes; opening a scene or a fit does, and undo"""
         self.messages: list[Message] = []
         self.speed = Speed()
         self.gallery = Gallery(self)
+        self.sheet = Sheet(self)
         self.fitting = Fitting(self)
         self.exporting = Exporting(self)
         self._random = torch.Generator()
@@ -103,6 +109,22 @@ class Session:
         """The current code of one kind."""
         return getattr(self.scene.codes, part)
 
+    def pair(self, pair: Pair) -> Codes:
+        """The shape of one object in the texture of another."""
+        return Codes(self.gallery[pair.shape].codes.shape, self.gallery[pair.texture].codes.texture)
+
+    def distance(self, part: Part) -> float:
+        """From the current code to the mean of the trained ones, in standard deviations; a trained one has about 1."""
+        return float(self.space(part).distance(self.code(part)))
+
+    def nearest(self, part: Part) -> tuple[str, float] | None:
+        """The trained object whose code of one kind is nearest, and how far it is (standard deviations)."""
+        if self.model is None or not self.model.codes.sound:
+            return None
+        index = self.model.codes.nearest(self.scene.codes)[PARTS.index(part)]
+        code = getattr(self.model.codes[index], part)
+        return self.model.codes.objects[index].name, float(self.space(part).distance(self.code(part), code))
+
     # The model
 
     def open_model(self, name: str) -> None:
@@ -119,11 +141,12 @@ class Session:
     def _opened(self, model: Model) -> None:
         self.fitting.reset()
         self.exporting.cancel()
-        self.model, self.frame = model, None
+        self.model, self.frame, self.locked = model, None, frozenset()
         self.gallery.open(model)
+        self.sheet.clear()
         first, second = self.gallery.names[0], self.gallery.names[min(1, len(self.gallery.names) - 1)]
         scene = Scene(model.fingerprint, self.gallery[first].codes, orbit.home(model))
-        self.history = History(State(scene, Mix(first, second)))
+        self.history = History(State(scene, Mix(Pair(first, first), second)))
         self.render()
         self.worker.submit(Job("bank", lambda: self.streams.preparing(model), lambda _: None, share=_BESIDE))
         waiting, self.when_ready = self.when_ready, lambda: None
@@ -142,11 +165,17 @@ class Session:
 
     def set_code(self, part: Part, code: Tensor, gesture: str = "") -> None:
         """Give the object another shape, or another texture."""
-        self._edit(replace(self.scene, codes=self._with(part, code)), gesture=gesture)
+        self._recode(replace(self.scene.codes, **{part: code}), self.state.mix, gesture)
 
     def move_along(self, part: Part, direction: int, to: float, gesture: str = "") -> None:
         """Set one coordinate of a code, in standard deviations along a principal direction."""
         self.set_code(part, self.space(part).moved(self.code(part), direction, to), gesture)
+
+    def pull(self, part: Part, to: float, gesture: str = "") -> None:
+        """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
+        mean, distance = self.space(part).mean, self.distance(part)
+        if distance > 0:
+            self.set_code(part, mean + (self.code(part) - mean) * (to / distance), gesture)
 
     def to_mean(self, part: Part) -> None:
         """The mean of the trained codes."""
@@ -154,7 +183,7 @@ class Session:
 
     def to_object(self, part: Part) -> None:
         """Back to the code of object A."""
-        self.set_code(part, getattr(self.gallery[self.state.mix.a].codes, part))
+        self.set_code(part, getattr(self.pair(self.state.mix.a), part))
 
     def randomise(self, part: Part) -> None:
         """A code drawn from the cloud of the trained ones, taken as normal."""
@@ -163,7 +192,22 @@ class Session:
 
     def show(self, name: str) -> None:
         """Make an object current; it becomes A, and both sliders go to A."""
-        self._edit(replace(self.scene, codes=self.gallery[name].codes), Mix(name, self.state.mix.b))
+        self.show_pair(Pair(name, name))
+
+    def show_pair(self, pair: Pair) -> None:
+        """Make current the shape of one object in the texture of another; the pair becomes A."""
+        self._recode(self.pair(pair), Mix(pair, self.state.mix.b))
+
+    def take(self, part: Part, name: str) -> None:
+        """Take only the shape, or only the texture, of an object; its slider goes to A."""
+        mix = self.state.mix
+        mix = replace(mix, a=mix.a._replace(**{part: name})).slid(part, 0.0)
+        self._recode(self._with(part, getattr(self.gallery[name].codes, part)), mix)
+
+    def swap(self) -> None:
+        """A's shape from where its texture was taken, and the other way round; the sliders stay where they are."""
+        mix = self.state.mix
+        self._slide(replace(mix, a=Pair(mix.a.texture, mix.a.shape)), PARTS)
 
     def pick_b(self, name: str) -> None:
         """Choose where the sliders lead. What they have already mixed in is taken from the new object."""
@@ -173,26 +217,28 @@ class Session:
         for part in PARTS:
             if getattr(mix, part) > 0:
                 codes = replace(codes, **{part: getattr(self._mixed(mix), part)})
-        self._edit(replace(self.scene, codes=codes), mix)
+        self._recode(codes, mix)
 
     def mix(self, part: Part, amount: float, gesture: str = "") -> None:
         """Slide the shape, or the texture, from A (0) to B (1). The other stays as it is."""
-        now = self.state.mix
-        mix = replace(now, shape=amount) if part == "shape" else replace(now, texture=amount)
-        codes = self._with(part, getattr(self._mixed(mix), part))
-        self._edit(replace(self.scene, codes=codes), mix, gesture)
+        self._slide(self.state.mix.slid(part, amount), (part,), gesture)
+
+    def mix_both(self, shape: float, texture: float, gesture: str = "") -> None:
+        """Slide both at once, each from A (0) to B (1)."""
+        self._slide(replace(self.state.mix, shape=shape, texture=texture), PARTS, gesture)
 
     def adopt(self, thing: Thing, camera: Camera) -> None:
         """Take a fitted object among the objects and make it current, seen as in its photo."""
         name = self.gallery.add(thing)
-        self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(name, self.state.mix.b))
+        self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
 
     def load_scene(self, path: Path) -> None:
-        """Open a saved scene; one that cannot be read changes nothing."""
+        """Open a scene, or a picture that holds one; what cannot be read, or is of another model, changes nothing."""
         if self.model is None:
+            self.when_ready = lambda: self.load_scene(path)
             return
         try:
-            self._edit(Scene.load(path, self.model))
+            self._edit(open_scene(path, self.model))
         except ValueError as error:
             self.report("Cannot open the scene", error)
         else:
@@ -214,6 +260,10 @@ class Session:
             self._go(self.history.redone())
 
     # Nothing to undo
+
+    def lock(self, part: Part, locked: bool) -> None:
+        """Keep the shape, or the texture, from being changed; or let it go again."""
+        self.locked = self.locked | {part} if locked else self.locked - {part}
 
     def save_scene(self, path: Path) -> None:
         """Write the scene as JSON."""
@@ -277,7 +327,20 @@ class Session:
         return replace(self.scene.codes, **{part: code})
 
     def _mixed(self, mix: Mix) -> Codes:
-        return self.gallery[mix.a].codes.mixed(self.gallery[mix.b].codes, mix.shape, mix.texture)
+        return self.pair(mix.a).mixed(self.gallery[mix.b].codes, mix.shape, mix.texture)
+
+    def _slide(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:
+        mixed = self._mixed(mix)
+        self._recode(replace(self.scene.codes, **{part: getattr(mixed, part) for part in parts}), mix, gesture)
+
+    def _recode(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
+        """An edit of codes. What is locked stays as it is: its code, where it is from, and its slider."""
+        now = self.state
+        for part in self.locked:
+            codes = replace(codes, **{part: getattr(now.scene.codes, part)})
+            a = mix.a._replace(**{part: getattr(now.mix.a, part)})
+            mix = replace(mix, a=a).slid(part, getattr(now.mix, part))
+        self._edit(replace(now.scene, codes=codes), mix, gesture)
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
         assert self.history is not None, "no model yet"

@@ -94,3 +94,22 @@ def test_a_cloud_first_asked_for_while_drawing_serves_a_fit_too():
     coordinates = torch.zeros(3, requires_grad=True)
     book.shape_space.code(coordinates).sum().backward()
     assert coordinates.grad is not None
+
+
+def test_distances_over_the_cloud_have_mean_square_one() -> None:
+    rows = torch.randn(40, 6) * torch.tensor([3.0, 2, 1, 1, 0.5, 0.1]) + 5
+    space = CodeSpace.of(rows)
+    assert float(space.distance(rows).square().mean()) == pytest.approx(39 / 40, rel=1e-3)
+    assert float(space.distance(space.mean)) == 0
+    assert float(space.distance(rows[3], rows[3])) == 0
+    two = space.mean + 2 * space.spread[0] * space.directions[0]
+    assert float(space.distance(two)) == pytest.approx(2 / 6**0.5, rel=1e-4)
+
+
+def test_the_nearest_objects_are_sound_ones_of_each_kind() -> None:
+    entries = tuple(Entry(f"object {i}", i, 4 - i) for i in range(5))
+    book = CodeBook(torch.randn(5, 4), torch.randn(5, 3), entries, frozenset({4}))
+    assert book.nearest(Codes(book.shapes[1] + 1e-3, book.textures[2])) == (1, 2)
+    assert 4 not in book.nearest(Codes(book.shapes[4], book.textures[0]))
+    with pytest.raises(ValueError, match="no objects"):
+        CodeBook(book.shapes, book.textures, ()).nearest(book[0])

@@ -4,12 +4,15 @@ import pytest
 
 from core.model import Model
 from core.scene import Scene
-from viewer.history import History, Mix, State
+from viewer.history import History, Mix, Pair, State
 
 
 @pytest.fixture
 def states(model: Model) -> list[State]:
-    return [State(Scene("m", model.codes[0], model.camera(0.1 * n, 0)), Mix("a", "b", shape=0.1 * n)) for n in range(6)]
+    return [
+        State(Scene("m", model.codes[0], model.camera(0.1 * n, 0)), Mix(Pair("a", "a"), "b", shape=0.1 * n))
+        for n in range(6)
+    ]
 
 
 def test_undo_and_redo_go_back_and_forth(states: list[State]) -> None:

@@ -42,6 +42,7 @@ def test_no_edit_before_there_is_a_model_does_harm(worker: Worker, streams: Stre
     session.render()
     session.load_scene(tmp_path / "scene.json")
     session.exporting.turntable(tmp_path / "a.mp4")
+    session.exporting.mesh(tmp_path / "a.glb")
     session.exporting.picture(tmp_path / "a.png")
     session.fitting.stop()
     assert not session.ready
@@ -68,8 +69,12 @@ def test_every_edit_can_be_undone_and_redone(session: Session, tmp_path: Path, m
         lambda: session.pick_b("object 4"),
         lambda: session.mix("shape", 0.5),
         lambda: session.mix("texture", 0.7),
+        lambda: session.mix_both(0.2, 0.3),
+        lambda: session.take("texture", "object 3"),
+        lambda: session.swap(),
         lambda: session.move_along("shape", 1, 2.0),
         lambda: session.randomise("texture"),
+        lambda: session.pull("shape", 0.5),
         lambda: session.to_mean("shape"),
         lambda: session.to_object("texture"),
         lambda: session.reset_view(),
@@ -120,6 +125,99 @@ def test_shape_and_texture_slide_from_a_to_b_independently(session: Session) -> 
     torch.testing.assert_close(session.code("shape"), b.shape)
 
 
+def test_shape_and_texture_are_taken_from_different_objects(session: Session) -> None:
+    one, two = session.gallery["object 1"].codes, session.gallery["object 2"].codes
+    session.show("object 3")
+    session.mix_both(0.5, 0.5)
+    session.take("shape", "object 1")
+    assert torch.equal(session.code("shape"), one.shape)
+    assert (session.state.mix.a, session.state.mix.shape) == (("object 1", "object 3"), 0.0)
+    assert session.state.mix.texture == 0.5
+    session.take("texture", "object 2")
+    assert torch.equal(session.code("texture"), two.texture)
+    session.swap()
+    assert session.state.mix.a == ("object 2", "object 1")
+    torch.testing.assert_close(session.code("shape"), two.shape)
+    torch.testing.assert_close(session.code("texture"), one.texture)
+    session.move_along("shape", 0, 1.0)
+    session.to_object("shape")
+    assert torch.equal(session.code("shape"), two.shape)
+
+
+def test_what_is_locked_stays_whatever_is_picked(session: Session) -> None:
+    session.show("object 1")
+    session.mix_both(0.5, 0.5)
+    session.lock("shape", True)
+    shape, mix = session.code("shape"), session.state.mix
+    edits = (
+        lambda: session.show("object 2"),
+        lambda: session.randomise("shape"),
+        lambda: session.take("shape", "object 3"),
+        lambda: session.take("texture", "object 3"),
+        lambda: session.mix_both(0.9, 0.9),
+        lambda: session.swap(),
+        lambda: session.to_mean("shape"),
+    )
+    for edit in edits:
+        edit()
+        assert torch.equal(session.code("shape"), shape)
+        assert (session.state.mix.a.shape, session.state.mix.shape) == (mix.a.shape, mix.shape)
+    assert session.state.mix.texture == 0.9
+    session.lock("shape", False)
+    session.show("object 2")
+    assert session.scene.codes == session.gallery["object 2"].codes
+
+
+def test_the_sheet_crosses_shapes_with_textures(session: Session, tmp_path: Path) -> None:
+    session.sheet.add("object 1", "object 2")
+    session.sheet.add("object 2", "object 4")
+    assert session.sheet.names == ("object 1", "object 2", "object 4")
+    finish(session)
+    assert all(session.sheet.picture(pair) for row in session.sheet.rows for pair in row)
+    session.show_pair(session.sheet.rows[0][2])
+    assert torch.equal(session.code("shape"), session.gallery["object 1"].codes.shape)
+    assert torch.equal(session.code("texture"), session.gallery["object 4"].codes.texture)
+    session.sheet.remove("object 2")
+    assert [pair.texture for pair in session.sheet.rows[1]] == ["object 1", "object 4"]
+    session.exporting.sheet(tmp_path / "sheet.png", size=16)
+    finish(session)
+    with Image.open(tmp_path / "sheet.png") as image:
+        assert image.size == (32, 32)
+    session.sheet.clear()
+    session.exporting.sheet(tmp_path / "empty.png")
+    assert not session.exporting.running
+    session.sheet.add(*session.gallery.names, *(f"object {n}" for n in range(6)))
+    assert len(session.sheet.names) == 6
+
+
+def test_a_sheet_that_cannot_be_written_is_told(session: Session, tmp_path: Path) -> None:
+    session.sheet.add("object 1")
+    for name in ("sheet.xyz", "missing/sheet.png"):
+        session.messages.clear()
+        session.exporting.sheet(tmp_path / name, size=16)
+        finish(session)
+        assert len(session.errors) == 1, name
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_code_is_pulled_back_straight_towards_the_mean(session: Session) -> None:
+    session.show("object 2")
+    name, away = session.nearest("shape") or ("", 1.0)
+    assert (name, away) == ("object 2", pytest.approx(0, abs=1e-5))
+    space, before, history = session.space("shape"), session.code("shape"), session.history
+    for to in (0.9, 0.01, 0.5):
+        session.pull("shape", to, gesture="pull shape")
+        assert session.distance("shape") == pytest.approx(to, rel=1e-3)
+    direction = torch.nn.functional.cosine_similarity(session.code("shape") - space.mean, before - space.mean, dim=0)
+    assert float(direction) == pytest.approx(1, abs=1e-3)
+    assert session.nearest("texture") == ("object 2", pytest.approx(0, abs=1e-5))
+    session.undo()
+    assert session.state == history.now
+    session.to_mean("shape")
+    session.pull("shape", 1.0)  # the mean has no direction
+    assert session.distance("shape") == pytest.approx(0, abs=1e-5)
+
+
 def test_another_b_takes_over_what_is_mixed_in(session: Session) -> None:
     session.show("object 1")
     session.mix("texture", 1.0)
@@ -136,7 +234,7 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Mo
     assert session.scene.camera.azimuth == pytest.approx(1.0)
     assert session.scene.camera.width == model.image_size
     assert session.gallery.names[0] == "block"
-    assert session.state.mix.a == "block"
+    assert session.state.mix.a == ("block", "block")
     session.gallery.picture("block")
     finish(session)
     assert session.gallery.picture("block")
@@ -216,6 +314,29 @@ def test_scenes_come_back_exactly(session: Session, tmp_path: Path) -> None:
     assert session.scene == scene
 
 
+def test_a_saved_picture_brings_its_scene_back_exactly(session: Session, tmp_path: Path) -> None:
+    session.randomise("texture")
+    session.look(orbit.dragged(session.scene.camera, 0.123, 0.05))
+    scene = session.scene
+    session.exporting.picture(tmp_path / "mine.png", size=24)
+    session.show("object 5")
+    finish(session)
+    session.load_scene(tmp_path / "mine.png")
+    assert session.scene == scene
+    session.undo()
+    assert session.scene.codes == session.gallery["object 5"].codes
+
+
+def test_a_scene_dropped_while_the_model_loads_is_opened_then(session: Session, tmp_path: Path) -> None:
+    session.randomise("shape")
+    session.save_scene(tmp_path / "mine.json")
+    other = Session(session.worker, session.streams)
+    other.load_scene(tmp_path / "mine.json")
+    other.open_model("chairs")
+    finish(other)
+    assert other.scene == session.scene
+
+
 def test_scenes_that_cannot_be_opened_change_nothing(session: Session, tmp_path: Path) -> None:
     session.save_scene(tmp_path / "scene.json")
     about = json.loads((tmp_path / "scene.json").read_text())
@@ -236,10 +357,10 @@ def test_scenes_that_cannot_be_opened_change_nothing(session: Session, tmp_path:
 
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
-    seen: list[int] = []
+    seen: list[float] = []
     session.exporting.turntable(tmp_path / "turn.gif", frames=4, size=16)
-    finish(session, lambda: bool(seen.append(session.exporting.done)) or not session.exporting.running)
-    assert max(seen) == 4
+    finish(session, lambda: bool(seen.append(session.exporting.progress)) or not session.exporting.running)
+    assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
         assert (video.n_frames, video.size) == (4, (16, 16))
     assert session.errors == []
@@ -247,7 +368,7 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
 
 def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) -> None:
     session.exporting.turntable(tmp_path / "turn.mp4", frames=5000, size=16)
-    while session.exporting.done < 2:
+    while session.exporting.progress == 0:
         session.worker.deliver()
     session.exporting.cancel()
     finish(session, lambda: not list(tmp_path.iterdir()))
@@ -260,6 +381,16 @@ def test_a_turntable_that_cannot_be_written_is_told(session: Session, tmp_path: 
     finish(session)
     assert len(session.errors) == 1
     assert not session.exporting.running
+
+
+def test_a_mesh_that_cannot_be_made_is_told_and_leaves_nothing(session: Session, tmp_path: Path) -> None:
+    for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
+        session.messages.clear()
+        session.exporting.mesh(tmp_path / name, resolution=16)
+        finish(session)
+        assert len(session.errors) == 1, name
+        assert not session.exporting.running
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a"])
@@ -311,3 +442,4 @@ def test_a_model_of_no_objects_still_opens(worker: Worker, streams: Streams, mod
     finish(session)
     assert session.gallery.names == ["mean"]
     assert session.scene.codes == empty.codes.mean
+    assert session.nearest("shape") is None

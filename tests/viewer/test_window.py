@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +10,16 @@ import av
 import numpy as np
 import pytest
 import torch
+import trimesh
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
+from core.codes import Codes
 from core.field import Field
+from core.files import whole_file
 from core.model import Model
+from core.pictures import save_picture
 from core.scene import Scene
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit
 from viewer import orbit
@@ -139,20 +143,116 @@ def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
         session = window.session
         window.click("Objects/**/show object 2")
-        window.click("Objects/**/show object 4", 1)
-        assert (session.state.mix.a, session.state.mix.b) == ("object 2", "object 4")
+        window.choose("object 4", "Make it B")
+        assert (session.state.mix.a, session.state.mix.b) == (("object 2", "object 2"), "object 4")
         assert session.scene.codes == model.codes[2]
-        window.ctx.item_input_value("//Objects/**/##mix shape", 1.0)
+        window.ctx.item_input_value("//Mix/##mix shape", 1.0)
         window.ctx.yield_(2)
         np.testing.assert_allclose(session.code("shape"), model.codes[4].shape)
         np.testing.assert_allclose(session.code("texture"), model.codes[2].texture)
-        window.drag("Objects/**/##mix texture", 60)
+        window.drag("Mix/##mix texture", 60)
         assert 0 < session.state.mix.texture <= 1
         assert session.state.mix.shape == 1.0
         past = len(session.history.past)
         window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         assert session.state.mix.texture == 0
         assert len(session.history.past) == past - 1
+
+    drive(act)
+
+
+def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.click("Objects/**/show object 2")
+        window.choose("object 4", "Make it B")
+        before = session.state
+        window.click("Mix/mix pad")
+        assert session.state.mix.shape == pytest.approx(0.5, abs=0.05)
+        assert session.state.mix.texture == pytest.approx(0.5, abs=0.05)
+        middle = session.state
+        window.drag("Mix/mix pad", 300, 15)  # beyond its border
+        mix = session.state.mix
+        assert mix.shape == 1.0
+        assert 0 < mix.texture < middle.mix.texture
+        assert session.scene.codes == model.codes[2].mixed(model.codes[4], mix.shape, mix.texture)
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == middle
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == before
+
+    drive(act)
+
+
+def test_shape_and_texture_are_taken_from_different_thumbnails(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.choose("object 2", "Take only its texture")
+        assert session.scene.codes == Codes(model.codes[3].shape, model.codes[2].texture)
+        window.drop("Objects/**/show object 5", "Mix/slot B")
+        assert (session.state.mix.a, session.state.mix.b) == (("object 3", "object 2"), "object 5")
+        window.click("Mix/###swap")
+        assert session.scene.codes == Codes(model.codes[2].shape, model.codes[3].texture)
+        assert len(session.history.past) == 4
+
+    drive(act)
+
+
+def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.click("Mix/###lock shape")
+        window.click("Objects/**/show object 2")
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.click("Codes/**/###Random texture")
+        assert torch.equal(session.code("shape"), model.codes[0].shape)
+        assert len(session.history.past) == 2
+        window.click("Mix/###lock shape")
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        assert torch.equal(session.code("shape"), model.codes[3].shape)
+
+    drive(act)
+
+
+def test_a_sheet_is_filled_clicked_and_exported(drive: Drive, model: Model, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Sheet")
+        window.click("Sheet/###add")
+        window.choose("object 3", "Add to the sheet")
+        window.drop("Objects/**/show object 5", "Sheet/###add")
+        assert session.sheet.names == ("object 0", "object 1", "object 3", "object 5")
+        window.wait()
+        window.click("Sheet/pair 3 2")
+        assert session.scene.codes == Codes(model.codes[3].shape, model.codes[1].texture)
+        assert len(session.history.past) == 1
+        window.click("Sheet/texture of object 1")
+        assert session.sheet.names == ("object 0", "object 3", "object 5")
+        window.click("Sheet/###export sheet")
+        window.type(str(tmp_path / "mine"))
+        window.wait()
+        with Image.open(tmp_path / "mine.png") as image:
+            assert image.size == (768, 768)
+        window.click("Sheet/###clear sheet")
+        assert session.sheet.names == ()
+        assert session.errors == []
+
+    drive(act)
+
+
+def test_a_code_is_measured_and_pulled_back(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Plausible")
+        window.click("Objects/**/show object 3")
+        assert [session.nearest(part)[0] for part in ("shape", "texture")] == ["object 3", "object 3"]
+        before, far = session.state, session.distance("shape")
+        window.drag("Plausible/**/##pull shape", -60)
+        assert 0 < session.distance("shape") < far
+        assert session.scene.codes.texture is before.scene.codes.texture
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == before
 
     drive(act)
 
@@ -223,11 +323,14 @@ def test_bad_files_are_told_and_change_nothing(
     drive(act)
 
 
-def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_streams: Streams, model: Model) -> None:
+def filled(model: Model, bias: float) -> Model:
+    """Clear air, or a solid block: both are drawn quickly."""
     field = Field(model.field.config)
-    torch.nn.init.constant_(field.density_layer.bias, -100.0)
-    nothing = replace(model, field=field)  # is drawn quickly
+    torch.nn.init.constant_(field.density_layer.bias, bias)
+    return replace(model, field=field)
 
+
+def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_streams: Streams, model: Model) -> None:
     def act(window: Driver) -> None:
         window.show("Export")
         window.click("Export/##video size")
@@ -236,37 +339,60 @@ def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_streams: Str
         window.click("**/36 frames")
         window.click("Export/###export turntable")
         window.type(str(tmp_path / "turn.mp4"))
-        window.wait(lambda: window.session.exporting.done > 1, 60)
+        window.wait(lambda: window.session.exporting.progress > 0, 60)
         window.wait(lambda: not window.session.exporting.running, 60)
         assert window.session.errors == []
         with av.open(str(tmp_path / "turn.mp4")) as video:
             assert (video.streams.video[0].frames, video.streams.video[0].width) == (36, 128)
 
-    drive(act, replace(real_streams, load_model=lambda name: nothing))
+    air = filled(model, -100.0)
+    drive(act, replace(real_streams, load_model=lambda name: air))
 
 
-def test_an_export_is_cancelled_and_leaves_nothing(drive: Drive, tmp_path: Path, streams: Streams) -> None:
-    def slow(*_: object) -> object:
-        try:
+def test_a_mesh_is_exported(drive: Drive, tmp_path: Path, streams: Streams, model: Model) -> None:
+    def act(window: Driver) -> None:
+        window.show("Export")
+        window.click("Export/##mesh format")
+        window.click("**/.ply")
+        window.click("Export/##cells")
+        window.click("**/96 cells")
+        window.click("Export/###export mesh")
+        window.type(str(tmp_path / "block"))
+        window.wait(lambda: window.session.exporting.progress > 0)
+        window.wait(lambda: not window.session.exporting.running)
+        assert window.session.errors == []
+        found = trimesh.load_mesh(tmp_path / "block.ply")
+        assert found.is_watertight
+        np.testing.assert_allclose(found.extents, 2 * np.array(model.extent), rtol=0.05)
+        assert found.visual.kind == "vertex"
+        assert [path.name for path in tmp_path.iterdir()] == ["block.ply"]
+
+    block = filled(model, 100.0)
+    drive(act, replace(streams, load_model=lambda name: block))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("turntable", "turn.mp4"), ("mesh", "chair.glb")])
+def test_an_export_is_cancelled_and_leaves_nothing(
+    drive: Drive, tmp_path: Path, streams: Streams, kind: str, name: str
+) -> None:
+    def slow(*_: object) -> Iterator[float]:
+        with whole_file(tmp_path / name):
             for number in range(1000):
                 time.sleep(0.01)
-                yield number
-        finally:
-            closed.append(True)
-
-    closed: list[bool] = []
+                yield number / 1000
 
     def act(window: Driver) -> None:
         window.show("Export")
-        window.click("Export/###export turntable")
-        window.type(str(tmp_path / "turn.mp4"))
-        window.wait(lambda: window.session.exporting.done > 1)
+        window.click(f"Export/###export {kind}")
+        window.type(str(tmp_path / name))
+        window.wait(lambda: window.session.exporting.progress > 0)
+        assert len(list(tmp_path.iterdir())) == 1
         window.click("Export/###cancel export")
-        window.wait(lambda: bool(closed))
+        window.wait(lambda: not list(tmp_path.iterdir()))
         assert not window.session.exporting.running
         assert window.session.errors == []
 
-    drive(act, replace(streams, turntable=slow))
+    drive(act, replace(streams, turntable=slow, mesh=slow))
 
 
 def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
@@ -294,6 +420,35 @@ def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) 
         window.ctx.item_click("//Choose a file###ask/Cancel")
         window.ctx.yield_(2)
         assert not window.desk.files.asking
+
+    drive(act)
+
+
+def test_a_dropped_picture_of_this_program_restores_its_scene(drive: Drive, tmp_path: Path, model: Model) -> None:
+    other = Scene("another model", model.codes[0], model.camera(0, 0))
+    save_picture(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
+
+    def act(window: Driver) -> None:
+        session = window.session
+        window.drag("View/orbit", 90, -20)
+        window.click("Codes/**/###Random shape")
+        scene = session.scene
+        window.show("Export")
+        window.click("Export/###save picture")
+        window.type(str(tmp_path / "mine.png"))
+        window.wait()
+        window.click("View/###home")
+        window.click("Objects/**/show object 4")
+        window.desk.drop([str(tmp_path / "mine.png")])
+        assert session.scene == scene
+        before = session.history
+        window.desk.drop([str(tmp_path / "other.png")])
+        window.wait(lambda: bool(session.errors))
+        assert "another model" in session.errors[0]
+        assert session.history is before
+        assert not session.fitting.running
+        assert session.gallery.names == [f"object {number}" for number in range(6)]
+        testing.capture(window.ctx, str(tmp_path / "told.png"))
 
     drive(act)
 
@@ -347,17 +502,17 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
             imgui.push_id("left open too")
             raise KeyError("a mistake")
 
-        drawn = window.app.panels[1].draw
-        window.app.panels[1].draw = fail
+        drawn = window.app.panels[2].draw
+        window.app.panels[2].draw = fail
         window.wait(lambda: bool(window.session.errors))
         window.ctx.yield_(5)
         assert window.session.errors == ["The panel Objects failed: KeyError: 'a mistake'"]
         window.drag("View/orbit", 30)
         assert window.session.history.past
-        window.app.panels[1].draw = drawn
+        window.app.panels[2].draw = drawn
         window.click("Objects/Try again")
         window.click("Objects/**/show object 3")
-        assert window.session.state.mix.a == "object 3"
+        assert window.session.state.mix.a.shape == "object 3"
 
     drive(act, strict=False)
 

@@ -100,6 +100,16 @@ class Driver:
         self.ctx.item_drag_with_delta(f"//{name}", (across, down))
         self._check(name)
 
+    def drop(self, name: str, onto: str) -> None:
+        """Drag a widget onto another."""
+        self.ctx.item_drag_and_drop(f"//{name}", f"//{onto}")
+        self._check(f"{name} or {onto}")
+
+    def choose(self, thing: str, item: str) -> None:
+        """Choose from the menu of an object."""
+        self.click(f"Objects/**/show {thing}", 1)
+        self.click(f"**/{item}")
+
     def type(self, text: str) -> None:
         """Answer the question for a file."""
         self.ctx.yield_(3)

@@ -4,10 +4,13 @@ from viewer.desk import Panel
 from viewer.panels.codes import CodesPanel
 from viewer.panels.export import Export
 from viewer.panels.fit import Fit
+from viewer.panels.mix import MixPanel
 from viewer.panels.objects import Objects
+from viewer.panels.plausibility import Plausibility
+from viewer.panels.sheet import SheetPanel
 from viewer.panels.view import View
 
 
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
-    return [View(), Objects(), CodesPanel(), Fit(), Export()]
+    return [View(), MixPanel(), Objects(), CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()]

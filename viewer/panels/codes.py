@@ -41,6 +41,7 @@ class CodesPanel:
 
     def _draw_part(self, desk: Desk, part: Part) -> None:
         session = desk.session
+        imgui.begin_disabled(part in session.locked)
         imgui.align_text_to_frame_padding()
         imgui.text(part.capitalize())
         imgui.same_line()
@@ -55,6 +56,7 @@ class CodesPanel:
         values = space.coordinates(session.code(part)).tolist()
         for index, value in enumerate(values if self._all else values[:_FIRST]):
             self._draw_slider(desk, part, index, value, float(space.explained[index]))
+        imgui.end_disabled()
 
     def _draw_slider(self, desk: Desk, part: Part, index: int, value: float, share: float) -> None:
         session = desk.session

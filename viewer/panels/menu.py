@@ -69,7 +69,7 @@ def _draw_status(desk: Desk) -> None:
     if session.fitting.running:
         told.append(f"Fitting {session.fitting.progress:.0%}")
     if session.exporting.running:
-        told.append(f"Exporting {session.exporting.done} of {session.exporting.total}")
+        told.append(f"Exporting {session.exporting.progress:.0%}")
     if model:
         told.append(f"{model.category}: {len(session.gallery.names)} objects")
     text = "      ".join(told)

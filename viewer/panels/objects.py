@@ -1,7 +1,8 @@
-"""The objects as thumbnails, and the way from A to B."""
+"""The objects as thumbnails."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
+from viewer import faces
 from viewer.desk import Desk, tip
 from viewer.session import PARTS
 from viewer.theme import WARM, Colour, packed
@@ -13,42 +14,19 @@ _FITTED: Colour = (0.35, 0.75, 0.5)
 
 
 class Objects:
-    """Click one to show it (it is A), right click one to make it B, then slide."""
+    """Click one to show it (it is A), drag it to a slot, or right click it to choose."""
 
     title = "Objects"
     dock = "Upper"
 
     def draw(self, desk: Desk) -> None:
-        """The two sliders between A and B, and all objects below."""
+        """All objects; those out of sight are not asked for."""
         if not desk.session.ready:
             imgui.text_disabled("The objects come with the model")
             return
-        self._draw_mix(desk)
-        imgui.separator()
         if imgui.begin_child("grid"):
             self._draw_grid(desk)
         imgui.end_child()
-
-    def _draw_mix(self, desk: Desk) -> None:
-        mix, em = desk.session.state.mix, hello_imgui.em_size()
-        side, gap = 4.0 * em, imgui.get_style().item_spacing.x
-        _face(desk, mix.a, "A", desk.palette.accent, side)
-        imgui.same_line()
-        imgui.begin_group()
-        width = imgui.get_content_region_avail().x - side - gap
-        for part in PARTS:
-            imgui.set_next_item_width(width)
-            label = f"{part.capitalize()}  %.2f"
-            moved, to = imgui.slider_float(f"##mix {part}", getattr(mix, part), 0.0, 1.0, label)
-            if moved:
-                desk.session.mix(part, min(1.0, max(0.0, to)), gesture=f"mix {part}")
-            if imgui.is_item_deactivated():
-                desk.session.settle()
-            tip(f"Slide the {part} from A to B; the other stays as it is")
-        imgui.text_disabled("Click: A    Right click: B")
-        imgui.end_group()
-        imgui.same_line()
-        _face(desk, mix.b, "B", WARM, side)
 
     def _draw_grid(self, desk: Desk) -> None:
         names, em = desk.session.gallery.names, hello_imgui.em_size()
@@ -73,52 +51,46 @@ def _cell(desk: Desk, name: str, side: float) -> None:
     if imgui.invisible_button(f"show {name}", (side, side)):
         session.show(name)
     hovered = imgui.is_item_hovered()
-    if imgui.is_item_clicked(imgui.MouseButton_.right):
-        session.pick_b(name)
-    tip(f"{name}\nClick to show it (A), right click to make it B")
-    _paint(desk, name, corner, side)
-    mix, draw = session.state.mix, imgui.get_window_draw_list()
-    marks = [(mix.a, "A", desk.palette.accent), (mix.b, "B", WARM)]
-    for number, (_, letter, colour) in enumerate(mark for mark in marks if mark[0] == name):
-        _frame(corner, side, colour, inset=2.0 * number)
-        _mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), letter, colour)
+    tip(f"{name}\nClick to show it, drag it to a slot, right click to choose")
+    if imgui.begin_drag_drop_source():
+        desk.dragged = name
+        imgui.set_drag_drop_payload_py_id(faces.DRAGGED, 0)
+        imgui.text(name)
+        imgui.end_drag_drop_source()
+    if imgui.begin_popup_context_item():
+        _draw_menu(desk, name)
+        imgui.end_popup()
+    faces.paint(desk, name, corner, side)
+    draw = imgui.get_window_draw_list()
+    for number, (label, colour) in enumerate(_marks(desk, name)):
+        faces.frame(corner, side, colour, inset=2.0 * number)
+        faces.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
-        draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), _rounding())
+        draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), faces.rounding())
     if session.gallery[name].photo:
         low = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * hello_imgui.em_size()
         draw.add_circle_filled(low, 0.3 * hello_imgui.em_size(), packed(_FITTED))
 
 
-def _face(desk: Desk, name: str, letter: str, colour: Colour, side: float) -> None:
-    corner = imgui.get_cursor_screen_pos()
-    imgui.dummy((side, side))
-    tip(f"{letter} is {name}")
-    _paint(desk, name, corner, side)
-    _frame(corner, side, colour)
-    _mark(corner, letter, colour)
+def _draw_menu(desk: Desk, name: str) -> None:
+    session = desk.session
+    if imgui.menu_item_simple("Show it"):
+        session.show(name)
+    for part in PARTS:
+        if imgui.menu_item_simple(f"Take only its {part}", enabled=part not in session.locked):
+            session.take(part, name)
+    if imgui.menu_item_simple("Make it B"):
+        session.pick_b(name)
+    if imgui.menu_item_simple("Add to the sheet"):
+        session.sheet.add(name)
+        desk.focus = "Sheet"
 
 
-def _paint(desk: Desk, name: str, corner: ImVec2, side: float) -> None:
-    draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
-    picture = desk.session.gallery.picture(name)
-    if picture is None or desk.images is None:
-        draw.add_rect_filled(corner, opposite, packed(desk.palette.raised), _rounding())
-        return
-    texture = desk.images.texture(picture, desk.palette)
-    draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, _rounding())
-
-
-def _frame(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:
-    low, high = corner + ImVec2(inset, inset), corner + ImVec2(side - inset, side - inset)
-    imgui.get_window_draw_list().add_rect(low, high, packed(colour), _rounding(), thickness=2.0)
-
-
-def _mark(corner: ImVec2, letter: str, colour: Colour) -> None:
-    draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
-    draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), _rounding())
-    place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(letter) * 0.5
-    draw.add_text(place, packed((0.06, 0.07, 0.08)), letter)
-
-
-def _rounding() -> float:
-    return 0.3 * hello_imgui.em_size()
+def _marks(desk: Desk, name: str) -> list[tuple[str, Colour]]:
+    """What an object is just now: A, what A's shape or texture was taken from, B."""
+    mix, accent = desk.session.state.mix, desk.palette.accent
+    if mix.a == (name, name):
+        marks = [("A", accent)]
+    else:
+        marks = [(faces.ICONS[part], accent) for part in PARTS if getattr(mix.a, part) == name]
+    return [*marks, ("B", WARM)] if mix.b == name else marks
