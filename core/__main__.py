@@ -101,6 +101,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
+    command.add_argument(
+        "--preset", choices=("draft", "normal", "fine", "paper"), default="normal", help="the paper's: one random start"
+    )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
     command.add_argument("--seed", type=int, default=0)

@@ -25,7 +25,7 @@ from core.dataset import ObjectPlace, find_objects, read_dataset
 from core.evaluate import ObjectScore, Protocol
 from core.evaluate import evaluate as scored
 from core.field import FieldConfig
-from core.fit import FitJob, FitStep, fit
+from core.fit import PRESETS, FitJob, FitStep, fit
 from core.frames import picture
 from core.library import load_model
 from core.mesh import export_mesh
@@ -85,7 +85,7 @@ def fit_command(chosen: argparse.Namespace) -> None:
         _require_folder(path)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
-        for last in fit(model, FitJob(photos, seed=chosen.seed)):
+        for last in fit(model, FitJob(photos, PRESETS[chosen.preset], chosen.seed)):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()

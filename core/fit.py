@@ -3,6 +3,7 @@
 Many hypotheses are raced: each is a camera per picture and a pair of codes, all of them one batch of one network
 call. The codes enter as biases, so hypotheses cost what their points cost. They start from the bank of
 :mod:`core.starts`, are cut by successive halving, and the front/back twin of the leader is kept to the last round.
+The paper's own recipe is the same loop with a single hypothesis: ``PRESETS["paper"]``.
 """
 
 import math
@@ -19,6 +20,7 @@ from core.camera import Camera
 from core.codes import Codes
 from core.hypotheses import (
     Numbers,
+    Objective,
     Pool,
     Rates,
     advanced,
@@ -50,10 +52,26 @@ class FitSettings:
     """along a ray"""
     prior: float = 1e-4
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
+    paper: bool = False
+    """one random start without bank or race, mean codes, plain Eq. 5, AdamW at the authors' rates; in any number of
+    starts but one there is nothing of the paper's"""
 
     def __post_init__(self) -> None:
         if min(self.starts, self.steps, self.rays) < 1 or self.samples < 2 or not 0 <= self.prior < math.inf:
             raise ValueError(f"no fit has these settings: {self}")
+        if self.paper and self.starts != 1:
+            raise ValueError(f"the paper's recipe has one start, got {self.starts}")
+
+
+PRESETS = {
+    "draft": FitSettings(starts=8, steps=80, rays=256),
+    "normal": FitSettings(),
+    "fine": FitSettings(starts=32, steps=320, rays=768),
+    # Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the
+    # same slopes on average.
+    "paper": FitSettings(starts=1, steps=299, rays=512, samples=64, paper=True),
+}
+"""By what they cost, and the paper's."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +141,10 @@ _RATE_LEFT = 0.04
 """of them at the end"""
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
+_PAPER_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}
+"""AdamW's in section 3.3; rad, scene units, numbers of a code"""
+_PAPER_HALVED_EVERY = 50
+"""steps, in the authors' code"""
 _SIZES = 0.25
 """How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
 
@@ -190,7 +212,7 @@ class _Race:
         targets = tuple(Target.of(photo, model) for photo in job.photos)
         given = tuple(photo.camera or _nominal(photo, model) for photo in job.photos)
         unknown = torch.tensor([photo.camera is None for photo in job.photos])
-        plan = _plan(job.settings, bool(unknown.any()))
+        plan = _plan(job.settings, bool(unknown.any()) and not job.settings.paper)
         measure = draw(targets, _MEASURED_RAYS, generator)
         return cls(model, job.settings, job.photos, targets, given, unknown, plan, generator, measure)
 
@@ -202,7 +224,7 @@ class _Race:
     def parts(self, job: FitJob) -> list[_Part]:
         """Where several cameras are unknown: a race for each, which ends where its last few hypotheses remain."""
         unknown = [view for view, photo in enumerate(job.photos) if photo.camera is None]
-        if len(unknown) < 2:
+        if len(unknown) < 2 or self.settings.paper:
             return []
         known = [view for view in range(len(job.photos)) if view not in unknown]
         parts = []
@@ -212,8 +234,15 @@ class _Race:
             parts.append(_Part(views, replace(race, plan=race.plan[:-2])))
         return parts
 
+    @property
+    def by(self) -> Objective:
+        """What hypotheses are judged by."""
+        return Objective(self.settings.prior, self.settings.paper)
+
     def entered(self) -> Pool:
         """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
+        if self.settings.paper:
+            return self._entered_as_in_the_paper()
         count, views = self.plan[0].hypotheses, len(self.given)
         angles, distance = torch.zeros(count, views, 2), torch.zeros(count, views)
         ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
@@ -231,6 +260,16 @@ class _Race:
                 space = self.model.codes.shape_space
                 alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
         return Pool.of(Numbers(angles, distance, torch.zeros_like(angles), _LIKENESS * alike, texture))
+
+    def _entered_as_in_the_paper(self) -> Pool:
+        """One hypothesis: the mean codes, and unknown cameras anywhere on the upper half at the usual distance."""
+        known = torch.tensor([(camera.azimuth, camera.elevation) for camera in self.given])
+        anywhere = torch.rand(len(self.given), 2, generator=self.generator)
+        anywhere = torch.stack((2 * math.pi * anywhere[:, 0], anywhere[:, 1].asin()), -1)
+        angles = torch.where(self.unknown[:, None], anywhere, known)[None]
+        away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in self.given]])
+        mean = self.model.codes.mean
+        return Pool.of(Numbers(angles, away, torch.zeros_like(angles), mean.shape[None], mean.texture[None]))
 
     def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
         """Hypotheses of all pictures, from those of the single ones: the cheapest combinations."""
@@ -278,13 +317,13 @@ class _Race:
         """One step for all hypotheses."""
         drawn = draw(self.targets, stage.rays, self.generator)
         jitter = torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
-        rates = self._rates(stage, progress)
-        return advanced(self.model, pool, drawn, stage.samples, self.settings.prior, rates, jitter)
+        rates = self._paper_rates(progress) if self.settings.paper else self._rates(stage, progress)
+        return advanced(self.model, pool, drawn, stage.samples, self.by, rates, jitter)
 
     def measured(self, pool: Pool) -> tuple[float, Pool]:
         """The best hypothesis on the rays kept for measuring, and its objective there."""
         with torch.no_grad():
-            found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.settings.prior)
+            found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.by)
         pool = replace(pool, cost=found.objective.nan_to_num(math.inf, math.inf), squared=found.squared)
         leader = pool.leader
         return float(pool.cost[leader]), pool[torch.tensor([leader])]
@@ -300,7 +339,7 @@ class _Race:
             psnr_of(float(pool.squared[leader])),
             time.perf_counter() - began,
             cameras(self.model, pool.numbers, leader, self.given),
-            codes(self.model, pool.numbers, leader),
+            codes(self.model, pool.numbers, leader, self.by),
             len(pool),
         )
 
@@ -319,6 +358,18 @@ class _Race:
             _RATES["shift"] * framed[:, None],
             _RATES["shape"] * shape,
             _RATES["texture"] * texture,
+        )
+
+    def _paper_rates(self, progress: float) -> Rates:
+        left = 0.5 ** (round(progress * self.steps) // _PAPER_HALVED_EVERY)
+        free = self.unknown.float() * left
+        book = self.model.codes
+        return Rates(
+            _PAPER_RATES["angles"] * free[:, None],
+            _PAPER_RATES["distance"] / self.model.distance * free,
+            0 * free[:, None],
+            _PAPER_RATES["codes"] * left * torch.ones(book.shapes.shape[-1]),
+            _PAPER_RATES["codes"] * left * torch.ones(book.textures.shape[-1]),
         )
 
 

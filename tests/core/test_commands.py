@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from core.__main__ import main
+from core.__main__ import main, parser
 from core.dataset import read_dataset, write_manifest, write_object
+from core.fit import PRESETS
 from core.library import load_model
 from core.model import Model
 from core.scene import Scene
@@ -131,6 +132,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
+        (("fit", "a.png", "--preset", "best"), "paper"),
         (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
         (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
         (("nonsense",), "nonsense"),
@@ -155,6 +157,11 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     assert load_model(str(out)).category == "chairs"
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
     shutil.rmtree(tmp_path / "d")
+
+
+def test_the_presets_of_the_command_line_are_those_of_the_fit():
+    for name in PRESETS:
+        assert parser().parse_args(["fit", "a.png", "--preset", name]).preset == name
 
 
 def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
