@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import replace
@@ -17,6 +18,7 @@ from core.authors import load_authors
 from core.bench import charts, rendering
 from core.camera import Camera
 from core.codes import Codes
+from core.confidence import DOUBTFUL
 from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural
 from core.data.variants import cells
@@ -25,7 +27,7 @@ from core.dataset import ObjectPlace, find_objects, read_dataset
 from core.evaluate import ObjectScore, Protocol
 from core.evaluate import evaluate as scored
 from core.field import FieldConfig
-from core.fit import PRESETS, FitJob, FitStep, fit
+from core.fit import PRESETS, Alternative, FitJob, FitStep, fit
 from core.frames import picture
 from core.library import load_model
 from core.mesh import export_mesh
@@ -90,11 +92,13 @@ def fit_command(chosen: argparse.Namespace) -> None:
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()
             if log:
-                log.write(json.dumps(_told(last) | {"loss": last.loss, "start": last.start}) + "\n")
+                log.write(json.dumps(_told(last) | {"start": last.start}) + "\n")
     if last is None:
         raise ValueError("the fit made no step")
     if chosen.out:
         Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
+    if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
+        print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
     print(json.dumps(_told(last)), flush=True)
 
 
@@ -233,16 +237,31 @@ def _chosen(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     return model, codes, model.camera(math.radians(60), math.radians(20))
 
 
-def _told(step: FitStep) -> dict[str, float]:
-    camera = step.cameras[0]
+def _told(step: FitStep) -> dict[str, object]:
+    other = step.alternative
+    return {
+        **_camera_told(step.cameras[0]),
+        "psnr": round(step.psnr, 3),
+        "seconds": round(step.seconds, 3),
+        "steps": step.step,
+        "loss": step.loss,
+        "confidence": step.confidence and round(step.confidence, 3),
+        "alternative": other and {**_camera_told(other.cameras[0]), "loss": other.loss},
+    }
+
+
+def _camera_told(camera: Camera) -> dict[str, float]:
     return {
         "azimuth": round(math.degrees(camera.azimuth), 4),
         "elevation": round(math.degrees(camera.elevation), 4),
         "distance": round(camera.distance, 5),
-        "psnr": round(step.psnr, 3),
-        "seconds": round(step.seconds, 3),
-        "steps": step.step,
     }
+
+
+def _doubt(trust: float, other: Alternative) -> str:
+    told = _camera_told(other.cameras[0])
+    where = f"azimuth {told['azimuth']:.0f}, elevation {told['elevation']:.0f}"
+    return f"the camera is doubtful (confidence {trust:.2f}); {where} explains the picture nearly as well"
 
 
 def _drive(stream: Iterator[object], total: int, unit: str) -> None:

@@ -18,6 +18,7 @@ from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes
+from core.confidence import Evidence, confidence
 from core.hypotheses import (
     Numbers,
     Objective,
@@ -28,6 +29,7 @@ from core.hypotheses import (
     codes,
     joined,
     judged,
+    rival_of,
     spread_out,
     twin_of,
     twins,
@@ -87,6 +89,14 @@ class FitJob:
             raise ValueError("there is no picture to fit")
 
 
+class Alternative(NamedTuple):
+    """The best hypothesis of another basin than the result's: mostly its front/back twin."""
+
+    cameras: tuple[Camera, ...]
+    loss: float
+    """on the same rays as the result's"""
+
+
 @dataclass(frozen=True, eq=False)
 class FitStep:
     """Where a fit stands: the leading hypothesis after a step. The last one is the result."""
@@ -106,6 +116,15 @@ class FitStep:
     codes: Codes
     hypotheses: int = 1
     """how many are still in the race"""
+    alternative: Alternative | None = None
+    """from the first measurement on; None where no camera is searched for, and in the paper's recipe"""
+    evidence: Evidence | None = None
+    """comes with the alternative"""
+
+    @property
+    def confidence(self) -> float | None:
+        """The probability that the cameras are right, 0..1; None where there is no evidence."""
+        return None if self.evidence is None else confidence(self.evidence)
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -119,20 +138,24 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     steps = whole.steps + sum(part.race.steps for part in parts)
     done, found, finalists = 0, list(whole.given), []
     for part in parts:
-        for pool in part.race.run(part.race.entered()):
+        for standing in part.race.run(part.race.entered()):
             done += 1
-            step = part.race.reported(pool, done, steps, began)
+            step = part.race.reported(standing, done, steps, began)
             for view, camera in zip(part.views, step.cameras, strict=True):
                 found[view] = camera
             yield replace(step, cameras=tuple(found))
-        finalists.append((part.views, pool))
-    for pool in whole.run(whole.combined(finalists) if finalists else whole.entered()):
+        finalists.append((part.views, standing.pool))
+    for standing in whole.run(whole.combined(finalists) if finalists else whole.entered()):
         done += 1
-        yield whole.reported(pool, done, steps, began)
+        yield whole.reported(standing, done, steps, began)
 
 
 _EVERY = 10
 """Steps between two measurements of the last hypotheses on more rays."""
+_RIVAL_SHARE = 3
+"""The rival in the last stage gets one of so many rays: it is there to be compared, and seldom wins."""
+_LEAST = 1e-6
+"""An objective below this counts as this: nobody tells a perfect picture from a more perfect one."""
 _MEASURED_RAYS = 2048
 """per picture, always the same ones"""
 _RATES = {"angles": 0.03, "distance": 0.012, "shift": 0.003, "shape": 0.08, "texture": 0.08}
@@ -179,6 +202,16 @@ def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
     plan.append(_Stage(min(3, settings.starts), left // 2, settings.rays, settings.samples, rank))
     plan.append(_Stage(1, left - left // 2, settings.rays, settings.samples, whole, last=True))
     return tuple(plan)
+
+
+class _Standing(NamedTuple):
+    """Where a race stands."""
+
+    pool: Pool
+    rival: Pool | None = None
+    """the best hypothesis of another basin, once measured"""
+    margin: float = 0.0
+    """logarithm of its objective over that of the best one"""
 
 
 class _Part(NamedTuple):
@@ -292,16 +325,41 @@ class _Race:
         shape = torch.stack([numbers.shape for numbers in chosen]).mean(0)
         return Numbers(angles, distance, shift, shape, torch.stack([numbers.texture for numbers in chosen]).mean(0))
 
-    def run(self, pool: Pool) -> Iterator[Pool]:
-        """The pool after every step; after the last step of the last stage the best one that was measured."""
-        best, done = (math.inf, pool), 0
+    def run(self, pool: Pool) -> Iterator[_Standing]:
+        """Where the race stands after every step; in the end its pool is the best hypothesis that was measured."""
+        done = 0
         for stage in self.plan:
+            if stage.last:
+                yield from self._finished(pool, stage, done)
+                return
             pool = self.cut(pool, stage)
-            for step in range(1, stage.steps + 1):
+            for _ in range(stage.steps):
                 pool, done = self.stepped(pool, stage, done / self.steps), done + 1
-                if stage.last and (step % _EVERY == 0 or step == stage.steps):
-                    best = min(best, self.measured(pool), key=lambda pair: pair[0])
-                yield best[1] if stage.last and step == stage.steps else pool
+                yield _Standing(pool)
+
+    def _finished(self, pool: Pool, stage: _Stage, done: int) -> Iterator[_Standing]:
+        """The last stage: the leader with all rays and its rival with a few; whichever is better leads on."""
+        racing = bool(self.unknown.any()) and not self.settings.paper
+        rival = rival_of(pool, pool, self.unknown) if racing else None
+        pool, best, standing = self.cut(pool, stage), None, _Standing(pool)
+        fewer = stage._replace(rays=max(1, stage.rays // _RIVAL_SHARE))
+        for step in range(stage.steps):
+            pool = self.stepped(pool, stage, (done + step) / self.steps)
+            rival = rival and self.stepped(rival, fewer, (done + step) / self.steps)
+            if (step + 1) % _EVERY == 0 or step + 1 == stage.steps:
+                pool, rival = self._compared(pool, rival)
+                best = pool if best is None or float(pool.cost) < float(best.cost) else best
+                margin = math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)) if rival else 0.0
+                standing = _Standing(pool, rival, margin)
+            yield standing._replace(pool=best if best and step + 1 == stage.steps else pool)
+
+    def _compared(self, pool: Pool, rival: Pool | None) -> tuple[Pool, Pool | None]:
+        """Both measured, the better one first; where they have met in one basin, its twin is the new rival."""
+        if rival is None:
+            return self.measured(pool), None
+        first, second = sorted((self.measured(pool), self.measured(rival)), key=lambda one: float(one.cost))
+        other = rival_of(first, second, self.unknown)
+        return first, other if int(other.age) else self.measured(other)
 
     def cut(self, pool: Pool, stage: _Stage) -> Pool:
         """The best go on, one from each basin first; the leader's twin is set up again where it is lost."""
@@ -320,28 +378,34 @@ class _Race:
         rates = self._paper_rates(progress) if self.settings.paper else self._rates(stage, progress)
         return advanced(self.model, pool, drawn, stage.samples, self.by, rates, jitter)
 
-    def measured(self, pool: Pool) -> tuple[float, Pool]:
-        """The best hypothesis on the rays kept for measuring, and its objective there."""
+    def measured(self, pool: Pool) -> Pool:
+        """The best hypothesis on the rays kept for measuring; of infinite cost where all have diverged."""
         with torch.no_grad():
             found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.by)
         pool = replace(pool, cost=found.objective.nan_to_num(math.inf, math.inf), squared=found.squared)
-        leader = pool.leader
-        return float(pool.cost[leader]), pool[torch.tensor([leader])]
+        return pool[pool.cost.argmin()[None]]
 
-    def reported(self, pool: Pool, step: int, steps: int, began: float) -> FitStep:
+    def reported(self, standing: _Standing, step: int, steps: int, began: float) -> FitStep:
         """The leader, as the stream shows it."""
+        pool, rival = standing.pool, standing.rival
         leader = pool.leader
-        return FitStep(
+        numbers = pool.numbers
+        shown = FitStep(
             step,
             steps,
             int(pool.start[leader]),
             float(pool.cost[leader]),
             psnr_of(float(pool.squared[leader])),
             time.perf_counter() - began,
-            cameras(self.model, pool.numbers, leader, self.given),
-            codes(self.model, pool.numbers, leader, self.by),
+            cameras(self.model, numbers, leader, self.given),
+            codes(self.model, numbers, leader, self.by),
             len(pool),
         )
+        if rival is None or not math.isfinite(standing.margin):
+            return shown
+        alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
+        unlikely = torch.cat((numbers.shape[leader], numbers.texture[leader])).square().mean().sqrt()
+        return replace(shown, alternative=alternative, evidence=Evidence(standing.margin, shown.psnr, float(unlikely)))
 
     def _rates(self, stage: _Stage, progress: float) -> Rates:
         left = _RATE_LEFT + (1 - _RATE_LEFT) * (0.5 + 0.5 * math.cos(math.pi * progress))

@@ -245,15 +245,28 @@ def spread_out(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
 
     Those that have diverged are left out.
     """
-    turns = rotation(*pool.numbers.angles[:, views].unbind(-1))
-    cosines = (torch.einsum("avij,bvij->abv", turns, turns) - 1) / 2
-    close = (cosines > math.cos(_BASIN)).all(-1)
+    close = _close(pool, pool, views)
     order = pool.cost.argsort()
     order = order[pool.cost[order].isfinite()]
     first, beside = list[int](), list[int]()
     for index in order.tolist():
         (beside if first and bool(close[index, first].any()) else first).append(index)
     return torch.tensor(first + beside)
+
+
+def _close(first: Pool, second: Pool, views: Bool[Tensor, "views"]) -> Bool[Tensor, "firsts seconds"]:
+    """Which hypotheses are in one basin in all unknown pictures."""
+    one, other = (rotation(*pool.numbers.angles[:, views].unbind(-1)) for pool in (first, second))
+    cosines = (torch.einsum("avij,bvij->abv", one, other) - 1) / 2
+    return (cosines > math.cos(_BASIN)).all(-1)
+
+
+def rival_of(pool: Pool, among: Pool, views: Bool[Tensor, "views"]) -> Pool:
+    """The best of ``among`` that is in another basin than the leader of ``pool``; the leader's twin if none is."""
+    apart = ~_close(pool, among, views)[pool.leader] & among.cost.isfinite()
+    if not bool(apart.any()):
+        return twin_of(pool, pool.leader, views)
+    return among[among.cost.where(apart, torch.tensor(math.inf)).argmin()[None]]
 
 
 def twin_of(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Pool:

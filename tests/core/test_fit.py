@@ -8,7 +8,7 @@ import torch
 from core.camera import Camera
 from core.codes import Codes
 from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
-from core.hypotheses import Numbers, Objective, Pool, judged
+from core.hypotheses import Numbers, Objective, Pool, joined, judged, rival_of
 from core.metrics import distance_error, psnr, rotation_error
 from core.model import Model
 from core.photos import Photo
@@ -86,6 +86,47 @@ def test_the_last_step_is_no_worse_than_any_measured_one(tiny: Model):
     assert steps[-1].psnr > max(step.psnr for step in steps[: QUICK.steps // 2])
 
 
+# What else it could be
+
+
+def test_the_alternative_is_another_camera_that_is_measured_too(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), QUICK)))
+    found = steps[-1]
+    assert found.alternative is not None
+    assert found.evidence is not None
+    assert found.confidence is not None
+    assert rotation_error(found.alternative.cameras[0], found.cameras[0]) > 20
+    assert found.evidence.margin == pytest.approx(math.log(found.alternative.loss / found.loss), abs=1e-4)
+    assert found.evidence.margin > 0
+    assert 0 <= found.confidence <= 1
+    assert steps[0].alternative is steps[0].confidence is None
+
+
+@pytest.mark.parametrize("starts, steps", [(1, 1), (1, 7), (2, 3), (8, 9)])
+def test_there_is_an_alternative_however_short_the_race(tiny: Model, starts: int, steps: int):
+    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    found = last(tiny, photo, settings=FitSettings(starts, steps, rays=8, samples=4))
+    assert found.alternative is not None
+
+
+def test_a_known_camera_has_no_alternative(tiny: Model):
+    truth = tiny.camera(0.9, 0.5)
+    found = last(tiny, replace(photo_of(tiny, tiny.codes[2], truth), camera=truth), settings=SHORT)
+    assert found.alternative is found.confidence is None
+
+
+def test_a_rival_is_the_best_of_another_basin_or_the_twin(tiny: Model):
+    pool, views = Pool.of(_numbers(tiny, 3)), torch.tensor([True])
+    pool.numbers.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2]])
+    pool = replace(pool, cost=torch.tensor([1.0, 2.0, 3.0]))
+    assert rival_of(pool, pool, views).start.tolist() == [2]
+    near = pool[torch.tensor([0, 1])]
+    assert float(rival_of(near, near, views).numbers.angles[0, 0, 0]) == pytest.approx(math.pi)
+    lost = replace(pool, cost=torch.tensor([1.0, 2.0, math.inf]))
+    assert rival_of(lost, joined(lost, lost), views).start.tolist() == [0]
+
+
 # The paper's recipe
 
 PAPER = replace(PRESETS["paper"], steps=120, rays=192, samples=24)
@@ -118,6 +159,7 @@ def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
     first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
     found = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
+    assert found.confidence is None
     assert rotation_error(found.cameras[0], truths[0]) < 1e-3
     known = last(tiny, replace(first, camera=truths[0]), settings=PAPER)
     assert known.psnr > 25
