@@ -4,18 +4,20 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import TypeVar
 
+import torch
 from PIL import Image
 from tqdm import tqdm
 
 from core.authors import load_authors
-from core.bench import charts, rendering
+from core.bench import charts, fitting, rendering
+from core.bench.subjects import dataset_subjects, own_subjects
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import DOUBTFUL
@@ -44,6 +46,7 @@ _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
 _Score = TypeVar("_Score", ObjectScore, CellScore)
 _Thing = TypeVar("_Thing")
+_Found = TypeVar("_Found")
 _VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
 
 
@@ -161,9 +164,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
     if chosen.swap and protocol != Protocol(seed=chosen.seed):
         raise ValueError("--swap draws all cells with their true cameras: it goes with no --inputs and no --pose")
     model = load_model(chosen.model)
-    category, places = find_objects(chosen.datasets)
-    if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
+    places = _places(model, chosen.datasets)
     if chosen.report:
         _require_folder(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
@@ -179,15 +180,33 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
 def bench_render(chosen: argparse.Namespace) -> None:
     """``bench render``: speed and accuracy of the renderer, as numbers, table and chart."""
+    found = _watched(rendering.measured(load_model(chosen.model), chosen.views))
+    charts.write_rendering(found, chosen.out)
+    print(charts.rendering_table(found), flush=True)
+
+
+def bench_fit(chosen: argparse.Namespace) -> None:
+    """``bench fit``: speed and accuracy of blind fits, as numbers, table and chart."""
     model = load_model(chosen.model)
+    generator = torch.Generator().manual_seed(chosen.seed)
+    if chosen.dataset:
+        places = _spread(_places(model, [chosen.dataset]), chosen.objects)
+        seen = dataset_subjects(places, generator)
+    else:
+        seen = own_subjects(model, chosen.objects, generator)
+    found = _watched(fitting.measured(model, tuple(seen)))
+    charts.write_fitting(found, chosen.out)
+    print(charts.fitting_table(found), flush=True)
+
+
+def _watched(stream: Iterator[str | _Found]) -> _Found:
+    """The last value of a benchmark, whose words until then are shown beside the time."""
     with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
-        for found in rendering.measured(model, chosen.views):
-            if isinstance(found, rendering.Measured):
-                charts.write_rendering(found, chosen.out)
-                bar.clear()
-                print(charts.rendering_table(found), flush=True)
-            else:
-                bar.set_description_str(found)
+        for value in stream:
+            if not isinstance(value, str):
+                return value
+            bar.set_description_str(value)
+    raise ValueError("the benchmark found nothing")
 
 
 def _evaluate_swap(
@@ -200,6 +219,14 @@ def _evaluate_swap(
     print(swap_told(scores), flush=True)
     if chosen.report:
         write_swap_report(chosen.report, scores, about)
+
+
+def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectPlace, ...]:
+    """The objects of datasets, which must be of the model's category."""
+    category, places = find_objects(datasets)
+    if category and model.category not in ("", category):
+        raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
+    return places
 
 
 def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:

@@ -137,6 +137,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
         (("fit", "a.png", "--preset", "best"), "paper"),
+        (("bench", "fit", "--dataset", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
         (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
         (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
         (("nonsense",), "nonsense"),
