@@ -167,7 +167,10 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     fitting.add_argument("--dataset", type=Path, metavar="D", help="an SRN folder; else the model's own objects")
     fitting.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
     fitting.add_argument("--seed", type=int, default=0)
-    for kind in (rendering, fitting):
+    stability = _command(kinds, "stability", "bench_stability", "where blind fits fail: success against stressors")
+    stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model; every one for all")
+    stability.add_argument("--seed", type=int, default=0)
+    for kind in (rendering, fitting, stability):
         kind.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
         kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
 

@@ -16,7 +16,7 @@ from PIL import Image
 from tqdm import tqdm
 
 from core.authors import load_authors
-from core.bench import charts, fitting, rendering
+from core.bench import charts, fitting, rendering, stability
 from core.bench.subjects import dataset_subjects, own_subjects
 from core.camera import Camera
 from core.codes import Codes
@@ -197,6 +197,13 @@ def bench_fit(chosen: argparse.Namespace) -> None:
     found = _watched(fitting.measured(model, tuple(seen)))
     charts.write_fitting(found, chosen.out)
     print(charts.fitting_table(found), flush=True)
+
+
+def bench_stability(chosen: argparse.Namespace) -> None:
+    """``bench stability``: the atlas of where fits fail, as numbers, table and chart."""
+    found = _watched(stability.measured(load_model(chosen.model), chosen.objects, chosen.seed))
+    charts.write_stability(found, chosen.out)
+    print(charts.stability_table(found), flush=True)
 
 
 def _watched(stream: Iterator[str | _Found]) -> _Found:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.bench import fitting
+from core.bench import fitting, stability
 from core.bench.rendering import Measured, Point
 from core.evaluate import Mean
 from core.frames import RenderSettings
@@ -23,6 +23,11 @@ def write_rendering(found: Measured, folder: Path) -> None:
 def write_fitting(found: fitting.Measured, folder: Path) -> None:
     """``fit.json``, ``fit.md`` and ``fit.png``."""
     _write(folder, "fit", found.told(), fitting_table(found), _fitting_chart(found))
+
+
+def write_stability(found: stability.Atlas, folder: Path) -> None:
+    """``stability.json``, ``stability.md`` and ``stability.png``."""
+    _write(folder, "stability", found.told(), stability_table(found), _stability_chart(found))
 
 
 def _write(folder: Path, name: str, told: dict, table: str, chart: "Figure") -> None:
@@ -123,10 +128,49 @@ def _fitting_chart(found: fitting.Measured) -> "Figure":
     return figure
 
 
-def _figure(columns: int) -> tuple["Figure", Sequence["Axes"]]:
+def stability_table(found: stability.Atlas) -> str:
+    """Markdown: the share of successes by stressor, level and preset, then every failure."""
+    cells = found.cells()
+    presets = list(next(iter(cells.values())))
+    what = f"share of cameras within {stability.SUCCESS_DEGREES:g}°, nothing known of them"
+    lines = [f"{found.machine}; {found.objects} objects of the model; {what}.", ""]
+    lines += [f"| stressor | level | {' | '.join(presets)} |", "|" + "---|" * (2 + len(presets))]
+    for (name, level), shares in cells.items():
+        told = " | ".join(f"{100 * shares[preset]:.0f} %" for preset in presets)
+        lines.append(f"| {name} | {level:g} {stability.STRESSORS[name].unit} | {told} |")
+    lines += ["", "| failure | level | preset | object | off by | confidence | ended |", "|" + "---|" * 7]
+    for trial in found.trials:
+        if not trial.success:
+            off = "" if trial.rotation is None else f"{trial.rotation:.0f}°"
+            trust = "" if trial.confidence is None else f"{trial.confidence:.2f}"
+            which = f"{trial.stressor} | {trial.level:g} | {trial.preset} | {trial.name}"
+            lines.append(f"| {which} | {off} | {trust} | {trial.ended} |")
+    return "\n".join(lines) + "\n"
+
+
+def _stability_chart(found: stability.Atlas) -> "Figure":
+    cells = found.cells()
+    names = list(dict.fromkeys(name for name, _ in cells))
+    figure, panels = _figure((len(names) + 1) // 2, 2, 2.8)
+    for axes, name in zip(panels, names, strict=False):
+        levels = [level for stressor, level in cells if stressor == name]
+        for preset in next(iter(cells.values())):
+            shares = [100 * cells[name, level][preset] for level in levels]
+            axes.plot(range(len(levels)), shares, "o-", label=preset)
+        axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
+        axes.set(title=name, ylim=(-5, 105), xlabel=stability.STRESSORS[name].unit)
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel(f"within {stability.SUCCESS_DEGREES:g} degrees (%)")
+    panels[0].legend()
+    figure.suptitle(f"{found.machine}, {found.objects} objects", fontsize=9)
+    return figure
+
+
+def _figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure", Sequence["Axes"]]:
+    """A figure and its axes, row after row; ``width`` of each in inches."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
         raise ValueError("charts need matplotlib: pip install -e '.[bench]'") from None
-    figure = Figure(figsize=(5.2 * columns, 4.2), layout="constrained")
-    return figure, figure.subplots(1, columns)
+    figure = Figure(figsize=(width * columns, 0.8 * width * rows), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
