@@ -101,6 +101,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
+    command.add_argument(
+        "--preset", choices=("draft", "normal", "fine", "paper"), default="normal", help="the paper's: one random start"
+    )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
     command.add_argument("--seed", type=int, default=0)
@@ -159,9 +162,17 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
         required=True, metavar="KIND"
     )
     rendering = _command(kinds, "render", "bench_render", "milliseconds a frame against PSNR, part by part")
-    rendering.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
     rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another side")
-    rendering.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
+    fitting = _command(kinds, "fit", "bench_fit", "seconds against degrees of blind fits, preset by preset")
+    fitting.add_argument("--dataset", type=Path, metavar="D", help="an SRN folder; else the model's own objects")
+    fitting.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
+    fitting.add_argument("--seed", type=int, default=0)
+    stability = _command(kinds, "stability", "bench_stability", "where blind fits fail: success against stressors")
+    stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model; every one for all")
+    stability.add_argument("--seed", type=int, default=0)
+    for kind in (rendering, fitting, stability):
+        kind.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+        kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
 
 
 def _views(text: str) -> tuple[int, ...]:

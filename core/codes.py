@@ -55,6 +55,11 @@ class CodeSpace:
             largest = directions.gather(1, directions.abs().argmax(1, keepdim=True))
             return cls(mean, directions * largest.sign(), spread)
 
+    @classmethod
+    def raw(cls, latent: int) -> "CodeSpace":
+        """A cloud in whose coordinates a code is what it is."""
+        return cls(torch.zeros(latent), torch.eye(latent), torch.ones(latent))
+
     def coordinates(self, code: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch rank"]:
         """A code in standard deviations along the principal directions."""
         return (code - self.mean) @ self.directions.T / self.spread

@@ -3,19 +3,23 @@
 import argparse
 import json
 import math
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import TypeVar
 
+import torch
 from tqdm import tqdm
 
 from core.authors import load_authors
-from core.bench import charts, rendering
+from core.bench import charts, fitting, rendering, stability
+from core.bench.subjects import dataset_subjects, own_subjects
 from core.camera import Camera
 from core.codes import Codes
+from core.confidence import DOUBTFUL
 from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural
 from core.data.variants import cells
@@ -24,7 +28,7 @@ from core.dataset import ObjectPlace, find_objects, read_dataset
 from core.evaluate import ObjectScore, Protocol
 from core.evaluate import evaluate as scored
 from core.field import FieldConfig
-from core.fit import FitJob, FitStep, fit
+from core.fit import PRESETS, Alternative, FitJob, FitStep, fit
 from core.frames import picture
 from core.library import load_model
 from core.mesh import export_mesh
@@ -42,6 +46,7 @@ _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
 _Score = TypeVar("_Score", ObjectScore, CellScore)
 _Thing = TypeVar("_Thing")
+_Found = TypeVar("_Found")
 _VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
 
 
@@ -85,16 +90,18 @@ def fit_command(chosen: argparse.Namespace) -> None:
         _require_folder(path)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
-        for last in fit(model, FitJob(photos, seed=chosen.seed)):
+        for last in fit(model, FitJob(photos, PRESETS[chosen.preset], chosen.seed)):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()
             if log:
-                log.write(json.dumps(_told(last) | {"loss": last.loss, "start": last.start}) + "\n")
+                log.write(json.dumps(_told(last) | {"start": last.start}) + "\n")
     if last is None:
         raise ValueError("the fit made no step")
     if chosen.out:
         Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
+    if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
+        print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
     print(json.dumps(_told(last)), flush=True)
 
 
@@ -157,9 +164,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
     if chosen.swap and protocol != Protocol(seed=chosen.seed):
         raise ValueError("--swap draws all cells with their true cameras: it goes with no --inputs and no --pose")
     model = load_model(chosen.model)
-    category, places = find_objects(chosen.datasets)
-    if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
+    places = _places(model, chosen.datasets)
     if chosen.report:
         _require_folder(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
@@ -175,15 +180,40 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
 def bench_render(chosen: argparse.Namespace) -> None:
     """``bench render``: speed and accuracy of the renderer, as numbers, table and chart."""
+    found = _watched(rendering.measured(load_model(chosen.model), chosen.views))
+    charts.write_rendering(found, chosen.out)
+    print(charts.rendering_table(found), flush=True)
+
+
+def bench_fit(chosen: argparse.Namespace) -> None:
+    """``bench fit``: speed and accuracy of blind fits, as numbers, table and chart."""
     model = load_model(chosen.model)
+    generator = torch.Generator().manual_seed(chosen.seed)
+    if chosen.dataset:
+        places = _spread(_places(model, [chosen.dataset]), chosen.objects)
+        seen = dataset_subjects(places, generator)
+    else:
+        seen = own_subjects(model, chosen.objects, generator)
+    found = _watched(fitting.measured(model, tuple(seen)))
+    charts.write_fitting(found, chosen.out)
+    print(charts.fitting_table(found), flush=True)
+
+
+def bench_stability(chosen: argparse.Namespace) -> None:
+    """``bench stability``: the atlas of where fits fail, as numbers, table and chart."""
+    found = _watched(stability.measured(load_model(chosen.model), chosen.objects, chosen.seed))
+    charts.write_stability(found, chosen.out)
+    print(charts.stability_table(found), flush=True)
+
+
+def _watched(stream: Iterator[str | _Found]) -> _Found:
+    """The last value of a benchmark, whose words until then are shown beside the time."""
     with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
-        for found in rendering.measured(model, chosen.views):
-            if isinstance(found, rendering.Measured):
-                charts.write_rendering(found, chosen.out)
-                bar.clear()
-                print(charts.rendering_table(found), flush=True)
-            else:
-                bar.set_description_str(found)
+        for value in stream:
+            if not isinstance(value, str):
+                return value
+            bar.set_description_str(value)
+    raise ValueError("the benchmark found nothing")
 
 
 def _evaluate_swap(
@@ -196,6 +226,14 @@ def _evaluate_swap(
     print(swap_told(scores), flush=True)
     if chosen.report:
         write_swap_report(chosen.report, scores, about)
+
+
+def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectPlace, ...]:
+    """The objects of datasets, which must be of the model's category."""
+    category, places = find_objects(datasets)
+    if category and model.category not in ("", category):
+        raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
+    return places
 
 
 def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
@@ -233,16 +271,31 @@ def _chosen(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     return model, codes, model.camera(math.radians(60), math.radians(20))
 
 
-def _told(step: FitStep) -> dict[str, float]:
-    camera = step.cameras[0]
+def _told(step: FitStep) -> dict[str, object]:
+    other = step.alternative
+    return {
+        **_camera_told(step.cameras[0]),
+        "psnr": round(step.psnr, 3),
+        "seconds": round(step.seconds, 3),
+        "steps": step.step,
+        "loss": step.loss,
+        "confidence": step.confidence and round(step.confidence, 3),
+        "alternative": other and {**_camera_told(other.cameras[0]), "loss": other.loss},
+    }
+
+
+def _camera_told(camera: Camera) -> dict[str, float]:
     return {
         "azimuth": round(math.degrees(camera.azimuth), 4),
         "elevation": round(math.degrees(camera.elevation), 4),
         "distance": round(camera.distance, 5),
-        "psnr": round(step.psnr, 3),
-        "seconds": round(step.seconds, 3),
-        "steps": step.step,
     }
+
+
+def _doubt(trust: float, other: Alternative) -> str:
+    told = _camera_told(other.cameras[0])
+    where = f"azimuth {told['azimuth']:.0f}, elevation {told['elevation']:.0f}"
+    return f"the camera is doubtful (confidence {trust:.2f}); {where} explains the picture nearly as well"
 
 
 def _drive(stream: Iterator[object], total: int, unit: str) -> None:

@@ -3,6 +3,7 @@
 Many hypotheses are raced: each is a camera per picture and a pair of codes, all of them one batch of one network
 call. The codes enter as biases, so hypotheses cost what their points cost. They start from the bank of
 :mod:`core.starts`, are cut by successive halving, and the front/back twin of the leader is kept to the last round.
+The paper's own recipe is the same loop with a single hypothesis: ``PRESETS["paper"]``.
 """
 
 import math
@@ -17,8 +18,10 @@ from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes
+from core.confidence import Evidence, confidence
 from core.hypotheses import (
     Numbers,
+    Objective,
     Pool,
     Rates,
     advanced,
@@ -26,6 +29,7 @@ from core.hypotheses import (
     codes,
     joined,
     judged,
+    rival_of,
     spread_out,
     twin_of,
     twins,
@@ -50,10 +54,26 @@ class FitSettings:
     """along a ray"""
     prior: float = 1e-4
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
+    paper: bool = False
+    """one random start without bank or race, mean codes, plain Eq. 5, AdamW at the authors' rates; in any number of
+    starts but one there is nothing of the paper's"""
 
     def __post_init__(self) -> None:
         if min(self.starts, self.steps, self.rays) < 1 or self.samples < 2 or not 0 <= self.prior < math.inf:
             raise ValueError(f"no fit has these settings: {self}")
+        if self.paper and self.starts != 1:
+            raise ValueError(f"the paper's recipe has one start, got {self.starts}")
+
+
+PRESETS = {
+    "draft": FitSettings(starts=8, steps=80, rays=256),
+    "normal": FitSettings(),
+    "fine": FitSettings(starts=32, steps=320, rays=768),
+    # Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the
+    # same slopes on average.
+    "paper": FitSettings(starts=1, steps=299, rays=512, samples=64, paper=True),
+}
+"""By what they cost, and the paper's."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +87,14 @@ class FitJob:
     def __post_init__(self) -> None:
         if not self.photos:
             raise ValueError("there is no picture to fit")
+
+
+class Alternative(NamedTuple):
+    """The best hypothesis of another basin than the result's: mostly its front/back twin."""
+
+    cameras: tuple[Camera, ...]
+    loss: float
+    """on the same rays as the result's"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +116,15 @@ class FitStep:
     codes: Codes
     hypotheses: int = 1
     """how many are still in the race"""
+    alternative: Alternative | None = None
+    """from the first measurement on; None where no camera is searched for, and in the paper's recipe"""
+    evidence: Evidence | None = None
+    """comes with the alternative"""
+
+    @property
+    def confidence(self) -> float | None:
+        """The probability that the cameras are right, 0..1; None where there is no evidence."""
+        return None if self.evidence is None else confidence(self.evidence)
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -101,20 +138,24 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     steps = whole.steps + sum(part.race.steps for part in parts)
     done, found, finalists = 0, list(whole.given), []
     for part in parts:
-        for pool in part.race.run(part.race.entered()):
+        for standing in part.race.run(part.race.entered()):
             done += 1
-            step = part.race.reported(pool, done, steps, began)
+            step = part.race.reported(standing, done, steps, began)
             for view, camera in zip(part.views, step.cameras, strict=True):
                 found[view] = camera
             yield replace(step, cameras=tuple(found))
-        finalists.append((part.views, pool))
-    for pool in whole.run(whole.combined(finalists) if finalists else whole.entered()):
+        finalists.append((part.views, standing.pool))
+    for standing in whole.run(whole.combined(finalists) if finalists else whole.entered()):
         done += 1
-        yield whole.reported(pool, done, steps, began)
+        yield whole.reported(standing, done, steps, began)
 
 
 _EVERY = 10
 """Steps between two measurements of the last hypotheses on more rays."""
+_RIVAL_SHARE = 3
+"""The rival in the last stage gets one of so many rays: it is there to be compared, and seldom wins."""
+_LEAST = 1e-6
+"""An objective below this counts as this: nobody tells a perfect picture from a more perfect one."""
 _MEASURED_RAYS = 2048
 """per picture, always the same ones"""
 _RATES = {"angles": 0.03, "distance": 0.012, "shift": 0.003, "shape": 0.08, "texture": 0.08}
@@ -123,6 +164,10 @@ _RATE_LEFT = 0.04
 """of them at the end"""
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
+_PAPER_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}
+"""AdamW's in section 3.3; rad, scene units, numbers of a code"""
+_PAPER_HALVED_EVERY = 50
+"""steps, in the authors' code"""
 _SIZES = 0.25
 """How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
 
@@ -160,6 +205,16 @@ def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
     return tuple(plan)
 
 
+class _Standing(NamedTuple):
+    """Where a race stands."""
+
+    pool: Pool
+    rival: Pool | None = None
+    """the best hypothesis of another basin, once measured"""
+    margin: float = 0.0
+    """logarithm of its objective over that of the best one"""
+
+
 class _Part(NamedTuple):
     """The race of one unknown picture, together with the known ones."""
 
@@ -191,7 +246,7 @@ class _Race:
         targets = tuple(Target.of(photo, model) for photo in job.photos)
         given = tuple(photo.camera or _nominal(photo, model) for photo in job.photos)
         unknown = torch.tensor([photo.camera is None for photo in job.photos])
-        plan = _plan(job.settings, bool(unknown.any()))
+        plan = _plan(job.settings, bool(unknown.any()) and not job.settings.paper)
         measure = draw(targets, _MEASURED_RAYS, generator)
         return cls(model, job.settings, job.photos, targets, given, unknown, plan, generator, measure)
 
@@ -203,7 +258,7 @@ class _Race:
     def parts(self, job: FitJob) -> list[_Part]:
         """Where several cameras are unknown: a race for each, which ends where its last few hypotheses remain."""
         unknown = [view for view, photo in enumerate(job.photos) if photo.camera is None]
-        if len(unknown) < 2:
+        if len(unknown) < 2 or self.settings.paper:
             return []
         known = [view for view in range(len(job.photos)) if view not in unknown]
         parts = []
@@ -213,8 +268,15 @@ class _Race:
             parts.append(_Part(views, replace(race, plan=race.plan[:-2])))
         return parts
 
+    @property
+    def by(self) -> Objective:
+        """What hypotheses are judged by."""
+        return Objective(self.settings.prior, self.settings.paper)
+
     def entered(self) -> Pool:
         """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
+        if self.settings.paper:
+            return self._entered_as_in_the_paper()
         count, views = self.plan[0].hypotheses, len(self.given)
         angles, distance = torch.zeros(count, views, 2), torch.zeros(count, views)
         ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
@@ -232,6 +294,16 @@ class _Race:
                 space = self.model.codes.shape_space
                 alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
         return Pool.of(Numbers(angles, distance, torch.zeros_like(angles), _LIKENESS * alike, texture))
+
+    def _entered_as_in_the_paper(self) -> Pool:
+        """One hypothesis: the mean codes, and unknown cameras anywhere on the upper half at the usual distance."""
+        known = torch.tensor([(camera.azimuth, camera.elevation) for camera in self.given])
+        anywhere = torch.rand(len(self.given), 2, generator=self.generator)
+        anywhere = torch.stack((2 * math.pi * anywhere[:, 0], anywhere[:, 1].asin()), -1)
+        angles = torch.where(self.unknown[:, None], anywhere, known)[None]
+        away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in self.given]])
+        mean = self.model.codes.mean
+        return Pool.of(Numbers(angles, away, torch.zeros_like(angles), mean.shape[None], mean.texture[None]))
 
     def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
         """Hypotheses of all pictures, from those of the single ones: the cheapest combinations."""
@@ -254,16 +326,41 @@ class _Race:
         shape = torch.stack([numbers.shape for numbers in chosen]).mean(0)
         return Numbers(angles, distance, shift, shape, torch.stack([numbers.texture for numbers in chosen]).mean(0))
 
-    def run(self, pool: Pool) -> Iterator[Pool]:
-        """The pool after every step; after the last step of the last stage the best one that was measured."""
-        best, done = (math.inf, pool), 0
+    def run(self, pool: Pool) -> Iterator[_Standing]:
+        """Where the race stands after every step; in the end its pool is the best hypothesis that was measured."""
+        done = 0
         for stage in self.plan:
+            if stage.last:
+                yield from self._finished(pool, stage, done)
+                return
             pool = self.cut(pool, stage)
-            for step in range(1, stage.steps + 1):
+            for _ in range(stage.steps):
                 pool, done = self.stepped(pool, stage, done / self.steps), done + 1
-                if stage.last and (step % _EVERY == 0 or step == stage.steps):
-                    best = min(best, self.measured(pool), key=lambda pair: pair[0])
-                yield best[1] if stage.last and step == stage.steps else pool
+                yield _Standing(pool)
+
+    def _finished(self, pool: Pool, stage: _Stage, done: int) -> Iterator[_Standing]:
+        """The last stage: the leader with all rays and its rival with a few; whichever is better leads on."""
+        racing = bool(self.unknown.any()) and not self.settings.paper
+        rival = rival_of(pool, pool, self.unknown) if racing else None
+        pool, best, standing = self.cut(pool, stage), None, _Standing(pool)
+        fewer = stage._replace(rays=max(1, stage.rays // _RIVAL_SHARE))
+        for step in range(stage.steps):
+            pool = self.stepped(pool, stage, (done + step) / self.steps)
+            rival = rival and self.stepped(rival, fewer, (done + step) / self.steps)
+            if (step + 1) % _EVERY == 0 or step + 1 == stage.steps:
+                pool, rival = self._compared(pool, rival)
+                best = pool if best is None or float(pool.cost) < float(best.cost) else best
+                margin = math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)) if rival else 0.0
+                standing = _Standing(pool, rival, margin)
+            yield standing._replace(pool=best if best and step + 1 == stage.steps else pool)
+
+    def _compared(self, pool: Pool, rival: Pool | None) -> tuple[Pool, Pool | None]:
+        """Both measured, the better one first; where they have met in one basin, its twin is the new rival."""
+        if rival is None:
+            return self.measured(pool), None
+        first, second = sorted((self.measured(pool), self.measured(rival)), key=lambda one: float(one.cost))
+        other = rival_of(first, second, self.unknown)
+        return first, other if int(other.age) else self.measured(other)
 
     def cut(self, pool: Pool, stage: _Stage) -> Pool:
         """The best go on, one from each basin first; the leader's twin is set up again where it is lost."""
@@ -279,31 +376,37 @@ class _Race:
         """One step for all hypotheses."""
         drawn = draw(self.targets, stage.rays, self.generator)
         jitter = torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
-        rates = self._rates(stage, progress)
-        return advanced(self.model, pool, drawn, stage.samples, self.settings.prior, rates, jitter)
+        rates = self._paper_rates(progress) if self.settings.paper else self._rates(stage, progress)
+        return advanced(self.model, pool, drawn, stage.samples, self.by, rates, jitter)
 
-    def measured(self, pool: Pool) -> tuple[float, Pool]:
-        """The best hypothesis on the rays kept for measuring, and its objective there."""
+    def measured(self, pool: Pool) -> Pool:
+        """The best hypothesis on the rays kept for measuring; of infinite cost where all have diverged."""
         with torch.no_grad():
-            found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.settings.prior)
+            found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.by)
         pool = replace(pool, cost=found.objective.nan_to_num(math.inf, math.inf), squared=found.squared)
-        leader = pool.leader
-        return float(pool.cost[leader]), pool[torch.tensor([leader])]
+        return pool[pool.cost.argmin()[None]]
 
-    def reported(self, pool: Pool, step: int, steps: int, began: float) -> FitStep:
+    def reported(self, standing: _Standing, step: int, steps: int, began: float) -> FitStep:
         """The leader, as the stream shows it."""
+        pool, rival = standing.pool, standing.rival
         leader = pool.leader
-        return FitStep(
+        numbers = pool.numbers
+        shown = FitStep(
             step,
             steps,
             int(pool.start[leader]),
             float(pool.cost[leader]),
             psnr_of(float(pool.squared[leader])),
             time.perf_counter() - began,
-            cameras(self.model, pool.numbers, leader, self.given),
-            codes(self.model, pool.numbers, leader),
+            cameras(self.model, numbers, leader, self.given),
+            codes(self.model, numbers, leader, self.by),
             len(pool),
         )
+        if rival is None or not math.isfinite(standing.margin):
+            return shown
+        alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
+        unlikely = torch.cat((numbers.shape[leader], numbers.texture[leader])).square().mean().sqrt()
+        return replace(shown, alternative=alternative, evidence=Evidence(standing.margin, shown.psnr, float(unlikely)))
 
     def _rates(self, stage: _Stage, progress: float) -> Rates:
         left = _RATE_LEFT + (1 - _RATE_LEFT) * (0.5 + 0.5 * math.cos(math.pi * progress))
@@ -320,6 +423,18 @@ class _Race:
             _RATES["shift"] * framed[:, None],
             _RATES["shape"] * shape,
             _RATES["texture"] * texture,
+        )
+
+    def _paper_rates(self, progress: float) -> Rates:
+        left = 0.5 ** (round(progress * self.steps) // _PAPER_HALVED_EVERY)
+        free = self.unknown.float() * left
+        book = self.model.codes
+        return Rates(
+            _PAPER_RATES["angles"] * free[:, None],
+            _PAPER_RATES["distance"] / self.model.distance * free,
+            0 * free[:, None],
+            _PAPER_RATES["codes"] * left * torch.ones(book.shapes.shape[-1]),
+            _PAPER_RATES["codes"] * left * torch.ones(book.textures.shape[-1]),
         )
 
 

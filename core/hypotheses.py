@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.camera import Camera, rotation
-from core.codes import Codes
+from core.codes import Codes, CodeSpace
 from core.model import Model
 from core.precision import autocast
 from core.rays import Rays, cast
@@ -26,8 +26,10 @@ _DISTANCE_PRIOR = 2e-3
 _BASIN = math.radians(25)
 """Cameras that differ by less mostly end at the same place."""
 _STEEPEST = math.radians(89.9)
-_DECAYS = (0.9, 0.98)
-"""Adam's, short as the fit is"""
+_ADAM = (0.9, 0.98, 0.0)
+"""Its decays, short as the fit is, and that of the numbers themselves: there is none."""
+_ADAMW = (0.9, 0.999, 0.01)
+"""The usual ones, which the paper's authors kept."""
 
 
 class Numbers(NamedTuple):
@@ -45,8 +47,25 @@ class Numbers(NamedTuple):
     shift: Float[Tensor, "hypotheses views 2"]
     """of the optical axis in the picture, x right and y down, in focal lengths; 0 unless a picture was reframed"""
     shape: Float[Tensor, "hypotheses shape_rank"]
-    """standard deviations along the principal directions"""
+    """standard deviations along the principal directions; in the paper's recipe the code itself"""
     texture: Float[Tensor, "hypotheses texture_rank"]
+
+
+class Objective(NamedTuple):
+    """What makes a hypothesis good."""
+
+    prior: float
+    """of a squared standard deviation of a code (in the paper: of its squared norm), against a squared error"""
+    paper: bool = False
+    """Eq. 5 as it stands, on the codes as they are and all pixels alike, by AdamW: nothing about silhouettes or
+    usual distances, nothing about the cloud of the trained codes."""
+
+    def spaces(self, model: Model) -> tuple[CodeSpace, CodeSpace]:
+        """In which shape and texture are searched for."""
+        book = model.codes
+        if self.paper:
+            return CodeSpace.raw(book.shapes.shape[-1]), CodeSpace.raw(book.textures.shape[-1])
+        return book.shape_space, book.texture_space
 
 
 class Judged(NamedTuple):
@@ -98,7 +117,7 @@ class Pool:
 
 
 def judged(
-    model: Model, numbers: Numbers, drawn: Drawn, samples: int, prior: float, jitter: Tensor | None = None
+    model: Model, numbers: Numbers, drawn: Drawn, samples: int, by: Objective, jitter: Tensor | None = None
 ) -> Judged:
     """Eq. 5's objective of every hypothesis over the drawn pixels, with a silhouette term; differentiable.
 
@@ -113,19 +132,22 @@ def judged(
         places, angles[..., 0], angles[..., 1], distance.to(device)[..., None], 1.0, (0, 0), model.extent_tensor
     )
     rays = _spans(model, rays, samples, jitter)
-    shape = model.field.shape_bias(model.codes.shape_space.code(numbers.shape.to(device)))
-    texture = model.field.texture_bias(model.codes.texture_space.code(numbers.texture.to(device)))
+    shapes, textures = by.spaces(model)
+    shape = model.field.shape_bias(shapes.code(numbers.shape.to(device)))
+    texture = model.field.texture_bias(textures.code(numbers.texture.to(device)))
     with autocast(device):
         colour, opacity = render_seen(model, rays, samples, _kept(samples), shape, texture)
     error = (colour.cpu() - drawn.colours).square().mean(-1)
+    squared = (error * drawn.shares).sum((1, 2)) / error.shape[1]
+    unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
+    if by.paper:
+        return Judged(squared + by.prior * unlikely, squared.detach())
     objective = error.mean((1, 2))
     if not model.painted_ground:
         wrong = (opacity.cpu() - drawn.opaque).square() * drawn.sure
         objective = objective + _SILHOUETTE * wrong.mean((1, 2))
-    unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
     strayed = (numbers.distance / _DISTANCE_SPREAD).square().log1p().mean(-1)
-    squared = (error * drawn.shares).sum((1, 2)) / error.shape[1]
-    return Judged(objective + prior * unlikely + _DISTANCE_PRIOR * strayed, squared.detach())
+    return Judged(objective + by.prior * unlikely + _DISTANCE_PRIOR * strayed, squared.detach())
 
 
 def _kept(samples: int) -> int:
@@ -154,17 +176,18 @@ class Rates(NamedTuple):
     texture: Float[Tensor, "texture_rank"]
 
 
-def advanced(model: Model, pool: Pool, drawn: Drawn, samples: int, prior: float, rates: Rates, jitter: Tensor) -> Pool:
+def advanced(model: Model, pool: Pool, drawn: Drawn, samples: int, by: Objective, rates: Rates, jitter: Tensor) -> Pool:
     """One step of Adam for every hypothesis; one whose numbers are no longer finite gets infinite cost."""
     numbers = Numbers(*(part.detach().requires_grad_() for part in pool.numbers))
-    found = judged(model, numbers, drawn, samples, prior, jitter)
+    found = judged(model, numbers, drawn, samples, by, jitter)
     slopes = Numbers(*torch.autograd.grad(found.objective.sum(), numbers))
     finite = found.objective.detach().isfinite()
     for slope in slopes:
         finite = finite & slope.flatten(1).isfinite().all(1)
     age = pool.age + 1
     whole = zip(pool.numbers, pool.first, pool.second, slopes, rates, strict=True)
-    moved = [_adam(*parts, age, finite) for parts in whole]
+    decays = _ADAMW if by.paper else _ADAM
+    moved = [_adam(*parts, age, finite, decays) for parts in whole]
     values, first, second = (Numbers(*parts) for parts in zip(*moved, strict=True))
     values = values._replace(
         angles=torch.stack((values.angles[..., 0], values.angles[..., 1].clamp(-_STEEPEST, _STEEPEST)), -1),
@@ -177,14 +200,21 @@ def advanced(model: Model, pool: Pool, drawn: Drawn, samples: int, prior: float,
 
 
 def _adam(
-    value: Tensor, first: Tensor, second: Tensor, slope: Tensor, rate: Tensor, age: Tensor, finite: Tensor
+    value: Tensor,
+    first: Tensor,
+    second: Tensor,
+    slope: Tensor,
+    rate: Tensor,
+    age: Tensor,
+    finite: Tensor,
+    decays: tuple[float, float, float],
 ) -> tuple[Tensor, Tensor, Tensor]:
     ones = (-1,) + (1,) * (value.ndim - 1)
     slope = torch.where(finite.view(ones), slope, torch.zeros_like(slope))
-    first, second = torch.lerp(slope, first, _DECAYS[0]), torch.lerp(slope.square(), second, _DECAYS[1])
-    mean = first / (1 - _DECAYS[0] ** age).view(ones)
-    scale = (second / (1 - _DECAYS[1] ** age).view(ones)).sqrt()
-    return value - rate * mean / (scale + 1e-12), first, second
+    first, second = torch.lerp(slope, first, decays[0]), torch.lerp(slope.square(), second, decays[1])
+    mean = first / (1 - decays[0] ** age).view(ones)
+    scale = (second / (1 - decays[1] ** age).view(ones)).sqrt()
+    return value - rate * (mean / (scale + 1e-12) + decays[2] * value), first, second
 
 
 def cameras(model: Model, numbers: Numbers, index: int, given: Sequence[Camera]) -> tuple[Camera, ...]:
@@ -198,12 +228,10 @@ def cameras(model: Model, numbers: Numbers, index: int, given: Sequence[Camera])
     return tuple(found)
 
 
-def codes(model: Model, numbers: Numbers, index: int) -> Codes:
+def codes(model: Model, numbers: Numbers, index: int, by: Objective) -> Codes:
     """A hypothesis' codes."""
-    book = model.codes
-    return Codes(
-        book.shape_space.code(numbers.shape[index]).clone(), book.texture_space.code(numbers.texture[index]).clone()
-    )
+    shapes, textures = by.spaces(model)
+    return Codes(shapes.code(numbers.shape[index]).clone(), textures.code(numbers.texture[index]).clone())
 
 
 def twins(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, "hypotheses"]:
@@ -217,15 +245,28 @@ def spread_out(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
 
     Those that have diverged are left out.
     """
-    turns = rotation(*pool.numbers.angles[:, views].unbind(-1))
-    cosines = (torch.einsum("avij,bvij->abv", turns, turns) - 1) / 2
-    close = (cosines > math.cos(_BASIN)).all(-1)
+    close = _close(pool, pool, views)
     order = pool.cost.argsort()
     order = order[pool.cost[order].isfinite()]
     first, beside = list[int](), list[int]()
     for index in order.tolist():
         (beside if first and bool(close[index, first].any()) else first).append(index)
     return torch.tensor(first + beside)
+
+
+def _close(first: Pool, second: Pool, views: Bool[Tensor, "views"]) -> Bool[Tensor, "firsts seconds"]:
+    """Which hypotheses are in one basin in all unknown pictures."""
+    one, other = (rotation(*pool.numbers.angles[:, views].unbind(-1)) for pool in (first, second))
+    cosines = (torch.einsum("avij,bvij->abv", one, other) - 1) / 2
+    return (cosines > math.cos(_BASIN)).all(-1)
+
+
+def rival_of(pool: Pool, among: Pool, views: Bool[Tensor, "views"]) -> Pool:
+    """The best of ``among`` that is in another basin than the leader of ``pool``; the leader's twin if none is."""
+    apart = ~_close(pool, among, views)[pool.leader] & among.cost.isfinite()
+    if not bool(apart.any()):
+        return twin_of(pool, pool.leader, views)
+    return among[among.cost.where(apart, torch.tensor(math.inf)).argmin()[None]]
 
 
 def twin_of(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Pool:

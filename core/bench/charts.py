@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from core.bench import fitting, stability
 from core.bench.rendering import Measured, Point
+from core.evaluate import Mean
 from core.frames import RenderSettings
 
 if TYPE_CHECKING:
@@ -15,10 +17,24 @@ if TYPE_CHECKING:
 
 def write_rendering(found: Measured, folder: Path) -> None:
     """``render.json``, ``render.md`` and ``render.png``."""
+    _write(folder, "render", found.told(), rendering_table(found), _rendering_chart(found))
+
+
+def write_fitting(found: fitting.Measured, folder: Path) -> None:
+    """``fit.json``, ``fit.md`` and ``fit.png``."""
+    _write(folder, "fit", found.told(), fitting_table(found), _fitting_chart(found))
+
+
+def write_stability(found: stability.Atlas, folder: Path) -> None:
+    """``stability.json``, ``stability.md`` and ``stability.png``."""
+    _write(folder, "stability", found.told(), stability_table(found), _stability_chart(found))
+
+
+def _write(folder: Path, name: str, told: dict, table: str, chart: "Figure") -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "render.json").write_text(json.dumps(found.told(), indent=1) + "\n")
-    (folder / "render.md").write_text(rendering_table(found))
-    _rendering_chart(found).savefig(folder / "render.png", dpi=110)
+    (folder / f"{name}.json").write_text(json.dumps(told, indent=1) + "\n")
+    (folder / f"{name}.md").write_text(table)
+    chart.savefig(folder / f"{name}.png", dpi=110)
 
 
 def rendering_table(found: Measured) -> str:
@@ -70,10 +86,91 @@ def _curve(axes: "Axes", name: str, points: Sequence[Point]) -> None:
         )
 
 
-def _figure(columns: int) -> tuple["Figure", Sequence["Axes"]]:
+def fitting_table(found: fitting.Measured) -> str:
+    """Markdown: a line for every preset, and how far confidence is to be trusted."""
+    first = found.summaries[0]
+    lines = [f"{found.machine}; {first.fits} views, cameras unknown; shares with their 95 % intervals.", ""]
+    head = "preset | s (median) | start off by | rotation (median) | within 5° | within 10° | within 3 % | other views"
+    lines += [f"| {head} |", "|" + "---|" * 8]
+    for one in found.summaries:
+        shares = map(_share, (one.within_5_degrees, one.within_10_degrees, one.within_3_percent))
+        times = f"{one.preset} | {one.seconds:.1f} | {one.first_rotation:.0f}° | {one.rotation:.2f}°"
+        lines.append(f"| {times} | {' | '.join(shares)} | {one.held_out.mean:.1f} dB |")
+    trust = found.trust
+    lines += [
+        "",
+        f"Confidence: {trust.right} of {trust.fits} cameras right"
+        + ("." if trust.separation is None else f", AUROC {trust.separation:.2f}."),
+    ]
+    if trust.calibration:
+        told = ", ".join(f"{name} {value:.3f}" for name, value in trust.calibration._asdict().items())
+        lines.append(f"A calibration on these fits alone: {told}.")
+    return "\n".join(lines) + "\n"
+
+
+def _share(mean: Mean) -> str:
+    return f"{100 * mean.mean:.0f} % ({100 * mean.low:.0f} to {100 * mean.high:.0f})"
+
+
+def _fitting_chart(found: fitting.Measured) -> "Figure":
+    figure, (left, right) = _figure(2)
+    for one in found.summaries:
+        # A curve goes on to the time at which half of the fits have ended.
+        curve = [point for point in one.curve if point[0] <= 1.5 * one.seconds]
+        left.plot([point[0] for point in curve], [point[1] for point in curve], "o-", label=one.preset)
+        right.plot([point[0] for point in curve], [100 * point[2] for point in curve], "o-", label=one.preset)
+    left.set(xscale="log", yscale="log", xlabel="s", ylabel="rotation error (degrees, median)")
+    right.set(xscale="log", ylim=(-2, 102), xlabel="s", ylabel="within 5 degrees (%)")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend()
+    figure.suptitle(f"{found.machine}, {found.summaries[0].fits} views", fontsize=9)
+    return figure
+
+
+def stability_table(found: stability.Atlas) -> str:
+    """Markdown: the share of successes by stressor, level and preset, then every failure."""
+    cells = found.cells()
+    presets = list(next(iter(cells.values())))
+    what = f"share of cameras within {stability.SUCCESS_DEGREES:g}°, nothing known of them"
+    lines = [f"{found.machine}; {found.objects} objects of the model; {what}.", ""]
+    lines += [f"| stressor | level | {' | '.join(presets)} |", "|" + "---|" * (2 + len(presets))]
+    for (name, level), shares in cells.items():
+        told = " | ".join(f"{100 * shares[preset]:.0f} %" for preset in presets)
+        lines.append(f"| {name} | {level:g} {stability.STRESSORS[name].unit} | {told} |")
+    lines += ["", "| failure | level | preset | object | off by | confidence | ended |", "|" + "---|" * 7]
+    for trial in found.trials:
+        if not trial.success:
+            off = "" if trial.rotation is None else f"{trial.rotation:.0f}°"
+            trust = "" if trial.confidence is None else f"{trial.confidence:.2f}"
+            which = f"{trial.stressor} | {trial.level:g} | {trial.preset} | {trial.name}"
+            lines.append(f"| {which} | {off} | {trust} | {trial.ended} |")
+    return "\n".join(lines) + "\n"
+
+
+def _stability_chart(found: stability.Atlas) -> "Figure":
+    cells = found.cells()
+    names = list(dict.fromkeys(name for name, _ in cells))
+    figure, panels = _figure((len(names) + 1) // 2, 2, 2.8)
+    for axes, name in zip(panels, names, strict=False):
+        levels = [level for stressor, level in cells if stressor == name]
+        for preset in next(iter(cells.values())):
+            shares = [100 * cells[name, level][preset] for level in levels]
+            axes.plot(range(len(levels)), shares, "o-", label=preset)
+        axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
+        axes.set(title=name, ylim=(-5, 105), xlabel=stability.STRESSORS[name].unit)
+        axes.grid(alpha=0.3)
+    panels[0].set_ylabel(f"within {stability.SUCCESS_DEGREES:g} degrees (%)")
+    panels[0].legend()
+    figure.suptitle(f"{found.machine}, {found.objects} objects", fontsize=9)
+    return figure
+
+
+def _figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure", Sequence["Axes"]]:
+    """A figure and its axes, row after row; ``width`` of each in inches."""
     try:
         from matplotlib.figure import Figure
     except ImportError:
         raise ValueError("charts need matplotlib: pip install -e '.[bench]'") from None
-    figure = Figure(figsize=(5.2 * columns, 4.2), layout="constrained")
-    return figure, figure.subplots(1, columns)
+    figure = Figure(figsize=(width * columns, 0.8 * width * rows), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())

@@ -109,7 +109,7 @@ def measured(model: Model, views: int = 3) -> Iterator[str | Measured]:
     yield "drags"
     drags = tuple(drag for size in DRAG_SIZES for drag in _drags(model, size))
     naive, fast = ([point for point in points if point.recipe == name] for name in ("naive", "fast"))
-    yield Measured(_machine(), len(seen), tuple(naive), tuple(fast), tuple(sizes), tuple(ablation), drags)
+    yield Measured(machine(), len(seen), tuple(naive), tuple(fast), tuple(sizes), tuple(ablation), drags)
 
 
 def _views(model: Model, count: int) -> list[_View]:
@@ -138,12 +138,13 @@ def _fast(samples: int, changes: tuple[tuple[object, str, object], ...] = ()) ->
 
     def draw(model: Model, view: _View) -> Tensor:
         march.forget_views()
-        return _drained(march.march(model, view.codes, view.camera, samples)).colour.clamp(0, 1)
+        return drained(march.march(model, view.codes, view.camera, samples)).colour.clamp(0, 1)
 
     return _Recipe(draw, changes)
 
 
-def _drained(stream: Iterator[None]) -> Rendered:
+def drained(stream: Iterator[None]) -> Rendered:
+    """What a march ends with."""
     while True:
         try:
             next(stream)
@@ -234,6 +235,7 @@ def _drags(model: Model, size: int) -> Iterator[Drag]:
         yield Drag(what, size, median(ordered), ordered[int(0.95 * (len(ordered) - 1))])
 
 
-def _machine() -> str:
+def machine() -> str:
+    """What the numbers were taken on."""
     dtype = str(precision.linear_dtype("cpu")).removeprefix("torch.")
     return f"{platform.machine()}, {torch.get_num_threads()} threads, {dtype}, torch {torch.__version__}"

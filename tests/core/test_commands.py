@@ -6,12 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
-from core.__main__ import main
+from core import commands
+from core.__main__ import main, parser
+from core.confidence import Evidence
 from core.dataset import read_dataset, write_manifest, write_object
+from core.fit import PRESETS, Alternative, FitStep
 from core.library import load_model
 from core.model import Model
+from core.photos import Photo
 from core.scene import Scene
 from tests.core.test_evaluate import views_of
 from tests.core.tiny import tiny_model
@@ -131,6 +136,8 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
+        (("fit", "a.png", "--preset", "best"), "paper"),
+        (("bench", "fit", "--dataset", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
         (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
         (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
         (("nonsense",), "nonsense"),
@@ -155,6 +162,29 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     assert load_model(str(out)).category == "chairs"
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
     shutil.rmtree(tmp_path / "d")
+
+
+@pytest.mark.parametrize("margin, said", [(-9.0, "doubtful"), (9.0, "")])
+def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, capsys, monkeypatch):
+    camera, codes = model.camera(0.3, 0.3), model.codes[0]
+    alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, Evidence(margin, 30.0, 0.5))
+    monkeypatch.setattr(
+        commands, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
+    )
+    monkeypatch.setattr(commands, "fit", lambda *_: iter([step]))
+    run("fit", "a.png", "--model", file)
+    told = capsys.readouterr()
+    assert said in told.err
+    assert bool(told.err) == bool(said)
+    found = json.loads(told.out)
+    assert found["alternative"] == {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "loss": 0.5}
+    assert found["confidence"] == pytest.approx(step.confidence, abs=1e-3)
+
+
+def test_the_presets_of_the_command_line_are_those_of_the_fit():
+    for name in PRESETS:
+        assert parser().parse_args(["fit", "a.png", "--preset", name]).preset == name
 
 
 def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -7,8 +7,8 @@ import torch
 
 from core.camera import Camera
 from core.codes import Codes
-from core.fit import FitJob, FitSettings, FitStep, fit
-from core.hypotheses import Numbers, Pool, judged
+from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.hypotheses import Numbers, Objective, Pool, joined, judged, rival_of
 from core.metrics import distance_error, psnr, rotation_error
 from core.model import Model
 from core.photos import Photo
@@ -84,6 +84,90 @@ def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
 def test_the_last_step_is_no_worse_than_any_measured_one(tiny: Model):
     steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[3], tiny.camera(0.4, 0.2)),), QUICK)))
     assert steps[-1].psnr > max(step.psnr for step in steps[: QUICK.steps // 2])
+
+
+# What else it could be
+
+
+def test_the_alternative_is_another_camera_that_is_measured_too(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), QUICK)))
+    found = steps[-1]
+    assert found.alternative is not None
+    assert found.evidence is not None
+    assert found.confidence is not None
+    assert rotation_error(found.alternative.cameras[0], found.cameras[0]) > 20
+    assert found.evidence.margin == pytest.approx(math.log(found.alternative.loss / found.loss), abs=1e-4)
+    assert found.evidence.margin > 0
+    assert 0 <= found.confidence <= 1
+    assert steps[0].alternative is steps[0].confidence is None
+
+
+@pytest.mark.parametrize("starts, steps", [(1, 1), (1, 7), (2, 3), (8, 9)])
+def test_there_is_an_alternative_however_short_the_race(tiny: Model, starts: int, steps: int):
+    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    found = last(tiny, photo, settings=FitSettings(starts, steps, rays=8, samples=4))
+    assert found.alternative is not None
+
+
+def test_a_known_camera_has_no_alternative(tiny: Model):
+    truth = tiny.camera(0.9, 0.5)
+    found = last(tiny, replace(photo_of(tiny, tiny.codes[2], truth), camera=truth), settings=SHORT)
+    assert found.alternative is found.confidence is None
+
+
+def test_a_rival_is_the_best_of_another_basin_or_the_twin(tiny: Model):
+    pool, views = Pool.of(_numbers(tiny, 3)), torch.tensor([True])
+    pool.numbers.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2]])
+    pool = replace(pool, cost=torch.tensor([1.0, 2.0, 3.0]))
+    assert rival_of(pool, pool, views).start.tolist() == [2]
+    near = pool[torch.tensor([0, 1])]
+    assert float(rival_of(near, near, views).numbers.angles[0, 0, 0]) == pytest.approx(math.pi)
+    lost = replace(pool, cost=torch.tensor([1.0, 2.0, math.inf]))
+    assert rival_of(lost, joined(lost, lost), views).start.tolist() == [0]
+
+
+# The paper's recipe
+
+PAPER = replace(PRESETS["paper"], steps=120, rays=192, samples=24)
+
+
+def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
+    starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
+    assert {step.hypotheses for step in starts} == {1}
+    assert all(step.cameras[0].elevation > -0.11 for step in starts)
+    assert len({round(step.cameras[0].azimuth) for step in starts}) > 3
+    # AdamW's first step is its rate, whatever the slope.
+    moved = (starts[0].codes.shape - tiny.codes.mean.shape).abs()
+    torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
+
+
+def test_the_paper_finds_the_camera_from_some_starts_and_halves_its_rates(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    photo = photo_of(tiny, tiny.codes[0], truth)
+    streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(4)]
+    assert min(rotation_error(steps[-1].cameras[0], truth) for steps in streams) < 15
+    first, late = (
+        abs(steps[i].cameras[0].azimuth - steps[i - 1].cameras[0].azimuth) for i in (2, 110) for steps in streams[:1]
+    )
+    assert late < first
+    assert all(len(steps) == PAPER.steps for steps in streams)
+
+
+def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
+    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
+    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    found = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
+    assert found.confidence is None
+    assert rotation_error(found.cameras[0], truths[0]) < 1e-3
+    known = last(tiny, replace(first, camera=truths[0]), settings=PAPER)
+    assert known.psnr > 25
+
+
+def test_the_paper_has_one_start():
+    with pytest.raises(ValueError, match="one start"):
+        FitSettings(paper=True)
 
 
 # The stream
@@ -217,9 +301,10 @@ def test_hypotheses_in_a_batch_are_judged_as_alone(tiny: Model):
     photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.5))
     drawn = draw([Target.of(photo, tiny)], 64, torch.Generator().manual_seed(0))
     numbers = _numbers(tiny, 3)
-    together = judged(tiny, numbers, drawn, 16, 1e-4).objective
+    together = judged(tiny, numbers, drawn, 16, Objective(1e-4)).objective
     for index in range(3):
-        alone = judged(tiny, Numbers(*(part[index : index + 1] for part in numbers)), drawn, 16, 1e-4).objective
+        one = Numbers(*(part[index : index + 1] for part in numbers))
+        alone = judged(tiny, one, drawn, 16, Objective(1e-4)).objective
         torch.testing.assert_close(alone[0], together[index], atol=1e-3, rtol=1e-2)  # bfloat16, in another order
 
 
@@ -231,7 +316,7 @@ def test_the_true_hypothesis_is_the_best(tiny: Model):
     numbers.distance[1] = 0
     numbers.shape[1] = tiny.codes.shape_space.coordinates(tiny.codes[0].shape)
     numbers.texture[1] = tiny.codes.texture_space.coordinates(tiny.codes[0].texture)
-    assert int(judged(tiny, numbers, drawn, 32, 0.0).objective.argmin()) == 1
+    assert int(judged(tiny, numbers, drawn, 32, Objective(0.0)).objective.argmin()) == 1
 
 
 @pytest.mark.parametrize("name", ["azimuth", "elevation", "distance", "shape", "texture"])

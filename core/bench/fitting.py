@@ -1,0 +1,159 @@
+"""Seconds against degrees: blind fits by every preset, on views whose cameras are known.
+
+One view of every object is fitted without its camera; the stream's own timestamps make the curves. The evidence of
+the same fits calibrates :mod:`core.confidence`.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from statistics import median
+
+import numpy as np
+
+from core.bench.rendering import machine
+from core.bench.subjects import OTHERS, Subject
+from core.confidence import RIGHT_DEGREES, Calibration, Evidence, calibrated, confidence, separation
+from core.evaluate import Mean, compared, mean_of, photo
+from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.metrics import rotation_error, translation_error
+from core.model import Model
+
+TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))
+"""s, at which the curves are read"""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One fit of one view."""
+
+    preset: str
+    name: str
+    view: int
+    seconds: float
+    first_rotation: float
+    """degrees, after the first step"""
+    rotation: float
+    """degrees"""
+    translation: float
+    """share of the true distance"""
+    psnr: float
+    """dB, of the picture itself"""
+    held_out: float
+    """dB, mean over some other views, from their true cameras"""
+    evidence: Evidence | None
+    confidence: float | None
+    trace: tuple[float, ...]
+    """degrees at :data:`TIMES`"""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A preset over all views."""
+
+    preset: str
+    fits: int
+    seconds: float
+    """median"""
+    first_rotation: float
+    """degrees, mean"""
+    rotation: float
+    """degrees, median"""
+    within_5_degrees: Mean
+    within_10_degrees: Mean
+    within_3_percent: Mean
+    held_out: Mean
+    """dB"""
+    curve: tuple[tuple[float, float, float], ...]
+    """seconds, median rotation error in degrees, share within 5 degrees"""
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How well confidence tells right cameras from wrong ones, and the calibration that these fits would give."""
+
+    fits: int
+    right: int
+    separation: float | None
+    """AUROC of the confidence as it is"""
+    calibration: Calibration | None
+    """None where all fits were right, or all wrong"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Everything that one run found."""
+
+    machine: str
+    trials: tuple[Trial, ...]
+    summaries: tuple[Summary, ...]
+    trust: Trust
+
+    def told(self) -> dict:
+        """As plain values."""
+        return asdict(self)
+
+
+def measured(
+    model: Model, subjects: Sequence[Subject], presets: dict[str, FitSettings] = PRESETS
+) -> Iterator[str | Measured]:
+    """What is being measured now, and in the end all that was found. To stop, ask for no more."""
+    yield "bank of views"
+    trials = list[Trial]()
+    for number, subject in enumerate(subjects):
+        for name, settings in presets.items():
+            yield f"{subject.views.name}, {name}"
+            trials.append(_trial(model, subject, name, settings, number))
+    summaries = tuple(_summary(name, [trial for trial in trials if trial.preset == name]) for name in presets)
+    yield Measured(machine(), tuple(trials), summaries, _trust(trials))
+
+
+def _trial(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
+    views, index = subject
+    steps = list(fit(model, FitJob((photo(views, index, False),), settings, seed)))
+    last, errors = steps[-1], [rotation_error(step.cameras[0], subject.camera) for step in steps]
+    rest = [other for other in range(len(views.cameras)) if other != index]
+    some = rest[:: max(1, len(rest) // OTHERS)][:OTHERS]
+    held_out = [compared(model, last.codes, views, other)[0] for other in some]
+    away = translation_error(last.cameras[0], subject.camera)
+    quality = last.psnr, float(np.mean(held_out)) if held_out else math.nan
+    trace = tuple(errors[_reached(steps, time)] for time in TIMES)
+    found = (last.seconds, errors[0], errors[-1], away, *quality, last.evidence, last.confidence, trace)
+    return Trial(preset, views.name, index, *found)
+
+
+def _reached(steps: Sequence[FitStep], seconds: float) -> int:
+    """The step that a fit had reached by then; before its first, the first."""
+    return max((index for index, step in enumerate(steps) if step.seconds <= seconds), default=0)
+
+
+def _summary(preset: str, trials: Sequence[Trial]) -> Summary:
+    def share(values: Sequence[float], most: float) -> Mean:
+        return mean_of([float(value <= most) for value in values])
+
+    turns, shifts = [trial.rotation for trial in trials], [trial.translation for trial in trials]
+    curve = []
+    for number, time in enumerate(TIMES):
+        then = [trial.trace[number] for trial in trials]
+        curve.append((time, median(then), share(then, 5.0).mean))
+    return Summary(
+        preset,
+        len(trials),
+        median(trial.seconds for trial in trials),
+        float(np.mean([trial.first_rotation for trial in trials])),
+        median(turns),
+        share(turns, 5.0),
+        share(turns, 10.0),
+        share(shifts, 0.03),
+        mean_of([trial.held_out for trial in trials]),
+        tuple(curve),
+    )
+
+
+def _trust(trials: Sequence[Trial]) -> Trust:
+    told = [(trial.evidence, trial.rotation <= RIGHT_DEGREES) for trial in trials if trial.evidence is not None]
+    evidence, right = [one for one, _ in told], [one for _, one in told]
+    if len(set(right)) < 2:
+        return Trust(len(told), sum(right), None, None)
+    scores = [confidence(one) for one in evidence]
+    return Trust(len(told), sum(right), separation(scores, right), calibrated(evidence, right))

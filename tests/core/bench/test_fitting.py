@@ -1,0 +1,80 @@
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+from PIL import Image
+
+from core.bench import fitting
+from core.bench.charts import fitting_table, write_fitting
+from core.bench.fitting import Measured, measured
+from core.bench.subjects import OTHERS, anywhere, own_subjects
+from core.confidence import confidence
+from core.fit import PRESETS, FitSettings
+from core.metrics import psnr
+from core.render import render_exact
+from tests.conftest import random_model
+from tests.core.tiny import tiny_model
+
+QUICK = {
+    "normal": FitSettings(starts=6, steps=40, rays=96, samples=20),
+    "paper": replace(PRESETS["paper"], steps=20, rays=64, samples=16),
+}
+
+
+@pytest.fixture(scope="module")
+def found() -> Measured:
+    subjects = tuple(own_subjects(tiny_model(), 2, torch.Generator().manual_seed(0)))
+    *told, found = measured(tiny_model(), subjects, QUICK)
+    assert all(isinstance(line, str) for line in told)
+    assert isinstance(found, Measured)
+    return found
+
+
+def test_subjects_are_pictures_of_objects_from_the_upper_half():
+    model = tiny_model()
+    subjects = tuple(own_subjects(model, 2, torch.Generator().manual_seed(1)))
+    assert [subject.views.name for subject in subjects] == ["stool0", "stool2"]
+    for subject, codes in zip(subjects, (model.codes[0], model.codes[2]), strict=True):
+        assert len(subject.views.cameras) == 1 + OTHERS
+        exact = render_exact(model, codes, subject.camera, 96).colour.clamp(0, 1)
+        assert psnr(torch.from_numpy(subject.views.images[subject.view]) / 255, exact) > 35
+        assert 0.01 < subject.views.masks[subject.view].mean() < 0.9
+    generator = torch.Generator().manual_seed(0)
+    heights = [math.sin(anywhere(model, generator).elevation) for _ in range(300)]
+    assert min(heights) >= 0
+    assert sum(heights) / len(heights) == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_model_that_paints_its_ground_has_subjects_too():
+    subject, *_ = own_subjects(random_model(1, True), 1, torch.Generator().manual_seed(0))
+    assert subject.views.images.shape[-1] == 3
+
+
+def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measured):
+    assert [(trial.preset, trial.name) for trial in found.trials] == [
+        (preset, name) for name in ("stool0", "stool2") for preset in QUICK
+    ]
+    for trial in found.trials:
+        assert trial.trace[-1] in (trial.first_rotation, trial.rotation) or trial.seconds > fitting.TIMES[-1]
+        assert trial.held_out > 5
+        if trial.preset == "paper":
+            assert trial.evidence is trial.confidence is None
+        else:
+            assert trial.evidence is not None
+            assert trial.confidence == confidence(trial.evidence)
+    assert [summary.preset for summary in found.summaries] == list(QUICK)
+    assert {summary.fits for summary in found.summaries} == {2}
+    assert found.trust.fits == 2
+
+
+def test_charts_are_written(found: Measured, tmp_path: Path):
+    write_fitting(found, tmp_path / "charts")
+    told = json.loads((tmp_path / "charts/fit.json").read_text())
+    assert [one["preset"] for one in told["summaries"]] == list(QUICK)
+    assert Image.open(tmp_path / "charts/fit.png").width > 800
+    table = fitting_table(found)
+    assert (tmp_path / "charts/fit.md").read_text() == table
+    assert "| paper |" in table
