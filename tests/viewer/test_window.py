@@ -274,6 +274,38 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
     drive(act)
 
 
+def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def shown(window: Driver) -> np.ndarray:
+        window.ctx.yield_(2)
+        box = window.ctx.item_info("//Fit/wipe").rect_clipped
+        testing.capture(window.ctx, str(tmp_path / "wipe.png"))
+        whole = np.asarray(Image.open(tmp_path / "wipe.png").convert("RGB")).astype(float)
+        return whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
+
+    def act(window: Driver) -> None:
+        session = window.session
+        window.desk.drop([str(photo)])
+        window.wait(lambda: session.fitting.difference is not None and not session.fitting.running)
+        window.wait()
+        found = session.scene.camera
+        window.click("View/###home")
+        window.click("Fit/###photo camera")
+        assert session.scene.camera == found
+        window.click("Fit/Wipe")
+        before = session.history
+        window.drag("Fit/wipe", 400)
+        whole_photo = shown(window)
+        window.drag("Fit/wipe", -400)
+        whole_render = shown(window)
+        assert np.abs(whole_photo - whole_render).mean() > 5
+        window.click("Fit/Difference")
+        assert window.ctx.item_exists("//Fit/difference")
+        window.click("Fit/Side by side")
+        assert session.history is before
+
+    drive(act)
+
+
 def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, photo: Path) -> None:
     def act(window: Driver) -> None:
         fitting = window.session.fitting
