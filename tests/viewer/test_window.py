@@ -1,5 +1,7 @@
 """The real window, its widgets clicked and dragged by name."""
 
+import math
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,7 +24,8 @@ from core.model import Model
 from core.pictures import save_picture
 from core.scene import Scene
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit
-from viewer import orbit
+from viewer import app, orbit
+from viewer.panels import all_panels
 from viewer.session import Streams
 
 Drive = Callable[..., None]
@@ -523,6 +526,25 @@ def test_the_size_of_the_finished_picture_can_be_chosen(drive: Drive) -> None:
         assert frame is not None
         assert min(frame.resolution) == 192
         assert window.session.scene.camera == orbit.home(window.session.model)
+
+    drive(act)
+
+
+def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    manual = (Path(app.__file__).parent / "README.md").read_text()
+    code = textwrap.dedent(manual.split("```python\n")[1].split("```")[0])
+    names: dict[str, type] = {}
+    exec(code, names)
+    panels = [*all_panels(), names["Place"]()]
+    monkeypatch.setattr(app, "all_panels", lambda: panels)
+
+    def act(window: Driver) -> None:
+        before = window.session.scene.camera
+        window.show("Place")
+        window.click("Place/###other side")
+        assert window.session.scene.camera == orbit.turned(before, math.pi, 0.0)
+        window.click("View/###undo")
+        assert window.session.scene.camera == before
 
     drive(act)
 
