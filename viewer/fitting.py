@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from jaxtyping import UInt8
+from PIL import Image
 
+from core.camera import Camera
 from core.fit import FitJob, FitStep
 from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
@@ -44,6 +47,8 @@ class Fitting:
         self.steps: list[FitStep] = []
         self.picture: Frame | None = None
         """the newest picture of the leading hypothesis, from the photo's camera"""
+        self.difference: np.ndarray | None = None
+        """between the photo and that picture, doubled; uint8, black where they agree"""
         self.running = False
         self._looked = 0.0
 
@@ -56,13 +61,13 @@ class Fitting:
         if self.running:
             self._session.say("A fit is under way: stop it first")
             return
-        before = self.name, self.photo, self.pixels, self.steps, self.picture
+        before = self.name, self.photo, self.pixels, self.steps, self.picture, self.difference
         self.reset()
         self.name, self.running = path.stem, True
 
         def ended(error: Exception | None) -> None:
             if error and not self.steps:
-                self.name, self.photo, self.pixels, self.steps, self.picture = before
+                self.name, self.photo, self.pixels, self.steps, self.picture, self.difference = before
             self._ended(error)
 
         self._session.worker.submit(Job("fit", lambda: self._stream(model, path), self._value, ended))
@@ -77,6 +82,13 @@ class Fitting:
     def shown(self) -> np.ndarray | None:
         """The newest picture of the leading hypothesis on white, as the photo is."""
         return self.picture.image if self.picture else None
+
+    @property
+    def camera(self) -> Camera:
+        """The photo's camera, at the size of the model's pictures. Only once there are steps."""
+        model = self._session.model
+        assert model is not None, "no model yet"
+        return self.steps[-1].cameras[0].resized(model.image_size, model.image_size)
 
     @property
     def progress(self) -> float:
@@ -112,7 +124,8 @@ class Fitting:
         self._session.worker.submit(Job("fit picture", lambda: stream(model, job), self._pictured, failed))
 
     def _pictured(self, frame: Frame) -> None:
-        self.picture = frame
+        assert self.pixels is not None, "a photo comes before its fit"
+        self.picture, self.difference = frame, _doubled_difference(self.pixels, frame.image)
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:
@@ -126,9 +139,15 @@ class Fitting:
         if not self.steps:
             self._session.say(f"{how} before there was a result")
             return
-        model, last = self._session.model, self.steps[-1]
-        assert model is not None
+        last = self.steps[-1]
         self._look(_FINISHED)
-        camera = last.cameras[0].resized(model.image_size, model.image_size)
-        self._session.adopt(Thing(self.name, last.codes, self.photo), camera)
+        self._session.adopt(Thing(self.name, last.codes, self.photo), self.camera)
         self._session.say(f"{how} in {last.seconds:.0f} s: {self.name}, {last.psnr:.1f} dB")
+
+
+def _doubled_difference(
+    photo: UInt8[np.ndarray, "height width 3"], render: UInt8[np.ndarray, "h w 3"]
+) -> UInt8[np.ndarray, "height width 3"]:
+    """Both at the photo's size; a render that is a preview is smaller."""
+    enlarged = np.asarray(Image.fromarray(render).resize(photo.shape[1::-1]), np.int16)
+    return (2 * np.abs(photo - enlarged)).clip(0, 255).astype(np.uint8)

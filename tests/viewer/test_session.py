@@ -2,6 +2,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from PIL import Image
@@ -241,6 +242,11 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Mo
     assert session.fitting.photo is not None
     assert session.fitting.picture is not None
     assert len(session.fitting.steps) == 10
+    assert session.fitting.pixels is not None
+    assert session.fitting.difference is not None
+    wrong = np.abs(session.fitting.pixels.astype(int) - session.fitting.picture.image)
+    np.testing.assert_array_equal(session.fitting.difference, (2 * wrong).clip(0, 255))
+    assert session.fitting.camera == session.scene.camera
     assert session.fitting.progress == 1.0
     session.undo()
     assert session.state == before

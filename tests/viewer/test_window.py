@@ -1,5 +1,7 @@
 """The real window, its widgets clicked and dragged by name."""
 
+import math
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -22,7 +24,8 @@ from core.model import Model
 from core.pictures import save_picture
 from core.scene import Scene
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit
-from viewer import orbit
+from viewer import app, orbit
+from viewer.panels import all_panels
 from viewer.session import Streams
 
 Drive = Callable[..., None]
@@ -274,6 +277,38 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
     drive(act)
 
 
+def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def shown(window: Driver) -> np.ndarray:
+        window.ctx.yield_(2)
+        box = window.ctx.item_info("//Fit/wipe").rect_clipped
+        testing.capture(window.ctx, str(tmp_path / "wipe.png"))
+        whole = np.asarray(Image.open(tmp_path / "wipe.png").convert("RGB")).astype(float)
+        return whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
+
+    def act(window: Driver) -> None:
+        session = window.session
+        window.desk.drop([str(photo)])
+        window.wait(lambda: session.fitting.difference is not None and not session.fitting.running)
+        window.wait()
+        found = session.scene.camera
+        window.click("View/###home")
+        window.click("Fit/###photo camera")
+        assert session.scene.camera == found
+        window.click("Fit/Wipe")
+        before = session.history
+        window.drag("Fit/wipe", 400)
+        whole_photo = shown(window)
+        window.drag("Fit/wipe", -400)
+        whole_render = shown(window)
+        assert np.abs(whole_photo - whole_render).mean() > 5
+        window.click("Fit/Difference")
+        assert window.ctx.item_exists("//Fit/difference")
+        window.click("Fit/Side by side")
+        assert session.history is before
+
+    drive(act)
+
+
 def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, photo: Path) -> None:
     def act(window: Driver) -> None:
         fitting = window.session.fitting
@@ -491,6 +526,25 @@ def test_the_size_of_the_finished_picture_can_be_chosen(drive: Drive) -> None:
         assert frame is not None
         assert min(frame.resolution) == 192
         assert window.session.scene.camera == orbit.home(window.session.model)
+
+    drive(act)
+
+
+def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    manual = (Path(app.__file__).parent / "README.md").read_text()
+    code = textwrap.dedent(manual.split("```python\n")[1].split("```")[0])
+    names: dict[str, type] = {}
+    exec(code, names)
+    panels = [*all_panels(), names["Place"]()]
+    monkeypatch.setattr(app, "all_panels", lambda: panels)
+
+    def act(window: Driver) -> None:
+        before = window.session.scene.camera
+        window.show("Place")
+        window.click("Place/###other side")
+        assert window.session.scene.camera == orbit.turned(before, math.pi, 0.0)
+        window.click("View/###undo")
+        assert window.session.scene.camera == before
 
     drive(act)
 

@@ -13,16 +13,18 @@ LINES = (
     ("The badge", "amber: a preview, being refined; green: the finished picture"),
     ("Objects", ""),
     ("Click", "show the object; it is A"),
-    ("Right click", "take only its shape or texture, make it B, add it to the sheet"),
-    ("Drag", "to the slot of the shape, of the texture, of B, or to the sheet"),
+    ("Right click", "take only a part, make it B, add it to the sheet"),
+    ("Drag", "onto a slot (shape, texture, B) or the sheet"),
     ("Mix", ""),
-    ("Lock", "picking and chance leave the shape, or texture, as it is"),
+    ("Lock", "keeps shape or texture from being changed"),
     ("Drag in the pad", "across: shape from A to B; upwards: texture"),
     ("Sheet", ""),
     ("Click", "make a pair current; at the border: take the object off"),
     ("Codes", ""),
     ("Ctrl+click", "type a value"),
     ("Right click", "set the direction to 0"),
+    ("Fit", ""),
+    ("Drag in the wipe", "photo on the left, render on the right"),
     ("Files", ""),
     ("Drop an image", "fit it (Ctrl+I to choose one)"),
     ("Drop a scene (.json)", "open it (Ctrl+O to choose, Ctrl+S to save)"),
@@ -39,7 +41,9 @@ def draw(desk: Desk) -> None:
     """A window, while it is wanted."""
     if not desk.help_open:
         return
-    imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.appearing, (0.5, 0.5))
+    viewport = imgui.get_main_viewport()
+    imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
+    imgui.set_next_window_size_constraints((0, 0), viewport.work_size)  # a low window scrolls
     flags = imgui.WindowFlags_
     unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
     shown, stays = imgui.begin("Help", True, unmoved)
