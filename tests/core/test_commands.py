@@ -13,7 +13,6 @@ from PIL import Image
 from core import commands
 from core.__main__ import main, parser
 from core.bench import stability
-from core.confidence import Evidence
 from core.dataset import read_dataset, write_manifest, write_object
 from core.fit import PRESETS, Alternative, FitStep
 from core.library import load_model
@@ -189,7 +188,7 @@ def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch
 def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, capsys, monkeypatch):
     camera, codes = model.camera(0.3, 0.3), model.codes[0]
     alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
-    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, Evidence(margin, 30.0, 0.5))
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, margin)
     monkeypatch.setattr(
         commands, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     )

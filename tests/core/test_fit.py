@@ -94,11 +94,11 @@ def test_the_alternative_is_another_camera_that_is_measured_too(tiny: Model):
     steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), QUICK)))
     found = steps[-1]
     assert found.alternative is not None
-    assert found.evidence is not None
+    assert found.margin is not None
     assert found.confidence is not None
     assert rotation_error(found.alternative.cameras[0], found.cameras[0]) > 20
-    assert found.evidence.margin == pytest.approx(math.log(found.alternative.loss / found.loss), abs=1e-4)
-    assert found.evidence.margin > 0
+    assert found.margin == pytest.approx(math.log(found.alternative.loss / found.loss), abs=1e-4)
+    assert found.margin > 0
     assert 0 <= found.confidence <= 1
     assert steps[0].alternative is steps[0].confidence is None
 
