@@ -18,7 +18,7 @@ from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes
-from core.confidence import Evidence, confidence
+from core.confidence import confidence
 from core.hypotheses import (
     Numbers,
     Objective,
@@ -118,13 +118,13 @@ class FitStep:
     """how many are still in the race"""
     alternative: Alternative | None = None
     """from the first measurement on; None where no camera is searched for, and in the paper's recipe"""
-    evidence: Evidence | None = None
-    """comes with the alternative"""
+    margin: float | None = None
+    """logarithm of the alternative's loss over the result's; comes with the alternative"""
 
     @property
     def confidence(self) -> float | None:
-        """The probability that the cameras are right, 0..1; None where there is no evidence."""
-        return None if self.evidence is None else confidence(self.evidence)
+        """The probability that the cameras are right, 0..1; None where there is no alternative."""
+        return None if self.margin is None else confidence(self.margin)
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -390,7 +390,6 @@ class _Race:
         """The leader, as the stream shows it."""
         pool, rival = standing.pool, standing.rival
         leader = pool.leader
-        numbers = pool.numbers
         shown = FitStep(
             step,
             steps,
@@ -398,15 +397,14 @@ class _Race:
             float(pool.cost[leader]),
             psnr_of(float(pool.squared[leader])),
             time.perf_counter() - began,
-            cameras(self.model, numbers, leader, self.given),
-            codes(self.model, numbers, leader, self.by),
+            cameras(self.model, pool.numbers, leader, self.given),
+            codes(self.model, pool.numbers, leader, self.by),
             len(pool),
         )
         if rival is None or not math.isfinite(standing.margin):
             return shown
         alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
-        unlikely = torch.cat((numbers.shape[leader], numbers.texture[leader])).square().mean().sqrt()
-        return replace(shown, alternative=alternative, evidence=Evidence(standing.margin, shown.psnr, float(unlikely)))
+        return replace(shown, alternative=alternative, margin=standing.margin)
 
     def _rates(self, stage: _Stage, progress: float) -> Rates:
         left = _RATE_LEFT + (1 - _RATE_LEFT) * (0.5 + 0.5 * math.cos(math.pi * progress))

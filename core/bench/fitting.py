@@ -1,7 +1,7 @@
 """Seconds against degrees: blind fits by every preset, on views whose cameras are known.
 
-One view of every object is fitted without its camera; the stream's own timestamps make the curves. The evidence of
-the same fits calibrates :mod:`core.confidence`.
+One view of every object is fitted without its camera; the stream's own timestamps make the curves. The margins of
+the same fits calibrate :mod:`core.confidence`.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 
 from core.bench.rendering import machine
 from core.bench.subjects import OTHERS, Subject
-from core.confidence import RIGHT_DEGREES, Calibration, Evidence, calibrated, confidence, separation
+from core.confidence import RIGHT_DEGREES, Calibration, calibrated, confidence, separation
 from core.evaluate import Mean, compared, mean_of, photo
 from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
 from core.metrics import rotation_error, translation_error
@@ -41,7 +41,8 @@ class Trial:
     """dB, of the picture itself"""
     held_out: float
     """dB, mean over some other views, from their true cameras"""
-    evidence: Evidence | None
+    margin: float | None
+    """over the alternative; None where there is none"""
     confidence: float | None
     trace: tuple[float, ...]
     """degrees at :data:`TIMES`"""
@@ -118,7 +119,7 @@ def _trial(model: Model, subject: Subject, preset: str, settings: FitSettings, s
     away = translation_error(last.cameras[0], subject.camera)
     quality = last.psnr, float(np.mean(held_out)) if held_out else math.nan
     trace = tuple(errors[_reached(steps, time)] for time in TIMES)
-    found = (last.seconds, errors[0], errors[-1], away, *quality, last.evidence, last.confidence, trace)
+    found = (last.seconds, errors[0], errors[-1], away, *quality, last.margin, last.confidence, trace)
     return Trial(preset, views.name, index, *found)
 
 
@@ -151,9 +152,9 @@ def _summary(preset: str, trials: Sequence[Trial]) -> Summary:
 
 
 def _trust(trials: Sequence[Trial]) -> Trust:
-    told = [(trial.evidence, trial.rotation <= RIGHT_DEGREES) for trial in trials if trial.evidence is not None]
-    evidence, right = [one for one, _ in told], [one for _, one in told]
+    told = [(trial.margin, trial.rotation <= RIGHT_DEGREES) for trial in trials if trial.margin is not None]
+    margins, right = [one for one, _ in told], [one for _, one in told]
     if len(set(right)) < 2:
         return Trust(len(told), sum(right), None, None)
-    scores = [confidence(one) for one in evidence]
-    return Trust(len(told), sum(right), separation(scores, right), calibrated(evidence, right))
+    scores = [confidence(one) for one in margins]
+    return Trust(len(told), sum(right), separation(scores, right), calibrated(margins, right))

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from PIL import Image
 
 from core import commands
 from core.__main__ import main, parser
-from core.confidence import Evidence
+from core.bench import stability
 from core.dataset import read_dataset, write_manifest, write_object
 from core.fit import PRESETS, Alternative, FitStep
 from core.library import load_model
@@ -164,11 +165,30 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     shutil.rmtree(tmp_path / "d")
 
 
+def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch):
+    tiny_model().save(tmp_path / "m.safetensors")
+    for presets in (PRESETS, stability.COMPARED):
+        for name, settings in presets.items():
+            monkeypatch.setitem(presets, name, replace(settings, starts=1, steps=2, rays=16, samples=8))
+    monkeypatch.setattr(stability, "STRESSORS", {"nothing": stability.STRESSORS["nothing"]})
+    words = ("--model", tmp_path / "m.safetensors", "--objects", 1, "--out", tmp_path / "charts")
+    run("bench", "fit", *words)
+    assert "| paper |" in capsys.readouterr().out
+    run("bench", "stability", *words)
+    assert "| stressor | level | normal | paper |" in capsys.readouterr().out
+    write_object(tmp_path / "d", views_of(tiny_model(), 0, 3))
+    run("bench", "fit", *words, "--dataset", tmp_path / "d")
+    assert json.loads((tmp_path / "charts/fit.json").read_text())["trials"][0]["name"] == "stool0"
+    assert sorted(path.name for path in (tmp_path / "charts").iterdir()) == [
+        f"{name}.{kind}" for name in ("fit", "stability") for kind in ("json", "md", "png")
+    ]
+
+
 @pytest.mark.parametrize("margin, said", [(-9.0, "doubtful"), (9.0, "")])
 def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, capsys, monkeypatch):
     camera, codes = model.camera(0.3, 0.3), model.codes[0]
     alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
-    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, Evidence(margin, 30.0, 0.5))
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, margin)
     monkeypatch.setattr(
         commands, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     )

@@ -94,11 +94,11 @@ def test_the_alternative_is_another_camera_that_is_measured_too(tiny: Model):
     steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), QUICK)))
     found = steps[-1]
     assert found.alternative is not None
-    assert found.evidence is not None
+    assert found.margin is not None
     assert found.confidence is not None
     assert rotation_error(found.alternative.cameras[0], found.cameras[0]) > 20
-    assert found.evidence.margin == pytest.approx(math.log(found.alternative.loss / found.loss), abs=1e-4)
-    assert found.evidence.margin > 0
+    assert found.margin == pytest.approx(math.log(found.alternative.loss / found.loss), abs=1e-4)
+    assert found.margin > 0
     assert 0 <= found.confidence <= 1
     assert steps[0].alternative is steps[0].confidence is None
 
@@ -129,7 +129,7 @@ def test_a_rival_is_the_best_of_another_basin_or_the_twin(tiny: Model):
 
 # The paper's recipe
 
-PAPER = replace(PRESETS["paper"], steps=120, rays=192, samples=24)
+PAPER = replace(PRESETS["paper"], steps=120, rays=96, samples=20)
 
 
 def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
@@ -146,7 +146,7 @@ def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
 def test_the_paper_finds_the_camera_from_some_starts_and_halves_its_rates(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
     photo = photo_of(tiny, tiny.codes[0], truth)
-    streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(4)]
+    streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(3)]
     assert min(rotation_error(steps[-1].cameras[0], truth) for steps in streams) < 15
     first, late = (
         abs(steps[i].cameras[0].azimuth - steps[i - 1].cameras[0].azimuth) for i in (2, 110) for steps in streams[:1]

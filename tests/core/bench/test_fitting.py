@@ -61,10 +61,10 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measur
         assert trial.trace[-1] in (trial.first_rotation, trial.rotation) or trial.seconds > fitting.TIMES[-1]
         assert trial.held_out > 5
         if trial.preset == "paper":
-            assert trial.evidence is trial.confidence is None
+            assert trial.margin is trial.confidence is None
         else:
-            assert trial.evidence is not None
-            assert trial.confidence == confidence(trial.evidence)
+            assert trial.margin is not None
+            assert trial.confidence == confidence(trial.margin)
     assert [summary.preset for summary in found.summaries] == list(QUICK)
     assert {summary.fits for summary in found.summaries} == {2}
     assert found.trust.fits == 2
