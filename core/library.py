@@ -1,16 +1,22 @@
-"""Which models there are: the shipped ones by name, any other by its path."""
+"""Which models there are: the shipped ones by name, any other by its path; and pictures to try them with."""
 
 from pathlib import Path
 
 from core.authors import load_authors
 from core.model import Model
 
-SHIPPED = Path(__file__).resolve().parent.parent / "assets" / "models"
+_ASSETS = Path(__file__).resolve().parent.parent / "assets"
+SHIPPED = _ASSETS / "models"
 
 
 def shipped_models() -> tuple[str, ...]:
     """The names of the models that come with the program."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
+
+
+def samples(category: str) -> tuple[Path, ...]:
+    """Pictures to try a model with: objects of its category that it was not trained on."""
+    return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
 
 
 def load_model(name: str) -> Model:

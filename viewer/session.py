@@ -55,6 +55,8 @@ class Session:
         self.worker = worker
         self.streams = streams or Streams()
         self.model: Model | None = None
+        self.opened = ""
+        """the name of the model that is there"""
         self.loading = ""
         """the name of the model on its way"""
         self.when_ready: Callable[[], None] = lambda: None
@@ -136,7 +138,11 @@ class Session:
             if error:
                 self.report(f"Cannot open the model {name}", error)
 
-        self.worker.submit(Job("model", lambda: (self.streams.load_model(name),), self._opened, ended))
+        def opened(model: Model) -> None:
+            self.opened = name
+            self._opened(model)
+
+        self.worker.submit(Job("model", lambda: (self.streams.load_model(name),), opened, ended))
 
     def _opened(self, model: Model) -> None:
         self.fitting.reset()

@@ -1,6 +1,6 @@
 import pytest
 
-from core.library import load_model, shipped_models
+from core.library import load_model, samples, shipped_models
 from core.model import Model
 
 
@@ -27,3 +27,9 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
     (tmp_path / "hpam.json").write_text("{}")
     with pytest.raises(ValueError, match="authors"):
         load_model(str(tmp_path / "models.pth"))
+
+
+def test_samples_are_pictures_of_their_category():
+    assert samples("boats") == ()
+    for category in shipped_models():
+        assert len(samples(category)) >= 3

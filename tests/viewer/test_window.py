@@ -517,6 +517,27 @@ def test_menus_help_and_theme(drive: Drive) -> None:
     drive(act)
 
 
+def test_models_and_samples_are_in_the_menus(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    def act(window: Driver) -> None:
+        ctx, session = window.ctx, window.session
+        assert session.opened == "chairs"
+        window.drag("View/orbit", 30)
+        ctx.set_ref("##MainMenuBar")
+        ctx.menu_click("Model/chairs")
+        ctx.yield_(2)
+        window.wait()
+        assert session.ready
+        assert not session.history.past
+        started = list[Path]()
+        monkeypatch.setattr(session.fitting, "start", started.append)
+        ctx.menu_click("File/Fit a sample/cushion")
+        ctx.yield_(2)
+        assert [path.name for path in started] == ["cushion.png"]
+        assert started[0].is_file()
+
+    drive(act)
+
+
 def test_the_size_of_the_finished_picture_can_be_chosen(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.click("View/##detail")

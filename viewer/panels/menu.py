@@ -1,9 +1,11 @@
 """The menu bar, and the keys that work everywhere."""
 
 from collections.abc import Callable
+from functools import partial
 
 from imgui_bundle import hello_imgui, imgui
 
+from core.library import samples, shipped_models
 from viewer.desk import Desk
 
 
@@ -13,12 +15,14 @@ def draw(desk: Desk) -> None:
     if imgui.begin_menu("File"):
         idle = ready and not session.fitting.running
         _item("Fit image…###fit image", "Ctrl+I", desk.fit_image, idle)
+        _draw_samples(desk, idle)
         imgui.separator()
         _item("Open scene…###open scene", "Ctrl+O", desk.open_scene, ready)
         _item("Save scene…###save scene", "Ctrl+S", desk.save_scene, ready)
         imgui.separator()
         _item("Quit", "Ctrl+Q", desk.quit)
         imgui.end_menu()
+    _draw_models(desk)
     if imgui.begin_menu("Edit"):
         history = session.history
         _item("Undo", "Ctrl+Z", session.undo, bool(history and history.past))
@@ -60,6 +64,23 @@ def keys(desk: Desk) -> None:
 def _item(label: str, keys: str, act: Callable[[], None], enabled: bool = True) -> None:
     if imgui.menu_item(label, keys, False, enabled)[0]:
         act()
+
+
+def _draw_models(desk: Desk) -> None:
+    session = desk.session
+    if imgui.begin_menu("Model"):
+        for name in shipped_models():
+            if imgui.menu_item(name, "", session.opened == name, not session.loading)[0]:
+                session.open_model(name)
+        imgui.end_menu()
+
+
+def _draw_samples(desk: Desk, enabled: bool) -> None:
+    model = desk.session.model
+    if imgui.begin_menu("Fit a sample", enabled):
+        for path in samples(model.category) if model else ():
+            _item(path.stem, "", partial(desk.fit, path))
+        imgui.end_menu()
 
 
 def _draw_status(desk: Desk) -> None:
