@@ -180,6 +180,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
 def bench_render(chosen: argparse.Namespace) -> None:
     """``bench render``: speed and accuracy of the renderer, as numbers, table and chart."""
+    charts.prepare(chosen.out)
     found = _watched(rendering.measured(load_model(chosen.model), chosen.views))
     charts.write_rendering(found, chosen.out)
     print(charts.rendering_table(found), flush=True)
@@ -187,6 +188,7 @@ def bench_render(chosen: argparse.Namespace) -> None:
 
 def bench_fit(chosen: argparse.Namespace) -> None:
     """``bench fit``: speed and accuracy of blind fits, as numbers, table and chart."""
+    charts.prepare(chosen.out)
     model = load_model(chosen.model)
     generator = torch.Generator().manual_seed(chosen.seed)
     if chosen.dataset:
@@ -201,6 +203,7 @@ def bench_fit(chosen: argparse.Namespace) -> None:
 
 def bench_stability(chosen: argparse.Namespace) -> None:
     """``bench stability``: the atlas of where fits fail, as numbers, table and chart."""
+    charts.prepare(chosen.out)
     found = _watched(stability.measured(load_model(chosen.model), chosen.objects, chosen.seed))
     charts.write_stability(found, chosen.out)
     print(charts.stability_table(found), flush=True)

@@ -1,5 +1,7 @@
-"""Files that are there whole or not at all."""
+"""Files that are there whole or not at all, and numbers as JSON."""
 
+import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,3 +22,17 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise ValueError(f"cannot write {path}: {error.strerror or error}") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: dict) -> None:
+    """Numbers as JSON, what is not a number as null."""
+    with whole_file(path) as partial:
+        partial.write_text(json.dumps(_without_nan(content), indent=1) + "\n")
+
+
+def _without_nan(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _without_nan(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

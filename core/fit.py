@@ -350,9 +350,15 @@ class _Race:
             if (step + 1) % _EVERY == 0 or step + 1 == stage.steps:
                 pool, rival = self._compared(pool, rival)
                 best = pool if best is None or float(pool.cost) < float(best.cost) else best
-                margin = math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)) if rival else 0.0
-                standing = _Standing(pool, rival, margin)
+                standing = self._standing(pool, best, rival)
             yield standing._replace(pool=best if best and step + 1 == stage.steps else pool)
+
+    def _standing(self, pool: Pool, best: Pool, rival: Pool | None) -> _Standing:
+        """With what stands against the best: whichever of the two that still run is in another basin than it is."""
+        other = rival_of(best, joined(pool, rival), self.unknown) if rival else None
+        if other is None or not int(other.age):
+            return _Standing(pool)
+        return _Standing(pool, other, math.log(max(float(other.cost), _LEAST) / max(float(best.cost), _LEAST)))
 
     def _compared(self, pool: Pool, rival: Pool | None) -> tuple[Pool, Pool | None]:
         """Both measured, the better one first; where they have met in one basin, its twin is the new rival."""

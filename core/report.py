@@ -1,6 +1,5 @@
 """What an evaluation says: a table and a histogram in text, the numbers as JSON, a chart as PNG."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -10,6 +9,7 @@ from typing import NamedTuple
 from PIL import Image, ImageDraw
 
 from core.evaluate import Mean, ObjectScore, PoseSummary, Protocol, Summary, summarised
+from core.files import write_json
 from core.swap import CellScore, swap_summary
 
 _ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)
@@ -53,11 +53,6 @@ def write_report(path: Path, scores: Sequence[ObjectScore], protocol: Protocol, 
     content = about | {"protocol": asdict(protocol), "summary": asdict(summarised(scores)), "objects": objects}
     write_json(path, content)
     chart(scores).save(path.with_suffix(".png"))
-
-
-def write_json(path: Path, content: dict) -> None:
-    """Numbers as JSON, what is not a number as null."""
-    path.write_text(json.dumps(_without_nan(content), indent=1) + "\n")
 
 
 def chart(scores: Sequence[ObjectScore]) -> Image.Image:
@@ -173,11 +168,3 @@ def _draw_panel(image: Image.Image, left: int, size: tuple[int, int], panel: _Pa
         draw.text((x - 4, base + 6), str(bins[index]), "black")
     draw.text((left + width - margin - 8, base + 6), str(bins[-1]), "black")
     draw.line((left + margin, base, left + width - margin, base), "black")
-
-
-def _without_nan(value: object) -> object:
-    if isinstance(value, dict):
-        return {key: _without_nan(part) for key, part in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(part) for part in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

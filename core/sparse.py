@@ -28,7 +28,7 @@ def render_seen(
 
     Differentiable in rays and biases through ``kept`` samples a ray on average: those of the largest weights among
     all samples of an object. The others keep their density, and their colour is taken to be that of the rest of
-    their ray. With ``kept`` = ``samples`` it is :func:`core.render.render_rays`.
+    their ray, white where there is none. With ``kept`` = ``samples`` it is :func:`core.render.render_rays`.
     """
     depths, edges = intervals(model, rays, samples)
     points = points_at(rays, depths)
@@ -44,5 +44,6 @@ def render_seen(
     share = shares.flatten(1).gather(1, seen)[..., None]
     light = torch.zeros(len(points), left[0].numel(), 4, device=seen.device)
     light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((share * colours, share), -1))
-    light, opacity = light.reshape(*left.shape, 4), 1 - left
-    return light[..., :3] * (opacity / light[..., 3].clamp_min(1e-6))[..., None] + left[..., None], opacity
+    light, opacity = light.reshape(*left.shape, 4), (1 - left)[..., None]
+    colour = torch.where(light[..., 3:] > 0, light[..., :3] / light[..., 3:].clamp_min(1e-6), 1.0)
+    return colour * opacity + left[..., None], opacity[..., 0]

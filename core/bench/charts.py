@@ -1,13 +1,13 @@
 """Draws what the benchmarks found. matplotlib comes with the extra ``bench``."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.bench import fitting, stability
 from core.bench.rendering import Measured, Point
 from core.evaluate import Mean
+from core.files import write_json
 from core.frames import RenderSettings
 
 if TYPE_CHECKING:
@@ -17,24 +17,32 @@ if TYPE_CHECKING:
 
 def write_rendering(found: Measured, folder: Path) -> None:
     """``render.json``, ``render.md`` and ``render.png``."""
-    _write(folder, "render", found.told(), rendering_table(found), _rendering_chart(found))
+    _write(folder, "render", found.told(), rendering_table(found), lambda: _rendering_chart(found))
 
 
 def write_fitting(found: fitting.Measured, folder: Path) -> None:
     """``fit.json``, ``fit.md`` and ``fit.png``."""
-    _write(folder, "fit", found.told(), fitting_table(found), _fitting_chart(found))
+    _write(folder, "fit", found.told(), fitting_table(found), lambda: _fitting_chart(found))
 
 
 def write_stability(found: stability.Atlas, folder: Path) -> None:
     """``stability.json``, ``stability.md`` and ``stability.png``."""
-    _write(folder, "stability", found.told(), stability_table(found), _stability_chart(found))
+    _write(folder, "stability", found.told(), stability_table(found), lambda: _stability_chart(found))
 
 
-def _write(folder: Path, name: str, told: dict, table: str, chart: "Figure") -> None:
+def prepare(folder: Path) -> None:
+    """Sees to it, before hours are spent on measuring, that charts can be drawn and where they go.
+
+    Raises ``ValueError`` where matplotlib is missing, ``OSError`` where there can be no such folder.
+    """
+    _figure(1)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.json").write_text(json.dumps(told, indent=1) + "\n")
+
+
+def _write(folder: Path, name: str, told: dict, table: str, chart: "Callable[[], Figure]") -> None:
+    write_json(folder / f"{name}.json", told)
     (folder / f"{name}.md").write_text(table)
-    chart.savefig(folder / f"{name}.png", dpi=110)
+    chart().savefig(folder / f"{name}.png", dpi=110)
 
 
 def rendering_table(found: Measured) -> str:

@@ -18,6 +18,7 @@ from core.evaluate import Mean, compared, mean_of, photo
 from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
 from core.metrics import rotation_error, translation_error
 from core.model import Model
+from core.starts import bank_of
 
 TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))
 """s, at which the curves are read"""
@@ -100,6 +101,7 @@ def measured(
 ) -> Iterator[str | Measured]:
     """What is being measured now, and in the end all that was found. To stop, ask for no more."""
     yield "bank of views"
+    bank_of(model)
     trials = list[Trial]()
     for number, subject in enumerate(subjects):
         for name, settings in presets.items():

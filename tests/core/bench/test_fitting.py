@@ -8,7 +8,7 @@ import torch
 from PIL import Image
 
 from core.bench import fitting
-from core.bench.charts import fitting_table, write_fitting
+from core.bench.charts import fitting_table, prepare, write_fitting
 from core.bench.fitting import Measured, measured
 from core.bench.subjects import OTHERS, anywhere, own_subjects
 from core.confidence import confidence
@@ -71,6 +71,7 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measur
 
 
 def test_charts_are_written(found: Measured, tmp_path: Path):
+    prepare(tmp_path / "charts")
     write_fitting(found, tmp_path / "charts")
     told = json.loads((tmp_path / "charts/fit.json").read_text())
     assert [one["preset"] for one in told["summaries"]] == list(QUICK)

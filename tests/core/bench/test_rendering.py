@@ -6,7 +6,7 @@ from PIL import Image
 
 from core import march, occupancy
 from core.bench import rendering
-from core.bench.charts import rendering_table, write_rendering
+from core.bench.charts import prepare, rendering_table, write_rendering
 from core.bench.rendering import Measured, measured
 from tests.core.tiny import tiny_model
 
@@ -40,6 +40,7 @@ def test_leaving_out_a_part_is_undone_afterwards(found: Measured) -> None:
 
 
 def test_charts_are_written(found: Measured, tmp_path: Path) -> None:
+    prepare(tmp_path / "charts")
     write_rendering(found, tmp_path / "charts")
     assert json.loads((tmp_path / "charts/render.json").read_text())["views"] == 2
     assert Image.open(tmp_path / "charts/render.png").width > 800
