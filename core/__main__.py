@@ -59,7 +59,7 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
     what = command.add_mutually_exclusive_group()
     what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
-    what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene")
+    what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene, or a picture (png) that holds one")
 
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
@@ -168,7 +168,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     fitting.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
     fitting.add_argument("--seed", type=int, default=0)
     stability = _command(kinds, "stability", "bench_stability", "where blind fits fail: success against stressors")
-    stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model; every one for all")
+    stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model, spread over it")
     stability.add_argument("--seed", type=int, default=0)
     for kind in (rendering, fitting, stability):
         kind.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")

@@ -14,7 +14,7 @@ from core.codes import Codes
 from core.dataset import ObjectViews
 from core.fit import FitJob, FitStep, fit
 from core.frames import RenderSettings
-from core.march import march
+from core.march import marched
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.model import Model
 from core.photos import Photo
@@ -134,12 +134,7 @@ def drawn_view(model: Model, codes: Codes, camera: Camera) -> Float[Tensor, "hei
     """A view as the model shows it, in [0, 1]: marched, or drawn as their authors did where it is their file."""
     if model.painted_ground:
         return render_exact(model, codes, camera, _AUTHORS_SAMPLES).colour.clamp(0, 1).cpu()
-    stream = march(model, codes, camera, RenderSettings().samples)
-    while True:
-        try:
-            next(stream)
-        except StopIteration as end:
-            return end.value.colour.clamp(0, 1).cpu()
+    return marched(model, codes, camera, RenderSettings().samples).colour.clamp(0, 1).cpu()
 
 
 def _require_lens(model: Model, views: ObjectViews) -> None:

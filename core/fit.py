@@ -117,7 +117,7 @@ class FitStep:
     hypotheses: int = 1
     """how many are still in the race"""
     alternative: Alternative | None = None
-    """from the first measurement on; None where no camera is searched for, and in the paper's recipe"""
+    """from the first measurement on, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
     """logarithm of the alternative's loss over the result's; comes with the alternative"""
 
@@ -407,7 +407,7 @@ class _Race:
             codes(self.model, pool.numbers, leader, self.by),
             len(pool),
         )
-        if rival is None or not math.isfinite(standing.margin):
+        if rival is None or not math.isfinite(standing.margin) or int(self.unknown.sum()) > 1:
             return shown
         alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
         return replace(shown, alternative=alternative, margin=standing.margin)

@@ -37,6 +37,8 @@ _UNSEEN = 0.001
 def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator[None, None, Rendered]:
     """What :func:`core.render.render_exact` draws, many times faster; returned after a chunk for every value.
 
+    Where the network paints the ground itself, the ground is plain white here.
+
     Args:
         samples: intervals along the longest side of the scene's box; a ray has as many as fit between the first and
             the last occupied cell behind its pixel.
@@ -50,6 +52,16 @@ def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator
             parts.append(_coloured(folded, chunk))
         yield None
     return _picture(camera, kept, parts, model.device)
+
+
+def marched(model: Model, codes: Codes, camera: Camera, samples: int) -> Rendered:
+    """What :func:`march` returns, at once."""
+    stream = march(model, codes, camera, samples)
+    while True:
+        try:
+            next(stream)
+        except StopIteration as done:
+            return done.value
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from core.codes import Codes
 from core.dataset import ObjectPlace, ObjectViews
 from core.evaluate import Mean, compared, drawn_view, fitted, mean_of, photo
 from core.fit import FitJob
-from core.march import march
+from core.march import marched
 from core.model import Model
 from core.render import Rendered, render_exact
 
@@ -119,12 +119,7 @@ def _seen(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
     camera = views.cameras[0]
     if model.painted_ground:
         return render_exact(model, codes, camera, _EDIT_SAMPLES)
-    stream = march(model, codes, camera, _EDIT_SAMPLES)
-    while True:
-        try:
-            next(stream)
-        except StopIteration as end:
-            return end.value
+    return marched(model, codes, camera, _EDIT_SAMPLES)
 
 
 # Leaks

@@ -17,12 +17,13 @@ import torch
 from torch import Tensor
 
 from core import folded, march, occupancy, precision
+from core.bench.subjects import spread_objects
 from core.camera import Camera
 from core.codes import Codes
 from core.frames import RenderJob, RenderSettings, frames
 from core.metrics import psnr
 from core.model import Model
-from core.render import Rendered, render_exact
+from core.render import render_exact
 
 REFERENCE_SAMPLES = 256
 NAIVE_SAMPLES = (8, 16, 32, 64, 96)
@@ -114,9 +115,9 @@ def measured(model: Model, views: int = 3) -> Iterator[str | Measured]:
 
 def _views(model: Model, count: int) -> list[_View]:
     """Objects spread over the model, from cameras spread over the upper half, none of which was trained from."""
-    step = max(1, len(model.codes.objects) // count)
-    directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (count + 0.9))) for index in range(count)]
-    return [_View(model.codes[i * step], model.camera(*angles)) for i, angles in enumerate(directions)]
+    some = spread_objects(model, count)
+    directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (len(some) + 0.9))) for index in range(len(some))]
+    return [_View(codes, model.camera(*angles)) for (_, codes), angles in zip(some, directions, strict=True)]
 
 
 class _Recipe(NamedTuple):
@@ -138,18 +139,9 @@ def _fast(samples: int, changes: tuple[tuple[object, str, object], ...] = ()) ->
 
     def draw(model: Model, view: _View) -> Tensor:
         march.forget_views()
-        return drained(march.march(model, view.codes, view.camera, samples)).colour.clamp(0, 1)
+        return march.marched(model, view.codes, view.camera, samples).colour.clamp(0, 1)
 
     return _Recipe(draw, changes)
-
-
-def drained(stream: Iterator[None]) -> Rendered:
-    """What a march ends with."""
-    while True:
-        try:
-            next(stream)
-        except StopIteration as done:
-            return done.value
 
 
 def _points(

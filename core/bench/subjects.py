@@ -9,12 +9,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.bench.rendering import drained
 from core.camera import Camera
 from core.codes import Codes
 from core.dataset import ObjectPlace, ObjectViews
 from core.frames import RenderSettings
-from core.march import march
+from core.march import marched
 from core.model import Model
 from core.render import render_exact
 
@@ -72,5 +71,5 @@ def drawn_on_white(
     if model.painted_ground:
         colour = render_exact(model, codes, camera, 64).colour.clamp(0, 1).cpu()
         return colour, (colour < _GROUND).any(-1)
-    seen = drained(march(model, codes, camera, RenderSettings().samples))
+    seen = marched(model, codes, camera, RenderSettings().samples)
     return seen.colour.clamp(0, 1).cpu(), seen.opacity.cpu() > 0.5

@@ -8,26 +8,17 @@ from hypothesis import strategies as st
 from core import march as marching
 from core.codes import Codes
 from core.folded import Folded
+from core.march import marched
 from core.metrics import psnr
-from core.model import Model
 from core.occupancy import Occupancy
 from core.precision import linear_dtype
 from core.rays import camera_rays
-from core.render import Rendered, render_exact, render_rays
+from core.render import render_exact, render_rays
 from core.sampling import midpoints, points_at, uniform_edges
 from tests.conftest import random_model
 
 MODEL = random_model()
 seeds = st.integers(0, 2**31)
-
-
-def marched(model: Model, codes: Codes, camera, samples: int = 96) -> Rendered:
-    stream = marching.march(model, codes, camera, samples)
-    while True:
-        try:
-            assert next(stream) is None
-        except StopIteration as done:
-            return done.value
 
 
 def drawn(seed: int, spread: float = 1.0) -> Codes:
@@ -81,10 +72,10 @@ def test_marching_draws_what_the_reference_draws(index: int):
 
 def test_chunks_do_not_show(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
-    whole = marched(MODEL, MODEL.codes[0], camera)
+    whole = marched(MODEL, MODEL.codes[0], camera, 96)
     marching.forget_views()
     monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
-    pieces = marched(MODEL, MODEL.codes[0], camera)
+    pieces = marched(MODEL, MODEL.codes[0], camera, 96)
     assert psnr(pieces.colour, whole.colour) > 50
 
 
@@ -102,20 +93,20 @@ def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
     camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
     both = Codes(a.shape, b.texture)
     marching.forget_views()
-    full = marched(MODEL, both, camera)
+    full = marched(MODEL, both, camera, 96)
     marching.forget_views()
-    marched(MODEL, a, camera)
+    marched(MODEL, a, camera, 96)
     assert marching.keeps(MODEL, both, camera, 96)
     assert not marching.keeps(MODEL, b, camera, 96)
     assert not marching.keeps(MODEL, both, MODEL.camera(0.31, 0.2), 96)
-    recoloured = marched(MODEL, both, camera)
+    recoloured = marched(MODEL, both, camera, 96)
     torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
-    assert not torch.equal(recoloured.colour, marched(MODEL, a, camera).colour)
+    assert not torch.equal(recoloured.colour, marched(MODEL, a, camera, 96).colour)
 
 
 def test_a_texture_moves_no_silhouette():
     camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
-    first, second = (marched(MODEL, Codes(a.shape, texture), camera) for texture in (a.texture, b.texture))
+    first, second = (marched(MODEL, Codes(a.shape, texture), camera, 96) for texture in (a.texture, b.texture))
     assert torch.equal(first.opacity, second.opacity)
     assert torch.equal(first.depth, second.depth)
 
@@ -140,9 +131,9 @@ def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel
     rays = camera_rays(camera, plain.extent_tensor, 0.5)
     biases = plain.field.shape_bias(codes.shape), plain.field.texture_bias(codes.texture)
     exact = render_rays(plain, rays, 96, *biases)
-    seen = marched(painted, codes, camera)
+    seen = marched(painted, codes, camera, 96)
     assert psnr(seen.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
-    assert psnr(marched(plain, codes, camera).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
+    assert psnr(marched(plain, codes, camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
 
 
 def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):

@@ -63,7 +63,8 @@ def test_swapped_codes_draw_the_true_cell_and_textures_move_nothing(tiny: Model,
     assert (found.swapped_cells, found.direct_cells) == (2, 4)
     assert found.swapped.mean > 35
     assert found.direct.mean > 35
-    assert found.opacity_change == found.ground_change == 0
+    assert found.opacity_change == 0
+    assert found.ground_change < 1e-3  # all the light that the object gives to what counts as ground
     text = swap_told(scores)
     assert "at most 0 of full opacity" in text
     assert "texture from shape codes" in text
