@@ -276,7 +276,7 @@ class Session:
         path = path if path.suffix else path.with_suffix(".json")
         try:
             self.scene.save(path)
-        except OSError as error:
+        except ValueError as error:
             self.report("Cannot save the scene", error)
         else:
             self.say(f"Saved {path.name}")
