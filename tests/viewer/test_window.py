@@ -406,6 +406,29 @@ def test_a_mesh_is_exported(drive: Drive, tmp_path: Path, streams: Streams, mode
     drive(act, replace(streams, load_model=lambda name: block))
 
 
+def test_a_webp_turntable_under_way_is_no_sheet(drive: Drive, tmp_path: Path, streams: Streams) -> None:
+    def endless(*_: object) -> Iterator[int]:
+        while True:
+            time.sleep(0.01)
+            yield 1
+
+    def act(window: Driver) -> None:
+        session, ctx = window.session, window.ctx
+        session.sheet.add("object 1")
+        session.exporting.turntable(tmp_path / "turn.webp")
+        window.wait(lambda: session.exporting.progress > 0)
+        window.show("Sheet")
+        assert ctx.item_exists("//Sheet/###export sheet")
+        assert not ctx.item_exists("//Sheet/###cancel export")
+        window.click("Sheet/###export sheet")  # waits for the turntable
+        assert not window.desk.files.asking
+        window.show("Export")
+        window.click("Export/###cancel export")
+        assert not session.exporting.running
+
+    drive(act, replace(streams, turntable=endless))
+
+
 @pytest.mark.parametrize(("kind", "name"), [("turntable", "turn.mp4"), ("mesh", "chair.glb")])
 def test_an_export_is_cancelled_and_leaves_nothing(
     drive: Drive, tmp_path: Path, streams: Streams, kind: str, name: str

@@ -58,7 +58,7 @@ class Export:
             desk.open_scene()
 
     def _draw_turntable(self, desk: Desk) -> None:
-        if draw_progress(desk, VIDEOS):
+        if draw_progress(desk, "turntable"):
             return
         self._video = _choice("format", self._video, VIDEOS, "{}", "mp4 is the smallest, gif plays everywhere")
         imgui.same_line()
@@ -72,7 +72,7 @@ class Export:
             desk.files.ask(Wish("Export the turntable as", self._export_turntable(desk), VIDEOS, True, name))
 
     def _draw_mesh(self, desk: Desk) -> None:
-        if draw_progress(desk, MESHES):
+        if draw_progress(desk, "mesh"):
             return
         self._mesh = _choice("mesh format", self._mesh, MESHES, "{}", "glb opens in most programs")
         imgui.same_line()

@@ -52,7 +52,7 @@ class SheetPanel:
 
     def _draw_buttons(self, desk: Desk) -> None:
         exporting, sheet = desk.session.exporting, desk.session.sheet
-        if draw_progress(desk, FORMATS):
+        if draw_progress(desk, "sheet"):
             return
         if button("Export sheet…###export sheet", "All pairs as one picture", enabled=not exporting.running):
             desk.files.ask(Wish("Export the sheet as", _export(desk), FORMATS, True, "sheet.png"))
