@@ -219,6 +219,21 @@ def test_a_code_is_pulled_back_straight_towards_the_mean(session: Session) -> No
     assert session.distance("shape") == pytest.approx(0, abs=1e-5)
 
 
+def test_the_nearest_objects_are_searched_for_once_per_code(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[str]()
+    for part in PARTS:
+        search = getattr(CodeBook, f"nearest_{part}")
+        counted = lambda book, code, part=part, search=search: asked.append(part) or search(book, code)  # noqa: E731
+        monkeypatch.setattr(CodeBook, f"nearest_{part}", counted)
+    for _ in range(3):
+        assert [session.nearest(part) for part in PARTS] == [("object 0", 0.0)] * 2
+    assert asked == ["shape", "texture"]
+    session.take("texture", "object 3")
+    session.look(orbit.dragged(session.scene.camera, 0.2, 0.1))
+    assert [session.nearest(part) for part in PARTS] == [("object 0", 0.0), ("object 3", 0.0)]
+    assert asked == ["shape", "texture", "texture"]
+
+
 def test_another_b_takes_over_what_is_mixed_in(session: Session) -> None:
     session.show("object 1")
     session.mix("texture", 1.0)
