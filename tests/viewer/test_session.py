@@ -7,7 +7,7 @@ import pytest
 import torch
 from PIL import Image
 
-from core.codes import CodeBook
+from core.codes import CodeBook, Codes
 from core.model import Model
 from tests.viewer.window_driver import broken_fit, endless_fit, finish
 from viewer import orbit
@@ -189,6 +189,25 @@ def test_the_sheet_crosses_shapes_with_textures(session: Session, tmp_path: Path
     assert not session.exporting.running
     session.sheet.add(*session.gallery.names, *(f"object {n}" for n in range(6)))
     assert len(session.sheet.names) == 6
+
+
+def test_pairs_taken_off_the_sheet_are_drawn_no_more(session: Session) -> None:
+    session.sheet.add("object 1", "object 2", "object 3")
+    session.sheet.remove("object 2")
+    drawn, frames = list[Codes](), session.streams.frames
+    session.streams = replace(session.streams, frames=lambda model, job: drawn.append(job.codes) or frames(model, job))
+    finish(session)
+    assert all(session.sheet.picture(pair) for row in session.sheet.rows for pair in row)
+    assert not any(torch.equal(codes.shape, session.gallery["object 2"].codes.shape) for codes in drawn[1:])
+
+
+def test_objects_that_the_sheet_has_no_room_for_are_told(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("viewer.sheet.MOST", 2)
+    session.sheet.add("object 1", "object 2")
+    assert session.messages == []
+    session.sheet.add("object 2", "object 3")
+    assert session.sheet.names == ("object 1", "object 2")
+    assert session.messages[-1].text == "A sheet holds 2 objects; there is no room for object 3"
 
 
 def test_a_sheet_that_cannot_be_written_is_told(session: Session, tmp_path: Path) -> None:
