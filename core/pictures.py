@@ -10,6 +10,8 @@ from core.files import whole_file
 from core.model import Model
 from core.scene import Scene
 
+FORMATS = (".png", ".jpg", ".webp")
+"""The endings to offer: pictures that nearly every program opens."""
 _KEY = "CodeNeRF scene"
 
 

@@ -15,7 +15,6 @@ from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-PICTURES = (".png", ".jpg", ".webp")
 VIDEOS = (".mp4", ".gif", ".webp")
 SCENES = (".json", ".png")
 MESHES = (".glb", ".ply", ".obj")

@@ -99,7 +99,6 @@ class Exporting:
         """Write the scene as a square picture on white; a PNG holds the scene as well."""
         if self._session.model is None:
             return
-        path = path if path.suffix else path.with_suffix(".png")
         model, scene = self._session.model, self._session.scene
         job = RenderJob(scene.codes, scene.camera.resized(size, size), RenderSettings(stages=(1,)))
 

@@ -276,7 +276,6 @@ class Session:
 
     def save_scene(self, path: Path) -> None:
         """Write the scene as JSON."""
-        path = path if path.suffix else path.with_suffix(".json")
         try:
             self.scene.save(path)
         except ValueError as error:

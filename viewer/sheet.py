@@ -15,6 +15,7 @@ from core.codes import Codes
 from core.files import whole_file
 from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
+from core.pictures import FORMATS
 from viewer import orbit
 from viewer.history import Pair
 from viewer.worker import Job
@@ -22,7 +23,6 @@ from viewer.worker import Job
 if TYPE_CHECKING:
     from viewer.session import Session
 
-FORMATS = (".png", ".jpg", ".webp")
 MOST = 8
 """objects: 64 pictures are as many as a panel can show"""
 _SIZE = 96

@@ -348,7 +348,7 @@ def test_scenes_come_back_exactly(session: Session, tmp_path: Path) -> None:
     session.randomise("shape")
     session.look(orbit.dragged(session.scene.camera, 0.123, 0.05))
     scene = session.scene
-    session.save_scene(tmp_path / "mine")
+    session.save_scene(tmp_path / "mine.json")
     session.show("object 5")
     session.load_scene(tmp_path / "mine.json")
     assert session.scene == scene
@@ -433,12 +433,12 @@ def test_a_mesh_that_cannot_be_made_is_told_and_leaves_nothing(session: Session,
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a"])
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp"])
 def test_a_picture_is_saved_on_white(session: Session, tmp_path: Path, name: str) -> None:
     session.exporting.picture(tmp_path / name, size=48)
     finish(session)
     assert session.errors == []
-    with Image.open(tmp_path / (name if "." in name else f"{name}.png")) as image:
+    with Image.open(tmp_path / name) as image:
         assert image.size == (48, 48)
         assert min(image.convert("RGB").getpixel((0, 0))) > 250  # type: ignore[arg-type, type-var]
     assert len(list(tmp_path.iterdir())) == 1

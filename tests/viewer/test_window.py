@@ -25,6 +25,7 @@ from core.pictures import save_picture
 from core.scene import Scene
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit
 from viewer import app, orbit
+from viewer.files import Wish
 from viewer.panels import all_panels
 from viewer.session import Streams
 
@@ -406,6 +407,13 @@ def test_a_mesh_is_exported(drive: Drive, tmp_path: Path, streams: Streams, mode
     drive(act, replace(streams, load_model=lambda name: block))
 
 
+def test_a_name_without_an_ending_gets_the_proposed_one() -> None:
+    wish = Wish("Save", lambda _: None, (".glb", ".ply"), True, "mesh.ply")
+    assert wish.path(" /a/b ") == Path("/a/b.ply")
+    assert wish.path("/a/b.glb") == Path("/a/b.glb")
+    assert replace(wish, save=False).path("/a/b") == Path("/a/b")
+
+
 def test_a_webp_turntable_under_way_is_no_sheet(drive: Drive, tmp_path: Path, streams: Streams) -> None:
     def endless(*_: object) -> Iterator[int]:
         while True:
@@ -460,10 +468,12 @@ def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) 
         scene = session.scene
         window.show("Export")
         window.click("Export/###save scene")
-        window.type(str(tmp_path / "mine.json"))
+        window.type(str(tmp_path / "mine"))
         assert (tmp_path / "mine.json").is_file()
         window.click("Export/###save picture")
-        window.type(str(tmp_path / "mine.png"))
+        export = next(panel for panel in window.app.panels if panel.title == "Export")
+        export._picture = 128  # too late: what stood there at the click counts
+        window.type(str(tmp_path / "mine"))
         window.wait()
         assert Image.open(tmp_path / "mine.png").size == (512, 512)
         window.click("View/###home")
