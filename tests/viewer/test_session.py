@@ -273,15 +273,15 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Mo
     session.gallery.picture("block")
     finish(session)
     assert session.gallery.picture("block")
-    assert session.fitting.photo is not None
-    assert session.fitting.picture is not None
-    assert len(session.fitting.steps) == 10
-    assert session.fitting.pixels is not None
-    assert session.fitting.difference is not None
-    wrong = np.abs(session.fitting.pixels.astype(int) - session.fitting.picture.image)
-    np.testing.assert_array_equal(session.fitting.difference, (2 * wrong).clip(0, 255))
+    assert session.fitting.course.photo is not None
+    assert session.fitting.course.picture is not None
+    assert len(session.fitting.course.steps) == 10
+    assert session.fitting.course.pixels is not None
+    assert session.fitting.course.difference is not None
+    wrong = np.abs(session.fitting.course.pixels.astype(int) - session.fitting.course.picture.image)
+    np.testing.assert_array_equal(session.fitting.course.difference, (2 * wrong).clip(0, 255))
     assert session.fitting.camera == session.scene.camera
-    assert session.fitting.progress == 1.0
+    assert session.fitting.course.progress == 1.0
     session.undo()
     assert session.state == before
     assert "block" in session.gallery.names
@@ -297,7 +297,7 @@ def test_a_second_fit_of_the_same_file_has_a_name_of_its_own(session: Session, p
 def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, photo: Path) -> None:
     session.streams = replace(session.streams, fit=endless_fit)
     session.fitting.start(photo)
-    finish_when = lambda: len(session.fitting.steps) > 4  # noqa: E731
+    finish_when = lambda: len(session.fitting.course.steps) > 4  # noqa: E731
     while not finish_when():
         session.worker.deliver()
     session.fitting.start(photo)  # refused: one at a time
@@ -305,7 +305,7 @@ def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, photo: Path
     session.fitting.stop()
     finish(session)
     assert not session.fitting.running
-    assert session.scene.codes == session.fitting.steps[-1].codes
+    assert session.scene.codes == session.fitting.course.steps[-1].codes
     assert session.gallery.names[0] == "block"
 
 
@@ -324,14 +324,13 @@ def test_files_that_are_no_pictures_are_told_and_change_nothing(
 ) -> None:
     session.fitting.start(photo)
     finish(session, lambda: not session.fitting.running)
-    before, steps = session.history, session.fitting.steps
+    before, course = session.history, session.fitting.course
     for path in bad_files.values():
         session.messages.clear()
         session.fitting.start(path)
         finish(session, lambda: not session.fitting.running)
         assert session.history is before
-        assert session.fitting.steps is steps
-        assert session.fitting.name == "block"
+        assert session.fitting.course is course
         assert [message.kind for message in session.messages] == [Kind.ERROR], path.name
         assert "Traceback" not in session.errors[0]
 

@@ -289,7 +289,7 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
     def act(window: Driver) -> None:
         session = window.session
         window.desk.drop([str(photo)])
-        window.wait(lambda: session.fitting.difference is not None and not session.fitting.running)
+        window.wait(lambda: session.fitting.course.difference is not None and not session.fitting.running)
         window.wait()
         found = session.scene.camera
         window.click("View/###home")
@@ -316,7 +316,7 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, pho
         window.show("Fit")
         window.click("Fit/###fit image")
         window.type(str(photo))
-        window.wait(lambda: len(fitting.steps) > 3)
+        window.wait(lambda: len(fitting.course.steps) > 3)
         assert fitting.running
         window.drag("View/orbit", 50)  # the window lives meanwhile
         window.click("Fit/###stop fit")
@@ -628,7 +628,7 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
 def test_closing_while_a_fit_runs_ends_within_a_second(drive: Drive, streams: Streams, photo: Path) -> None:
     def act(window: Driver) -> None:
         window.desk.drop([str(photo)])
-        window.wait(lambda: len(window.session.fitting.steps) > 3)
+        window.wait(lambda: len(window.session.fitting.course.steps) > 3)
         ended.append(time.monotonic())
 
     ended: list[float] = []
