@@ -123,7 +123,7 @@ class CodeBook:
         entry = self.objects[index]
         return Codes(self.shapes[entry.shape], self.textures[entry.texture])
 
-    @property
+    @cached_property
     def sound(self) -> tuple[int, ...]:
         """The objects that are not broken."""
         return tuple(index for index in range(len(self.objects)) if index not in self.broken)
@@ -143,18 +143,17 @@ class CodeBook:
         """The mean shape in the mean texture, where the paper's fit begins."""
         return Codes(self.shape_space.mean, self.texture_space.mean)
 
-    def nearest(self, codes: Codes) -> tuple[int, int]:
-        """The sound objects with the nearest shape and with the nearest texture, by :meth:`CodeSpace.distance`.
+    def nearest_shape(self, code: Float[Tensor, "shape_latent"]) -> int:
+        """The sound object with the nearest shape, by :meth:`CodeSpace.distance`.
 
         Raises ``ValueError`` where there is no such object.
         """
-        if not self.sound:
-            raise ValueError("the book has no objects to compare with")
-        shapes = self.shapes[[self.objects[index].shape for index in self.sound]]
-        textures = self.textures[[self.objects[index].texture for index in self.sound]]
-        shape = int(self.shape_space.distance(shapes, codes.shape).argmin())
-        texture = int(self.texture_space.distance(textures, codes.texture).argmin())
-        return self.sound[shape], self.sound[texture]
+        return self._nearest(self.shape_space, self.shapes, [self.objects[index].shape for index in self.sound], code)
+
+    def nearest_texture(self, code: Float[Tensor, "texture_latent"]) -> int:
+        """The sound object with the nearest texture, as :meth:`nearest_shape`."""
+        rows = [self.objects[index].texture for index in self.sound]
+        return self._nearest(self.texture_space, self.textures, rows, code)
 
     def drawn(self, generator: torch.Generator) -> Codes:
         """A pair drawn from the two clouds, taken as normal."""
@@ -163,6 +162,12 @@ class CodeBook:
             for space in (self.shape_space, self.texture_space)
         )
         return Codes(shape, texture)
+
+    def _nearest(self, space: CodeSpace, codes: Tensor, rows: list[int], code: Tensor) -> int:
+        """By the row of each sound object."""
+        if not rows:
+            raise ValueError("the book has no objects to compare with")
+        return self.sound[int(space.distance(codes[rows], code).argmin())]
 
     def _sound_rows(self, codes: Tensor, rows: list[int]) -> Tensor:
         """Without the rows that only broken objects use."""

@@ -10,6 +10,8 @@ from core.files import whole_file
 from core.model import Model
 from core.scene import Scene
 
+FORMATS = (".png", ".jpg", ".webp")
+"""The endings to offer: pictures that nearly every program opens."""
 _KEY = "CodeNeRF scene"
 
 
@@ -28,7 +30,7 @@ def held_scene(path: Path) -> str | None:
     """The scene's JSON that a picture holds; None for any other file."""
     try:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
-            text = image.text.get(_KEY)
+            text = image.info.get(_KEY)  # ours stands before the pixels; `image.text` would decode them to look behind
     except (OSError, SyntaxError, ValueError, EOFError, MemoryError):
         return None  # no whole PNG, and so none of ours
     return None if text is None else str(text)

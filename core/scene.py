@@ -8,6 +8,7 @@ import torch
 
 from core.camera import Camera
 from core.codes import Codes
+from core.files import whole_file
 from core.model import Model
 
 
@@ -21,10 +22,9 @@ class Scene:
     camera: Camera
 
     def save(self, path: Path) -> None:
-        """Write the scene as JSON; an interrupted write leaves no file."""
-        partial = path.with_name(path.name + ".partial")
-        partial.write_text(self.to_json() + "\n")
-        partial.replace(path)
+        """Write the scene as JSON, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
+        with whole_file(path) as partial:
+            partial.write_text(self.to_json() + "\n")
 
     def to_json(self) -> str:
         """The scene as JSON text."""

@@ -25,14 +25,14 @@ class Comparison:
                 imgui.same_line()
             if imgui.radio_button(mode, self._mode == mode):
                 self._mode = mode
-        fitting, room = desk.session.fitting, imgui.get_content_region_avail().x
+        course, room = desk.session.fitting.course, imgui.get_content_region_avail().x
         height = max(3 * hello_imgui.em_size(), height - imgui.get_frame_height_with_spacing())
         if self._mode == _MODES[0]:
             gap = imgui.get_style().item_spacing.x
             side = min((room - gap) / 2, height)
             corner = _reserve("side by side", ImVec2(2 * side + gap, side), room)
-            _draw_picture(desk, "Photo", fitting.pixels, corner, side)
-            _draw_picture(desk, "Render", fitting.shown, corner + ImVec2(side + gap, 0), side)
+            _draw_picture(desk, "Photo", course.pixels, corner, side)
+            _draw_picture(desk, "Render", course.shown, corner + ImVec2(side + gap, 0), side)
             return
         side = min(room, height)
         corner = _reserve(self._mode.lower(), ImVec2(side, side), room)
@@ -40,17 +40,18 @@ class Comparison:
             self._draw_wipe(desk, corner, side)
         else:
             tip("Black where photo and render agree; twice the difference elsewhere")
-            _draw_picture(desk, "", fitting.difference, corner, side)
+            _draw_picture(desk, "", course.difference, corner, side)
 
     def _draw_wipe(self, desk: Desk, corner: ImVec2, side: float) -> None:
         if imgui.is_item_active():
             self._wipe = min(1.0, max(0.0, (imgui.get_mouse_pos().x - corner.x) / side))
         else:
             tip("Drag: the photo is on the left, the render on the right")
-        _draw_picture(desk, "Render", desk.session.fitting.shown, corner, side, to_right=True)
+        course = desk.session.fitting.course
+        _draw_picture(desk, "Render", course.shown, corner, side, to_right=True)
         draw, edge = imgui.get_window_draw_list(), corner.x + self._wipe * side
         draw.push_clip_rect(corner, (edge, corner.y + side), True)
-        _draw_picture(desk, "Photo", desk.session.fitting.pixels, corner, side)
+        _draw_picture(desk, "Photo", course.pixels, corner, side)
         draw.pop_clip_rect()
         draw.add_line((edge, corner.y), (edge, corner.y + side), packed(desk.palette.accent), 2.0)
 

@@ -1,6 +1,6 @@
 """What panels share: the session, and the window's own things around it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -9,12 +9,12 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.pictures import held_scene
 from viewer.canvas import Canvas, Images
+from viewer.exporting import Kind
 from viewer.files import Files, Wish
 from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-PICTURES = (".png", ".jpg", ".webp")
 VIDEOS = (".mp4", ".gif", ".webp")
 SCENES = (".json", ".png")
 MESHES = (".glb", ".ply", ".obj")
@@ -100,10 +100,10 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> b
     return pressed
 
 
-def draw_progress(desk: Desk, kinds: Sequence[str]) -> bool:
-    """How far the file under way is, where it is one of these kinds."""
+def draw_progress(desk: Desk, kind: Kind) -> bool:
+    """How far the file under way is, where it is of this kind."""
     exporting = desk.session.exporting
-    if exporting.path is None or exporting.path.suffix.lower() not in kinds:
+    if exporting.path is None or exporting.kind != kind:
         return False
     told = f"{exporting.path.name}   {exporting.progress:.0%}"
     imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), told)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from core.camera import Camera
 from core.codes import Codes
@@ -18,6 +18,8 @@ from viewer.worker import Job
 
 if TYPE_CHECKING:
     from viewer.session import Session
+
+Kind = Literal["turntable", "mesh", "sheet"]
 
 
 def turntable(
@@ -43,6 +45,8 @@ class Exporting:
         self._session = session
         self.path: Path | None = None
         """the turntable, mesh or sheet under way"""
+        self.kind: Kind | None = None
+        """which of them it is, or was last: endings do not tell, as .webp is both a video and a picture"""
         self.progress = 0.0
         """of it, 0..1"""
 
@@ -54,6 +58,7 @@ class Exporting:
     def turntable(self, path: Path, frames: int = 72, size: int = 256) -> None:
         """Write the object turning once round as mp4, gif or webp, by the file's name."""
         self._begin(
+            "turntable",
             path,
             lambda model, scene: self._session.streams.turntable(model, scene.codes, scene.camera, path, frames, size),
             frames,
@@ -66,7 +71,9 @@ class Exporting:
             resolution: cells along the longest side of the model's box.
         """
         self._begin(
-            path, lambda model, scene: self._session.streams.mesh(model, scene.codes, path, resolution), total=1.0
+            "mesh",
+            path,
+            lambda model, scene: self._session.streams.mesh(model, scene.codes, path, resolution),
         )
 
     def sheet(self, path: Path, size: int = 256) -> None:
@@ -79,7 +86,7 @@ class Exporting:
             return write_sheet(lambda job: session.streams.frames(model, job), rows, camera, path)
 
         if rows:
-            self._begin(path, stream, total=1.0)
+            self._begin("sheet", path, stream)
 
     def cancel(self) -> None:
         """Give the file under way up; no half-written file stays."""
@@ -92,7 +99,6 @@ class Exporting:
         """Write the scene as a square picture on white; a PNG holds the scene as well."""
         if self._session.model is None:
             return
-        path = path if path.suffix else path.with_suffix(".png")
         model, scene = self._session.model, self._session.scene
         job = RenderJob(scene.codes, scene.camera.resized(size, size), RenderSettings(stages=(1,)))
 
@@ -105,12 +111,14 @@ class Exporting:
         stream = self._session.streams.frames(model, job)
         self._session.worker.submit(Job("picture", lambda: _written(stream, path, scene), lambda _: None, ended))
 
-    def _begin(self, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float) -> None:
+    def _begin(
+        self, kind: Kind, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
+    ) -> None:
         """Draw from a stream that tells how much it has done, of so much in all."""
         model = self._session.model
         if self.running or model is None:
             return
-        self.path, self.progress = path, 0.0
+        self.kind, self.path, self.progress = kind, path, 0.0
         scene = self._session.scene
 
         def advanced(done: float) -> None:

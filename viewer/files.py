@@ -23,6 +23,11 @@ class Wish:
     name: str = ""
     """proposed"""
 
+    def path(self, typed: str) -> Path:
+        """Where an answer leads; a file to save that has no ending gets the proposed one's."""
+        path = Path(typed.strip()).expanduser()
+        return Path(f"{path}{Path(self.name).suffix}") if self.save and not path.suffix else path
+
 
 def has_native() -> bool:
     """Whether the system has a file dialog that can be started."""
@@ -91,7 +96,7 @@ class Files:
             self._close(self._text.strip() if chosen else "")
 
     def _verdict(self, wish: Wish) -> str:
-        path = Path(self._text.strip()).expanduser()
+        path = wish.path(self._text)
         if wish.save:
             return "The file is there and will be replaced" if path.is_file() else " / ".join(wish.suffixes)
         return " / ".join(wish.suffixes) if path.is_file() else "Type the path of a file"
@@ -99,7 +104,7 @@ class Files:
     def _close(self, answer: str) -> None:
         wish, self._wish, self._dialog = self._wish, None, None
         if wish and answer:
-            path = Path(answer).expanduser()
+            path = wish.path(answer)
             self.folder = path.parent
             wish.answer(path)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,36 @@ _LIVE = RenderSettings(samples=48, stages=(2,))
 _FINISHED = RenderSettings(stages=(1,))
 
 
+@dataclass(frozen=True, eq=False)
+class Course:
+    """How a fit has gone so far."""
+
+    name: str = ""
+    photo: Photo | None = None
+    pixels: np.ndarray | None = None
+    """the photo as uint8"""
+    steps: tuple[FitStep, ...] = ()
+    picture: Frame | None = None
+    """the newest picture of the leading hypothesis, from the photo's camera"""
+    difference: np.ndarray | None = None
+    """between the photo and that picture, doubled; uint8, black where they agree"""
+
+    @property
+    def shown(self) -> np.ndarray | None:
+        """That picture on white, as the photo is."""
+        return self.picture.image if self.picture else None
+
+    @property
+    def last(self) -> FitStep | None:
+        """The newest step: the result, once the fit is over."""
+        return self.steps[-1] if self.steps else None
+
+    @property
+    def progress(self) -> float:
+        """0..1"""
+        return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
+
+
 class Fitting:
     """At most one fit at a time. Its result joins the objects and becomes current, a single edit."""
 
@@ -40,15 +71,8 @@ class Fitting:
         """Forget the fit; one under way is dropped."""
         self._session.worker.cancel("fit")
         self._session.worker.cancel("fit picture")
-        self.name = ""
-        self.photo: Photo | None = None
-        self.pixels: np.ndarray | None = None
-        """the photo as uint8"""
-        self.steps: list[FitStep] = []
-        self.picture: Frame | None = None
-        """the newest picture of the leading hypothesis, from the photo's camera"""
-        self.difference: np.ndarray | None = None
-        """between the photo and that picture, doubled; uint8, black where they agree"""
+        self.course = Course()
+        """of the fit under way, or of the last one"""
         self.running = False
         self._looked = 0.0
 
@@ -61,13 +85,13 @@ class Fitting:
         if self.running:
             self._session.say("A fit is under way: stop it first")
             return
-        before = self.name, self.photo, self.pixels, self.steps, self.picture, self.difference
+        before = self.course
         self.reset()
-        self.name, self.running = path.stem, True
+        self.course, self.running = Course(path.stem), True
 
         def ended(error: Exception | None) -> None:
-            if error and not self.steps:
-                self.name, self.photo, self.pixels, self.steps, self.picture, self.difference = before
+            if error and not self.course.steps:
+                self.course = before
             self._ended(error)
 
         self._session.worker.submit(Job("fit", lambda: self._stream(model, path), self._value, ended))
@@ -79,22 +103,21 @@ class Fitting:
             self._finish("Stopped")
 
     @property
-    def shown(self) -> np.ndarray | None:
-        """The newest picture of the leading hypothesis on white, as the photo is."""
-        return self.picture.image if self.picture else None
-
-    @property
     def camera(self) -> Camera:
         """The photo's camera, at the size of the model's pictures. Only once there are steps."""
-        model = self._session.model
-        assert model is not None, "no model yet"
-        return self.steps[-1].cameras[0].resized(model.image_size, model.image_size)
+        assert self.course.last is not None, "no fit yet"
+        return self._resized(self.course.last.cameras[0])
 
     @property
-    def progress(self) -> float:
-        """0..1"""
-        last = self.steps[-1] if self.steps else None
-        return min(1.0, last.step / max(1, last.steps)) if last else 0.0
+    def alternative(self) -> Camera | None:
+        """The next best camera, mostly from the object's other side, at the same size; None where none was found."""
+        other = self.course.last and self.course.last.alternative
+        return self._resized(other.cameras[0]) if other else None
+
+    def _resized(self, camera: Camera) -> Camera:
+        model = self._session.model
+        assert model is not None, "no model yet"
+        return camera.resized(model.image_size, model.image_size)
 
     def _stream(self, model: Model, path: Path) -> Iterator[Photo | FitStep]:
         photo = self._session.streams.load_photo(path, model)
@@ -103,16 +126,16 @@ class Fitting:
 
     def _value(self, value: Photo | FitStep) -> None:
         if isinstance(value, Photo):
-            self.photo = value
-            self.pixels = (value.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+            pixels = (value.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+            self.course = replace(self.course, photo=value, pixels=pixels)
             return
-        self.steps.append(value)
+        self.course = replace(self.course, steps=(*self.course.steps, value))
         if time.monotonic() - self._looked > _LOOK_EVERY and not self._session.worker.busy("fit picture"):
             self._look(_LIVE)
 
     def _look(self, settings: RenderSettings) -> None:
         self._looked = time.monotonic()
-        model, step = self._session.model, self.steps[-1]
+        model, step = self._session.model, self.course.steps[-1]
         assert model is not None
         job = RenderJob(step.codes, step.cameras[0], settings)
 
@@ -124,8 +147,9 @@ class Fitting:
         self._session.worker.submit(Job("fit picture", lambda: stream(model, job), self._pictured, failed))
 
     def _pictured(self, frame: Frame) -> None:
-        assert self.pixels is not None, "a photo comes before its fit"
-        self.picture, self.difference = frame, _doubled_difference(self.pixels, frame.image)
+        assert self.course.pixels is not None, "a photo comes before its fit"
+        difference = _doubled_difference(self.course.pixels, frame.image)
+        self.course = replace(self.course, picture=frame, difference=difference)
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:
@@ -136,13 +160,13 @@ class Fitting:
 
     def _finish(self, how: str) -> None:
         self.running = False
-        if not self.steps:
+        name, last = self.course.name, self.course.last
+        if last is None:
             self._session.say(f"{how} before there was a result")
             return
-        last = self.steps[-1]
         self._look(_FINISHED)
-        self._session.adopt(Thing(self.name, last.codes, self.photo), self.camera)
-        self._session.say(f"{how} in {last.seconds:.0f} s: {self.name}, {last.psnr:.1f} dB")
+        self._session.adopt(Thing(name, last.codes, self.course.photo), self.camera)
+        self._session.say(f"{how} in {last.seconds:.0f} s: {name}, {last.psnr:.1f} dB")
 
 
 def _doubled_difference(

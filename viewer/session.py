@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from core.camera import Camera
-from core.codes import Codes, CodeSpace
+from core.codes import CodeBook, Codes, CodeSpace
 from core.fit import FitJob, FitStep, fit
 from core.frames import Frame, RenderJob, RenderSettings, frames
 from core.library import load_model
@@ -76,6 +76,8 @@ class Session:
         self.sheet = Sheet(self)
         self.fitting = Fitting(self)
         self.exporting = Exporting(self)
+        self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
+        """for each kind the code that was last asked for, and the answer"""
         self._random = torch.Generator()
         self._random.manual_seed(seed) if seed is not None else self._random.seed()
 
@@ -123,9 +125,10 @@ class Session:
         """The trained object whose code of one kind is nearest, and how far it is (standard deviations)."""
         if self.model is None or not self.model.codes.sound:
             return None
-        index = self.model.codes.nearest(self.scene.codes)[PARTS.index(part)]
-        code = getattr(self.model.codes[index], part)
-        return self.model.codes.objects[index].name, float(self.space(part).distance(self.code(part), code))
+        code, known = self.code(part), self._nearest.get(part)
+        if known is None or known[0] is not code:  # panels ask in every frame, and an edit makes another tensor
+            known = self._nearest[part] = (code, self._search_nearest(self.model.codes, part, code))
+        return known[1]
 
     # The model
 
@@ -273,10 +276,9 @@ class Session:
 
     def save_scene(self, path: Path) -> None:
         """Write the scene as JSON."""
-        path = path if path.suffix else path.with_suffix(".json")
         try:
             self.scene.save(path)
-        except OSError as error:
+        except ValueError as error:
             self.report("Cannot save the scene", error)
         else:
             self.say(f"Saved {path.name}")
@@ -328,6 +330,11 @@ class Session:
     def _undrawn(self, error: Exception | None) -> None:
         if error:
             self.report("Cannot draw the object", error)
+
+    def _search_nearest(self, book: CodeBook, part: Part, code: Tensor) -> tuple[str, float]:
+        index = book.nearest_shape(code) if part == "shape" else book.nearest_texture(code)
+        away = self.space(part).distance(code, getattr(book[index], part))
+        return book.objects[index].name, float(away)
 
     def _with(self, part: Part, code: Tensor) -> Codes:
         return replace(self.scene.codes, **{part: code})

@@ -15,6 +15,7 @@ from core.codes import Codes
 from core.files import whole_file
 from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
+from core.pictures import FORMATS
 from viewer import orbit
 from viewer.history import Pair
 from viewer.worker import Job
@@ -22,7 +23,6 @@ from viewer.worker import Job
 if TYPE_CHECKING:
     from viewer.session import Session
 
-FORMATS = (".png", ".jpg", ".webp")
 MOST = 8
 """objects: 64 pictures are as many as a panel can show"""
 _SIZE = 96
@@ -45,14 +45,18 @@ class Sheet:
         return [[Pair(shape, texture) for texture in self.names] for shape in self.names]
 
     def add(self, *names: str) -> None:
-        """Put objects on the sheet that are not on it yet, as long as there is room."""
-        self.names = tuple(dict.fromkeys((*self.names, *names)))[:MOST]
+        """Put objects on the sheet that are not on it yet; those for which there is no room are told."""
+        wanted = tuple(dict.fromkeys((*self.names, *names)))
+        self.names = wanted[:MOST]
+        if wanted[MOST:]:
+            self._session.say(f"A sheet holds {MOST} objects; there is no room for {', '.join(wanted[MOST:])}")
         self._draw()
 
     def remove(self, name: str) -> None:
         """Take an object off the sheet."""
         self.names = tuple(other for other in self.names if other != name)
         self._pictures = {pair: frame for pair, frame in self._pictures.items() if name not in pair}
+        self._draw()
 
     def clear(self) -> None:
         """An empty sheet."""

@@ -109,7 +109,9 @@ def test_distances_over_the_cloud_have_mean_square_one() -> None:
 def test_the_nearest_objects_are_sound_ones_of_each_kind() -> None:
     entries = tuple(Entry(f"object {i}", i, 4 - i) for i in range(5))
     book = CodeBook(torch.randn(5, 4), torch.randn(5, 3), entries, frozenset({4}))
-    assert book.nearest(Codes(book.shapes[1] + 1e-3, book.textures[2])) == (1, 2)
-    assert 4 not in book.nearest(Codes(book.shapes[4], book.textures[0]))
+    assert book.nearest_shape(book.shapes[1] + 1e-3) == 1
+    assert book.nearest_texture(book.textures[2]) == 2
+    assert book.nearest_shape(book.shapes[4]) != 4
+    assert book.nearest_texture(book.textures[0]) != 4
     with pytest.raises(ValueError, match="no objects"):
-        CodeBook(book.shapes, book.textures, ()).nearest(book[0])
+        CodeBook(book.shapes, book.textures, ()).nearest_shape(book.shapes[0])

@@ -1,3 +1,5 @@
+import struct
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,8 +64,20 @@ def test_files_that_hold_no_scene_hold_none(scene: Scene, model: Model, tmp_path
         open_scene(tmp_path / "plain.png", model)
 
 
-@pytest.mark.parametrize("name", ["a.xyz", "a", "gone/a.png"])
-def test_a_picture_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, tmp_path: Path):
-    with pytest.raises(ValueError, match=r"a|extension"):
+def test_a_picture_is_asked_for_its_scene_without_decoding_it(scene: Scene, tmp_path: Path):
+    """Its header says 60,000 by 60,000 pixels, which the file does not hold and no memory would."""
+    save_picture(PIXELS, tmp_path / "a.png", scene)
+    whole = (tmp_path / "a.png").read_bytes()
+    header = b"IHDR" + struct.pack(">II", 60_000, 60_000) + whole[24:29]
+    (tmp_path / "huge.png").write_bytes(whole[:12] + header + struct.pack(">I", zlib.crc32(header)) + whole[33:])
+    assert held_scene(tmp_path / "huge.png") == scene.to_json()
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("a.xyz", r"unknown file extension: \.xyz"), ("a", "unknown file extension"), ("gone/a.png", "cannot write")],
+)
+def test_a_picture_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, why: str, tmp_path: Path):
+    with pytest.raises(ValueError, match=why):
         save_picture(PIXELS, tmp_path / name, scene)
     assert list(tmp_path.iterdir()) == []

@@ -22,6 +22,13 @@ def test_a_scene_comes_back_exactly(model: Model, tmp_path):
     assert torch.equal(again.codes.shape, scene.codes.shape)
 
 
+def test_a_scene_that_cannot_be_written_is_named_and_leaves_nothing(model: Model, tmp_path):
+    for path in (tmp_path / "gone" / "s.json", tmp_path):
+        with pytest.raises(ValueError, match="cannot write"):
+            some(model).save(path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_scene_of_another_model_is_refused(model: Model, tmp_path):
     some(random_model(seed=1)).save(tmp_path / "s.json")
     with pytest.raises(ValueError, match="another model"):

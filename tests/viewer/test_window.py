@@ -20,12 +20,15 @@ from PIL import Image
 from core.codes import Codes
 from core.field import Field
 from core.files import whole_file
+from core.fit import FitJob, FitStep
 from core.model import Model
 from core.pictures import save_picture
 from core.scene import Scene
-from tests.viewer.window_driver import Driver, broken_fit, endless_fit
+from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit
 from viewer import app, orbit
+from viewer.files import Wish
 from viewer.panels import all_panels
+from viewer.panels.fit import in_words
 from viewer.session import Streams
 
 Drive = Callable[..., None]
@@ -288,7 +291,7 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
     def act(window: Driver) -> None:
         session = window.session
         window.desk.drop([str(photo)])
-        window.wait(lambda: session.fitting.difference is not None and not session.fitting.running)
+        window.wait(lambda: session.fitting.course.difference is not None and not session.fitting.running)
         window.wait()
         found = session.scene.camera
         window.click("View/###home")
@@ -309,13 +312,50 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
     drive(act)
 
 
+def test_a_doubtful_fit_is_seen_from_its_other_camera(drive: Drive, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not session.fitting.running)
+        window.wait()
+        found, past = session.state, len(session.history.past)
+        window.click("Fit/###other camera")
+        assert session.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
+        assert session.scene.camera.width == found.scene.camera.width
+        assert session.scene.codes == found.scene.codes
+        assert len(session.history.past) == past + 1
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == found
+
+    drive(act)
+
+
+def test_a_fit_that_knows_of_no_other_camera_offers_none(drive: Drive, streams: Streams, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not window.session.fitting.running)
+        window.wait()
+        assert window.ctx.item_exists("//Fit/###photo camera")
+        assert not window.ctx.item_exists("//Fit/###other camera")
+
+    def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        return (replace(step, alternative=None, margin=None) for step in quick_fit(model, job))
+
+    drive(act, replace(streams, fit=lone_fit))
+
+
+@pytest.mark.parametrize(("confidence", "told"), [(0.95, "sure"), (0.9, "likely"), (0.5, "likely"), (0.2, "doubtful")])
+def test_confidence_is_told_in_words(confidence: float, told: str) -> None:
+    assert in_words(confidence).split(",")[0] == told
+
+
 def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, photo: Path) -> None:
     def act(window: Driver) -> None:
         fitting = window.session.fitting
         window.show("Fit")
         window.click("Fit/###fit image")
         window.type(str(photo))
-        window.wait(lambda: len(fitting.steps) > 3)
+        window.wait(lambda: len(fitting.course.steps) > 3)
         assert fitting.running
         window.drag("View/orbit", 50)  # the window lives meanwhile
         window.click("Fit/###stop fit")
@@ -406,6 +446,36 @@ def test_a_mesh_is_exported(drive: Drive, tmp_path: Path, streams: Streams, mode
     drive(act, replace(streams, load_model=lambda name: block))
 
 
+def test_a_name_without_an_ending_gets_the_proposed_one() -> None:
+    wish = Wish("Save", lambda _: None, (".glb", ".ply"), True, "mesh.ply")
+    assert wish.path(" /a/b ") == Path("/a/b.ply")
+    assert wish.path("/a/b.glb") == Path("/a/b.glb")
+    assert replace(wish, save=False).path("/a/b") == Path("/a/b")
+
+
+def test_a_webp_turntable_under_way_is_no_sheet(drive: Drive, tmp_path: Path, streams: Streams) -> None:
+    def endless(*_: object) -> Iterator[int]:
+        while True:
+            time.sleep(0.01)
+            yield 1
+
+    def act(window: Driver) -> None:
+        session, ctx = window.session, window.ctx
+        session.sheet.add("object 1")
+        session.exporting.turntable(tmp_path / "turn.webp")
+        window.wait(lambda: session.exporting.progress > 0)
+        window.show("Sheet")
+        assert ctx.item_exists("//Sheet/###export sheet")
+        assert not ctx.item_exists("//Sheet/###cancel export")
+        window.click("Sheet/###export sheet")  # waits for the turntable
+        assert not window.desk.files.asking
+        window.show("Export")
+        window.click("Export/###cancel export")
+        assert not session.exporting.running
+
+    drive(act, replace(streams, turntable=endless))
+
+
 @pytest.mark.parametrize(("kind", "name"), [("turntable", "turn.mp4"), ("mesh", "chair.glb")])
 def test_an_export_is_cancelled_and_leaves_nothing(
     drive: Drive, tmp_path: Path, streams: Streams, kind: str, name: str
@@ -437,10 +507,12 @@ def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) 
         scene = session.scene
         window.show("Export")
         window.click("Export/###save scene")
-        window.type(str(tmp_path / "mine.json"))
+        window.type(str(tmp_path / "mine"))
         assert (tmp_path / "mine.json").is_file()
         window.click("Export/###save picture")
-        window.type(str(tmp_path / "mine.png"))
+        export = next(panel for panel in window.app.panels if panel.title == "Export")
+        export._picture = 128  # too late: what stood there at the click counts
+        window.type(str(tmp_path / "mine"))
         window.wait()
         assert Image.open(tmp_path / "mine.png").size == (512, 512)
         window.click("View/###home")
@@ -595,7 +667,7 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
 def test_closing_while_a_fit_runs_ends_within_a_second(drive: Drive, streams: Streams, photo: Path) -> None:
     def act(window: Driver) -> None:
         window.desk.drop([str(photo)])
-        window.wait(lambda: len(window.session.fitting.steps) > 3)
+        window.wait(lambda: len(window.session.fitting.course.steps) > 3)
         ended.append(time.monotonic())
 
     ended: list[float] = []

@@ -1,12 +1,13 @@
 """Turntables, meshes, pictures and scenes as files."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
+from functools import partial
 from typing import TypeVar
 
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.desk import MESHES, PICTURES, VIDEOS, Desk, button, draw_progress, tip
+from core.pictures import FORMATS
+from viewer.desk import MESHES, VIDEOS, Desk, button, draw_progress, tip
 from viewer.files import Wish
 
 T = TypeVar("T")
@@ -49,7 +50,8 @@ class Export:
             f"{_CAMERA}  Save picture…###save picture",
             _PICTURE_HELP,
         ):
-            desk.files.ask(Wish("Save the picture as", self._save_picture(desk), PICTURES, True, "picture.png"))
+            save = partial(desk.session.exporting.picture, size=self._picture)
+            desk.files.ask(Wish("Save the picture as", save, FORMATS, True, "picture.png"))
         imgui.separator_text("Scene")
         if button("Save scene…###save scene", "Codes and camera, exact, as a small file (Ctrl+S)"):
             desk.save_scene()
@@ -58,7 +60,7 @@ class Export:
             desk.open_scene()
 
     def _draw_turntable(self, desk: Desk) -> None:
-        if draw_progress(desk, VIDEOS):
+        if draw_progress(desk, "turntable"):
             return
         self._video = _choice("format", self._video, VIDEOS, "{}", "mp4 is the smallest, gif plays everywhere")
         imgui.same_line()
@@ -68,11 +70,11 @@ class Export:
         idle = not desk.session.exporting.running
         about = "The object turning once round, as a video"
         if button(f"{_FILM}  Export turntable…###export turntable", about, enabled=idle):
-            name = f"turntable{self._video}"
-            desk.files.ask(Wish("Export the turntable as", self._export_turntable(desk), VIDEOS, True, name))
+            export = partial(desk.session.exporting.turntable, frames=self._count, size=self._size)
+            desk.files.ask(Wish("Export the turntable as", export, VIDEOS, True, f"turntable{self._video}"))
 
     def _draw_mesh(self, desk: Desk) -> None:
-        if draw_progress(desk, MESHES):
+        if draw_progress(desk, "mesh"):
             return
         self._mesh = _choice("mesh format", self._mesh, MESHES, "{}", "glb opens in most programs")
         imgui.same_line()
@@ -80,24 +82,8 @@ class Export:
         idle = not desk.session.exporting.running
         about = "The object as a closed surface with coloured vertices"
         if button(f"{_CUBE}  Export mesh…###export mesh", about, enabled=idle):
-            name = f"mesh{self._mesh}"
-            desk.files.ask(Wish("Export the mesh as", self._export_mesh(desk), MESHES, True, name))
-
-    def _export_turntable(self, desk: Desk) -> Callable[[Path], None]:
-        video, count, size = self._video, self._count, self._size
-        return lambda path: desk.session.exporting.turntable(_named(path, video), count, size)
-
-    def _export_mesh(self, desk: Desk) -> Callable[[Path], None]:
-        mesh, cells = self._mesh, self._cells
-        return lambda path: desk.session.exporting.mesh(_named(path, mesh), cells)
-
-    def _save_picture(self, desk: Desk) -> Callable[[Path], None]:
-        return lambda path: desk.session.exporting.picture(path, self._picture)
-
-
-def _named(path: Path, suffix: str) -> Path:
-    """A name typed without an ending gets the chosen one."""
-    return path if path.suffix else path.with_suffix(suffix)
+            export = partial(desk.session.exporting.mesh, resolution=self._cells)
+            desk.files.ask(Wish("Export the mesh as", export, MESHES, True, f"mesh{self._mesh}"))
 
 
 def _choice(name: str, chosen: T, choices: Sequence[T], label: str, text: str) -> T:

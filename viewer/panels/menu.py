@@ -88,7 +88,7 @@ def _draw_status(desk: Desk) -> None:
     model = session.model
     told = [f"Loading {session.loading} …"] if session.loading else []
     if session.fitting.running:
-        told.append(f"Fitting {session.fitting.progress:.0%}")
+        told.append(f"Fitting {session.fitting.course.progress:.0%}")
     if session.exporting.running:
         told.append(f"Exporting {session.exporting.progress:.0%}")
     if model:

@@ -1,15 +1,13 @@
 """The cross sheet: rows are shapes, columns are textures."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
 
+from core.pictures import FORMATS
 from viewer import faces
 from viewer.desk import Desk, button, draw_progress, tip
 from viewer.files import Wish
 from viewer.history import Pair
-from viewer.sheet import FORMATS, MOST
+from viewer.sheet import MOST
 from viewer.theme import mixed, packed
 
 _ADD = icons_fontawesome_4.ICON_FA_PLUS
@@ -52,10 +50,10 @@ class SheetPanel:
 
     def _draw_buttons(self, desk: Desk) -> None:
         exporting, sheet = desk.session.exporting, desk.session.sheet
-        if draw_progress(desk, FORMATS):
+        if draw_progress(desk, "sheet"):
             return
         if button("Export sheet…###export sheet", "All pairs as one picture", enabled=not exporting.running):
-            desk.files.ask(Wish("Export the sheet as", _export(desk), FORMATS, True, "sheet.png"))
+            desk.files.ask(Wish("Export the sheet as", exporting.sheet, FORMATS, True, "sheet.png"))
         imgui.same_line()
         if button("Clear###clear sheet", "An empty sheet"):
             sheet.clear()
@@ -91,7 +89,3 @@ def _draw_cell(desk: Desk, label: str, pair: Pair, side: float) -> None:
     faces.paint_frame(desk, desk.session.sheet.picture(pair), corner, side)
     if desk.session.state.mix.a == pair:
         faces.frame(corner, side, desk.palette.accent)
-
-
-def _export(desk: Desk) -> Callable[[Path], None]:
-    return lambda path: desk.session.exporting.sheet(path if path.suffix else Path(f"{path}.png"))
