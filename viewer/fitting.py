@@ -105,9 +105,19 @@ class Fitting:
     @property
     def camera(self) -> Camera:
         """The photo's camera, at the size of the model's pictures. Only once there are steps."""
-        model, last = self._session.model, self.course.last
-        assert model is not None and last is not None, "no fit yet"
-        return last.cameras[0].resized(model.image_size, model.image_size)
+        assert self.course.last is not None, "no fit yet"
+        return self._resized(self.course.last.cameras[0])
+
+    @property
+    def alternative(self) -> Camera | None:
+        """The next best camera, mostly from the object's other side, at the same size; None where none was found."""
+        other = self.course.last and self.course.last.alternative
+        return self._resized(other.cameras[0]) if other else None
+
+    def _resized(self, camera: Camera) -> Camera:
+        model = self._session.model
+        assert model is not None, "no model yet"
+        return camera.resized(model.image_size, model.image_size)
 
     def _stream(self, model: Model, path: Path) -> Iterator[Photo | FitStep]:
         photo = self._session.streams.load_photo(path, model)

@@ -20,13 +20,15 @@ from PIL import Image
 from core.codes import Codes
 from core.field import Field
 from core.files import whole_file
+from core.fit import FitJob, FitStep
 from core.model import Model
 from core.pictures import save_picture
 from core.scene import Scene
-from tests.viewer.window_driver import Driver, broken_fit, endless_fit
+from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit
 from viewer import app, orbit
 from viewer.files import Wish
 from viewer.panels import all_panels
+from viewer.panels.fit import in_words
 from viewer.session import Streams
 
 Drive = Callable[..., None]
@@ -308,6 +310,43 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         assert session.history is before
 
     drive(act)
+
+
+def test_a_doubtful_fit_is_seen_from_its_other_camera(drive: Drive, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not session.fitting.running)
+        window.wait()
+        found, past = session.state, len(session.history.past)
+        window.click("Fit/###other camera")
+        assert session.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
+        assert session.scene.camera.width == found.scene.camera.width
+        assert session.scene.codes == found.scene.codes
+        assert len(session.history.past) == past + 1
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == found
+
+    drive(act)
+
+
+def test_a_fit_that_knows_of_no_other_camera_offers_none(drive: Drive, streams: Streams, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not window.session.fitting.running)
+        window.wait()
+        assert window.ctx.item_exists("//Fit/###photo camera")
+        assert not window.ctx.item_exists("//Fit/###other camera")
+
+    def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        return (replace(step, alternative=None, margin=None) for step in quick_fit(model, job))
+
+    drive(act, replace(streams, fit=lone_fit))
+
+
+@pytest.mark.parametrize(("confidence", "told"), [(0.95, "sure"), (0.9, "likely"), (0.5, "likely"), (0.2, "doubtful")])
+def test_confidence_is_told_in_words(confidence: float, told: str) -> None:
+    assert in_words(confidence).split(",")[0] == told
 
 
 def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, photo: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from core.fit import FitJob, FitStep
+from core.fit import Alternative, FitJob, FitStep
 from core.frames import Frame, RenderJob
 from core.model import Model
 from core.photos import Photo, load_photo
@@ -41,12 +41,17 @@ def quick_photo(path: Path, model: Model) -> Photo:
 
 
 def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Ten steps towards object 3, seen from azimuth 1 rad."""
+    """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind."""
     height, width = job.photos[0].mask.shape
-    camera = model.camera(1.0, 0.3).resized(width, height)
+    camera, behind = (model.camera(azimuth, 0.3).resized(width, height) for azimuth in (1.0, 1.0 + math.pi))
     for step in range(10):
         codes = model.codes.mean.mixed(model.codes[3], step / 9, step / 9)
-        yield FitStep(step + 1, 10, 0, math.exp(-step), 10.0 + step, 0.1 * step, (camera,), codes)
+        loss = math.exp(-step)
+        yield FitStep(
+            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, (camera,), codes),
+            alternative=Alternative((behind,), 1.1 * loss),
+            margin=math.log(1.1),
+        )
 
 
 def endless_fit(model: Model, job: FitJob) -> Iterator[FitStep]:

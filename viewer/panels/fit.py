@@ -3,11 +3,17 @@
 import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui, implot
 
+from core.confidence import DOUBTFUL, RIGHT_DEGREES
 from viewer.comparison import Comparison
 from viewer.desk import Desk, button, tip
 from viewer.fitting import Course, Fitting
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
+
+_OTHER_HELP = """Look from the camera that explains the photo next best, mostly from the other side.
+Undo (Ctrl+Z) or the camera button brings you back."""
+_SURE = 0.9
+"""Nearly all cameras of more confidence were right."""
 
 
 class Fit:
@@ -30,6 +36,8 @@ class Fit:
             if button("Stop###stop fit", "End here and keep what has been found"):
                 fitting.stop()
         self._draw_progress(desk, fitting)
+        if not fitting.running:
+            self._draw_trust(desk, fitting)
         if course.photo is None:
             imgui.spacing()
             what = f"Reading {course.name} …" if fitting.running else _invitation(desk)
@@ -52,6 +60,16 @@ class Fit:
             imgui.same_line()
             imgui.text_disabled(f"{course.name}    {told}")
 
+    def _draw_trust(self, desk: Desk, fitting: Fitting) -> None:
+        last, other = fitting.course.last, fitting.alternative
+        if last is None or last.confidence is None or other is None:
+            return
+        if button("Try the other camera###other camera", _OTHER_HELP):
+            desk.session.look(other)
+        imgui.same_line()
+        imgui.text_wrapped(f"Camera: {in_words(last.confidence)}")
+        tip(f"{last.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees")
+
     def _draw_curve(self, course: Course) -> None:
         height = max(4 * hello_imgui.em_size(), imgui.get_content_region_avail().y)
         flags = implot.Flags_.no_legend | implot.Flags_.no_menus | implot.Flags_.no_mouse_text
@@ -65,6 +83,13 @@ class Fit:
         if len(seconds):
             implot.plot_line("loss", seconds, losses)
         implot.end_plot()
+
+
+def in_words(confidence: float) -> str:
+    """How far to trust a fitted camera (0..1)."""
+    if confidence < DOUBTFUL:
+        return "doubtful, it may be seen from the other side"
+    return "sure" if confidence > _SURE else "likely"
 
 
 def _invitation(desk: Desk) -> str:
