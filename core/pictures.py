@@ -20,6 +20,8 @@ def save_picture(image: UInt8[np.ndarray, "height width 3"], path: Path, scene: 
 
     Raises ``ValueError`` for an ending that no picture has, or a path that cannot be written.
     """
+    if path.suffix.lower() not in Image.registered_extensions():
+        raise ValueError(f"cannot write {path}: a picture's name ends in {', '.join(FORMATS)} or the like")
     about = PngImagePlugin.PngInfo()
     about.add_text(_KEY, scene.to_json(), zip=True)
     with whole_file(path) as partial:
