@@ -77,6 +77,7 @@ def _rendering_chart(found: Measured) -> "Figure":
     even = [first.ms * (p.size / first.size) ** 2 for p in found.sizes]
     right.plot([p.size for p in found.sizes], even, ":", color="grey", label="as the picture's pixels")
     right.set(xscale="log", yscale="log", xlabel="width and height (px)", ylabel="ms per frame")
+    right.minorticks_off()
     right.set_xticks([p.size for p in found.sizes], [str(p.size) for p in found.sizes])
     for axes in (left, right):
         axes.grid(alpha=0.3)
@@ -123,9 +124,10 @@ def _share(mean: Mean) -> str:
 def _fitting_chart(found: fitting.Measured) -> "Figure":
     figure, (left, right) = _figure(2)
     for one in found.summaries:
-        # A curve goes on to the time at which half of the fits have ended.
-        curve = [point for point in one.curve if point[0] <= 1.5 * one.seconds]
-        left.plot([point[0] for point in curve], [point[1] for point in curve], "o-", label=one.preset)
+        # A curve goes on to the time at which half of the fits have ended, and ends with what they have found.
+        end = one.seconds, one.rotation, one.within_5_degrees.mean
+        curve = [point for point in one.curve if point[0] < one.seconds] + [end]
+        left.plot([point[0] for point in curve], [max(point[1], 0.01) for point in curve], "o-", label=one.preset)
         right.plot([point[0] for point in curve], [100 * point[2] for point in curve], "o-", label=one.preset)
     left.set(xscale="log", yscale="log", xlabel="s", ylabel="rotation error (degrees, median)")
     right.set(xscale="log", ylim=(-2, 102), xlabel="s", ylabel="within 5 degrees (%)")

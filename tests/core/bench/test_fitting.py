@@ -79,3 +79,9 @@ def test_charts_are_written(found: Measured, tmp_path: Path):
     table = fitting_table(found)
     assert (tmp_path / "charts/fit.md").read_text() == table
     assert "| paper |" in table
+
+
+def test_fits_that_end_before_anything_is_read_off_are_drawn_too(found: Measured, tmp_path: Path) -> None:
+    at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.summaries)
+    write_fitting(replace(found, summaries=at_once), tmp_path)
+    assert (tmp_path / "fit.png").exists()
