@@ -124,7 +124,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--elevation", "120"), "90 degrees"),
         (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--distance", "-1"), "positive"),
         (("render", "--out", "{tmp}/gone/a.png", "--model", "{file}"), "folder"),
-        (("render", "--out", "{tmp}/a.xyz", "--model", "{file}", "--size", "8"), "extension"),
+        (("render", "--out", "{tmp}/a.xyz", "--model", "{file}", "--size", "8"), "name ends in"),
         (("render", "--out", "{tmp}/a.png", "--size", "none"), "--size"),
         (("render", "--out", "{tmp}/a.png", "--azimuth", "nan"), "--azimuth"),
         (("turntable", "--out", "{tmp}/t.avi", "--model", "{file}"), "mp4"),
