@@ -44,9 +44,18 @@ def parser() -> argparse.ArgumentParser:
     words = argparse.ArgumentParser(prog="python -m viewer", description=__doc__, allow_abbrev=False)
     words.add_argument("--model", default="chairs", help="a shipped name, or the path of a model file")
     words.add_argument("--image", type=Path, help="fit this image at once")
-    words.add_argument("--screenshot", type=Path, metavar="PNG", help="draw the window with no display, save it, end")
+    words.add_argument(
+        "--screenshot", type=_picture, metavar="PNG", help="draw the window with no display, save it, end"
+    )
     words.add_argument("--size", type=_size, default=(1280, 800), metavar="WxH", help="of the window (1280x800)")
     return words
+
+
+def _picture(text: str) -> Path:
+    path = Path(text)
+    if path.suffix.lower() != ".png" or not path.absolute().parent.is_dir():
+        raise argparse.ArgumentTypeError(f"a screenshot is a .png in a folder that is there; got {text!r}")
+    return path
 
 
 def _size(text: str) -> tuple[int, int]:

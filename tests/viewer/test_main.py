@@ -64,7 +64,10 @@ def test_what_goes_wrong_is_on_the_picture_and_on_stderr(tmp_path: Path, file: P
     assert (tmp_path / "w.png").is_file()
 
 
-@pytest.mark.parametrize("words", [["--size", "big"], ["--size", "12x8"], ["--what"], ["--screenshot"]])
+_PLACES = (["--screenshot", "a.xyz"], ["--screenshot", "gone/a.png"], ["--screenshot"])
+
+
+@pytest.mark.parametrize("words", [["--size", "big"], ["--size", "12x8"], ["--what"], *_PLACES])
 def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         parser().parse_args(words)
