@@ -132,8 +132,16 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="go on from M.state, written beside M")
     command.add_argument("--steps", type=_count, default=100_000)
-    command.add_argument("--width", type=_count, default=128, help="of the network")
-    command.add_argument("--latent", type=_count, nargs=2, default=(64, 64), metavar=("SHAPE", "TEXTURE"))
+    command.add_argument(
+        "--recipe",
+        choices=("ours", "paper", "M1", "M2"),
+        default="ours",
+        help="M1, M2: ours, but entangled",
+    )
+    command.add_argument("--width", type=_count, help="of the network (default: the recipe's; ours: 128)")
+    command.add_argument(
+        "--latent", type=_count, nargs=2, metavar=("SHAPE", "TEXTURE"), help="numbers of a code (default: ours: 64 64)"
+    )
     command.add_argument("--device", default="cpu", help="cpu or cuda")
     command.add_argument("--seed", type=int, default=0)
 

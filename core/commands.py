@@ -27,7 +27,6 @@ from core.data.views import SPIRAL_VIEWS
 from core.dataset import ObjectPlace, find_objects, read_dataset
 from core.evaluate import ObjectScore, Protocol
 from core.evaluate import evaluate as scored
-from core.field import FieldConfig
 from core.fit import PRESETS, Alternative, FitJob, FitStep, fit
 from core.frames import picture
 from core.library import load_model
@@ -39,7 +38,7 @@ from core.render import render_exact
 from core.report import swap_told, told, write_report, write_swap_report
 from core.scene import Scene
 from core.swap import CellScore, swap, table
-from core.train import Trainer, TrainSettings, held_out_psnr, hold_out
+from core.train import RECIPES, Trainer, held_out_psnr, hold_out
 from core.video import turntable
 
 _MEASURED_EVERY = 5000
@@ -125,10 +124,13 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
 def train(chosen: argparse.Namespace) -> None:
     """``train``: a model from datasets, saved with its state as it goes."""
     _require_folder(chosen.out)
-    shape, texture = chosen.latent
-    config = FieldConfig(width=chosen.width, shape_latent=shape, texture_latent=texture)
+    recipe = RECIPES[chosen.recipe]
+    sizes = {"width": chosen.width} if chosen.width else {}
+    if chosen.latent:
+        sizes |= dict(zip(("shape_latent", "texture_latent"), chosen.latent, strict=True))
+    settings = replace(recipe, field=replace(recipe.field, **sizes), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
-    trainer = Trainer(training, TrainSettings(field=config, steps=chosen.steps, seed=chosen.seed), chosen.device)
+    trainer = Trainer(training, settings, chosen.device)
     state = chosen.out.with_suffix(".state")
     if chosen.resume:
         trainer.load_state(state)

@@ -28,8 +28,12 @@ class FieldConfig:
     need not grow to hundreds. 1 in the authors' files."""
     bounded_colour: bool = True
     """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
+    design: str = "codenerf"
+    """"M1" and "M2" are those of :mod:`core.entangled`."""
 
     def __post_init__(self) -> None:
+        if self.design not in ("codenerf", "M1", "M2"):
+            raise ValueError(f"no field has this design: {self.design}")
         sizes = (self.width, self.shape_latent, self.texture_latent, self.shape_blocks, self.texture_blocks)
         if min(sizes) < 1 or self.width % 2 or min(self.point_octaves, self.direction_octaves) < 0:
             raise ValueError(f"no field has these sizes: {self}")
@@ -74,11 +78,28 @@ class Field(nn.Module):
 
     def shape_bias(self, shape: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
         """The biases of the shape blocks with a shape code folded in."""
-        return _folded(self.shape_latent, self.shape_block, shape)
+        return folded_biases(self.shape_latent, self.shape_block, shape)
 
     def texture_bias(self, texture: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
         """The biases of the texture blocks with a texture code folded in."""
-        return _folded(self.texture_latent, self.texture_block, texture)
+        return folded_biases(self.texture_latent, self.texture_block, texture)
+
+    def biases(
+        self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
+    ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
+        """Those of the shape blocks and of the texture blocks."""
+        return self.shape_bias(shape), self.texture_bias(texture)
+
+    def radiance(
+        self,
+        points: Float[Tensor, "*batch 3"],
+        direction_bias: Float[Tensor, "*#batch width"],
+        shape_bias: Float[Tensor, "*#batch blocks width"],
+        texture_bias: Float[Tensor, "*#batch more_blocks width"],
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
+        """Density per scene unit and rgb: :meth:`density`, then :meth:`colour`."""
+        density, features = self.density(points, shape_bias)
+        return density, self.colour(features, direction_bias, texture_bias)
 
     def density(
         self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
@@ -89,7 +110,12 @@ class Field(nn.Module):
             points: world, within the scene's box.
             shape_bias: from :meth:`shape_bias`; broadcast over the points.
         """
-        y = self.point_layer(encode(points, self.config.point_octaves)).relu()
+        return self.density_of(self.point_layer(encode(points, self.config.point_octaves)).relu(), shape_bias)
+
+    def density_of(
+        self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
+        """:meth:`density` from the activations of the first layer on."""
         for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
             y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         features = self.feature_layer(y)
@@ -130,6 +156,9 @@ def _matrices(blocks: nn.ModuleList) -> list[Tensor]:
     return [block.get_parameter("weight") for block in blocks]
 
 
-def _folded(latent: nn.ModuleList, blocks: nn.ModuleList, code: Tensor) -> Tensor:
+def folded_biases(
+    latent: nn.ModuleList, blocks: nn.ModuleList, code: Float[Tensor, "*batch latent"]
+) -> Float[Tensor, "*batch blocks width"]:
+    """The biases of blocks with a code folded in through their latent layers."""
     biases = [block(layer(code).relu()) for layer, block in zip(latent, blocks, strict=True)]
     return torch.stack(biases, -2).float()

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from core.camera import Camera
 from core.codes import CodeBook, Entry
+from core.entangled import field_of
 from core.field import Field, FieldConfig
 
 FORMAT = "codenerf-1"
@@ -105,7 +106,7 @@ class Model:
 
     @classmethod
     def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
-        field = Field(FieldConfig(**about["config"]))
+        field = field_of(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about["objects"])

@@ -50,9 +50,8 @@ def render_rays(model: Model, rays: Rays, samples: int, shape_bias: Tensor, text
         shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
     """
     depths, edges = intervals(model, rays, samples)
-    density, features = model.field.density(points_at(rays, depths), shape_bias)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
-    colours = model.field.colour(features, direction_bias, texture_bias)
+    density, colours = model.field.radiance(points_at(rays, depths), direction_bias, shape_bias, texture_bias)
     shares, left = weights(density, edges)
     opacity = 1 - left
     depth = (shares * depths).sum(-1) / opacity.clamp_min(1e-6)
@@ -76,10 +75,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
 def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256) -> Rendered:
     """The reference: every pixel, every sample, float32. Everything faster is judged against it."""
     rays = exact_rays(model, camera)
-    shape_bias, texture_bias = model.field.shape_bias(codes.shape), model.field.texture_bias(codes.texture)
+    biases = model.field.biases(codes.shape, codes.texture)
     rows = max(1, _CHUNK_POINTS // (camera.width * samples))
-    parts = [
-        render_rays(model, rays[row : row + rows], samples, shape_bias, texture_bias)
-        for row in range(0, camera.height, rows)
-    ]
+    parts = [render_rays(model, rays[row : row + rows], samples, *biases) for row in range(0, camera.height, rows)]
     return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))

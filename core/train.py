@@ -17,6 +17,7 @@ from torch.nn import functional
 from core.codes import CodeBook, Entry
 from core.composite import over_white, weights
 from core.dataset import Dataset, ObjectViews
+from core.entangled import field_of
 from core.field import Field, FieldConfig
 from core.hull import grid_centres, shared_extent, visual_hull
 from core.metrics import psnr
@@ -55,6 +56,8 @@ class TrainSettings:
     """peak learning rate; the paper's is 1e-4"""
     code_rate: float = 4e-3
     """peak learning rate of the codes; the paper's is 1e-3"""
+    everywhere: bool = False
+    """as in the paper: rays through any pixel, sampled through the whole box; no hull is asked"""
     prior: float = 1e-4
     """weight of the squared norm of the codes, 1 / nu^2"""
     emptiness: float = 0.5
@@ -64,6 +67,26 @@ class TrainSettings:
     average: float = 0.999
     """decay of the moving average of the weights"""
     seed: int = 0
+
+
+RECIPES = {
+    "ours": TrainSettings(),
+    # Sections 3.2 and 4; kinder than theirs in three things: objects are mixed in a batch, the ground is white without
+    # having to be painted, and rays are sampled in the box that the objects share.
+    "paper": TrainSettings(
+        field=FieldConfig(width=256, shape_latent=256, texture_latent=256, density_scale=1.0, bounded_colour=False),
+        everywhere=True,
+        outside=0,
+        network_rate=1e-4,
+        code_rate=1e-3,
+        emptiness=0.0,
+        silhouette=0.0,
+        average=0.0,
+    ),
+    "M1": TrainSettings(field=FieldConfig(design="M1")),
+    "M2": TrainSettings(field=FieldConfig(design="M2")),
+}
+"""Ours, the paper's (its network, loss, samples and rates), and ours with the designs of :mod:`core.entangled`."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +103,11 @@ class TrainStep:
 
 
 class _RayBank:
-    """All training pixels on and around the objects, ready to be drawn from."""
+    """All training pixels on and around the objects, or all there are, ready to be drawn from."""
 
-    def __init__(self, dataset: Dataset, extent: tuple[float, float, float], device: torch.device) -> None:
+    def __init__(
+        self, dataset: Dataset, extent: tuple[float, float, float], device: torch.device, everywhere: bool
+    ) -> None:
         objects = dataset.objects
         cameras = [camera for views in objects for camera in views.cameras]
         self.size = (dataset.image_size, dataset.image_size)
@@ -96,20 +121,32 @@ class _RayBank:
         masks = torch.from_numpy(np.concatenate([views.masks for views in objects]))
         kind = _grown(masks, 1).to(torch.uint8) + (~_grown(~masks, 1)).to(torch.uint8)
         self.kind = kind.flatten(1).to(device)
+        self.everywhere = everywhere
+        if everywhere:
+            self.hulls = torch.ones(len(objects), *[_HULL_CELLS] * 3, dtype=torch.bool, device=device)
+            return
         view, pixel = _grown(masks, _BORDER).flatten(1).nonzero(as_tuple=True)
         self.view, self.pixel = view.to(torch.int32).to(device), pixel.to(torch.int32).to(device)
-        hulls = [visual_hull(views, extent, _HULL_CELLS) for views in objects]
-        self.hulls = torch.stack(hulls).to(device)
+        self.hulls = torch.stack([visual_hull(views, extent, _HULL_CELLS) for views in objects]).to(device)
 
     def draw(self, count: int, generator: torch.Generator) -> tuple[Rays, Int[Tensor, "rays"], Tensor, Tensor]:
         """Rays with the objects they meet, their colours (0..1), and 0, 1 or 2 for off, across or on the object."""
-        at = torch.randint(len(self.view), (count,), generator=generator, device=self.view.device)
-        view, pixel = self.view[at].long(), self.pixel[at].long()
+        view, pixel = self._places(count, generator)
         width = self.size[0]
         centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
         azimuth, elevation, distance = self.angles[view].unbind(-1)
         rays = cast(centres, azimuth, elevation, distance, self.focal, self.size, self.extent)
         return rays, self.owner[view], self.images[view, pixel].float() / 255, self.kind[view, pixel]
+
+    def _places(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Int[Tensor, "rays"]]:
+        """Views, and pixels of theirs."""
+        device = self.images.device
+        if self.everywhere:
+            views, pixels = self.images.shape[:2]
+            view, pixel = (torch.randint(n, (count,), generator=generator, device=device) for n in (views, pixels))
+            return view, pixel
+        at = torch.randint(len(self.view), (count,), generator=generator, device=device)
+        return self.view[at].long(), self.pixel[at].long()
 
     def inside(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Tensor:
         """Whether each point lies in its object's hull."""
@@ -154,10 +191,10 @@ class Trainer:
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
         self.extent = shared_extent(dataset.objects)
-        self.bank = _RayBank(dataset, self.extent, self.device)
+        self.bank = _RayBank(dataset, self.extent, self.device, settings.everywhere)
         self.entries, shapes, textures = _entries(dataset)
         config = settings.field
-        self.field = Field(config).to(self.device)
+        self.field = field_of(config).to(self.device)
         self.shapes = nn.Parameter(_first_codes(shapes, config.shape_latent).to(self.device))
         self.textures = nn.Parameter(_first_codes(textures, config.texture_latent).to(self.device))
         self.averages = [parameter.detach().clone() for parameter in self._parameters()]
@@ -166,14 +203,15 @@ class Trainer:
         self.optimiser = torch.optim.AdamW(groups, weight_decay=1e-4, eps=1e-12, fused=True)
         rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
         self.shape_row, self.texture_row = rows.unbind(-1)
+        self._prunings = () if settings.everywhere else tuple(int(share * settings.steps) for share in _PRUNED_AT)
         self.step, self.seconds = 0, 0.0
 
     def steps(self) -> Iterator[TrainStep]:
         """Train to the end of the schedule, one step per value; to stop, ask for no more."""
         while self.step < self.settings.steps:
             began = time.perf_counter()
-            if self.step >= _SETTLED and self.step in (int(share * self.settings.steps) for share in _PRUNED_AT):
-                self.bank.prune(self.field, self.field.shape_bias(self.shapes)[self.shape_row])
+            if self.step >= _SETTLED and self.step in self._prunings:
+                self.bank.prune(self.field, self._biases()[0])
             loss, error = self._advance()
             self.step += 1
             self.seconds += time.perf_counter() - began
@@ -248,11 +286,9 @@ class Trainer:
         hit = self.bank.inside(points, owner[:, None]).flatten().nonzero()[:, 0]
         asked = _padded(hit)
         ray = asked // settings.samples
-        shape_bias, texture_bias = self.field.shape_bias(self.shapes), self.field.texture_bias(self.textures)
-        rows, looks = self.shape_row[owner[ray]], self.texture_row[owner[ray]]
-        found, features = self.field.density(points.flatten(0, 1)[asked], shape_bias.index_select(0, rows))
         towards = self.field.direction_bias(rays.directions).index_select(0, ray)
-        seen = self.field.colour(features, towards, texture_bias.index_select(0, looks))
+        biases = (bias.index_select(0, owner[ray]) for bias in self._biases())
+        found, seen = self.field.radiance(points.flatten(0, 1)[asked], towards, *biases)
         density = depths.new_zeros(depths.numel()).index_copy(0, hit, found[: len(hit)]).view_as(depths)
         colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, seen[: len(hit)]).view_as(points)
         shares, left = weights(density, edges)
@@ -262,7 +298,11 @@ class Trainer:
         shape, texture = self.shapes[self.shape_row[owner]], self.textures[self.texture_row[owner]]
         prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
         loss = error + settings.silhouette * silhouette + settings.prior * prior
-        return loss + settings.emptiness * self._stray_density(), error
+        return loss + settings.emptiness * self._stray_density() if settings.outside else loss, error
+
+    def _biases(self) -> tuple[Tensor, Tensor]:
+        """The field's for the codes of every object."""
+        return self.field.biases(self.shapes[self.shape_row], self.textures[self.texture_row])
 
     def _stray_density(self) -> Tensor:
         """The mean share of light that density outside the hulls would take within one interval of a ray.
@@ -275,9 +315,10 @@ class Trainer:
         first, second = torch.randint(len(self.entries), (2, count), generator=dice, device=device)
         second[: count // 2] = first[: count // 2]
         outside = ~(self.bank.inside(points, first) | self.bank.inside(points, second))
-        ends = self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]]
-        mixed = torch.lerp(*ends, torch.rand(count, 1, generator=dice, device=device))
-        density, _ = self.field.density(points, self.field.shape_bias(mixed))
+        share = torch.rand(count, 1, generator=dice, device=device)
+        shape = torch.lerp(self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]], share)
+        texture = torch.lerp(self.textures[self.texture_row[first]], self.textures[self.texture_row[second]], share)
+        density, _ = self.field.density(points, self.field.biases(shape, texture)[0])
         step = 2 * self.bank.extent.amin() / self.settings.samples
         return (-torch.expm1(-density * step) * outside).mean()
 

@@ -6,7 +6,7 @@ import torch
 
 from core.dataset import Dataset, ObjectViews
 from core.field import FieldConfig
-from core.train import Trainer, TrainSettings, held_out_psnr, hold_out
+from core.train import RECIPES, Trainer, TrainSettings, held_out_psnr, hold_out
 from tests.core.test_hull import ball
 
 SETTINGS = TrainSettings(
@@ -54,6 +54,25 @@ def test_objects_of_one_texture_share_its_code(dataset: Dataset):
     model = Trainer(dataclasses.replace(dataset, objects=shared), SETTINGS).model()
     assert (len(model.codes.shapes), len(model.codes.textures), len(model.codes)) == (2, 1, 2)
     assert (model.category, model.image_size, model.distance) == ("balls", 32, 2.0)
+
+
+@pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
+def test_every_recipe_learns(dataset: Dataset, recipe: str):
+    sizes = {name: getattr(SETTINGS.field, name) for name in ("width", "shape_latent", "texture_latent")}
+    octaves = {"point_octaves": 3, "direction_octaves": 1}
+    pace = {"steps": 200, "rays": 128, "samples": 24, "network_rate": 1e-2, "code_rate": 1e-2}
+    chosen = RECIPES[recipe]
+    settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **octaves), **pace)
+    steps = list(Trainer(dataset, settings).steps())
+    assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.5
+
+
+def test_the_papers_recipe_asks_no_hull(dataset: Dataset):
+    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, everywhere=True))
+    assert trainer.bank.hulls.all()
+    *_, kind = trainer.bank.draw(2000, torch.Generator().manual_seed(0))
+    whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
+    assert abs(float((kind == 2).float().mean()) - float(whole)) < 0.1
 
 
 def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_path):
