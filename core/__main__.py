@@ -101,12 +101,16 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
-    command.add_argument(
-        "--preset", choices=("draft", "normal", "fine", "paper"), default="normal", help="the paper's: one random start"
-    )
+    _add_preset(command)
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
     command.add_argument("--seed", type=int, default=0)
+
+
+def _add_preset(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--preset", choices=("draft", "normal", "fine", "paper"), default="normal", help="the paper's: one random start"
+    )
 
 
 def _add_dataset(commands: argparse._SubParsersAction) -> None:
@@ -118,10 +122,15 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     meshes.add_argument("--variants", type=int, default=0, metavar="N", help="deformed, recoloured forms of each more")
     procedural = _command(kinds, "procedural", "dataset_procedural", "render objects of the built-in generator")
     procedural.add_argument("--count", type=_count, required=True, metavar="N", help="objects")
+    swap = _command(kinds, "swap", "dataset_swap", "render trained and untrained pairs for evaluate --swap")
+    swap.add_argument("--count", type=_count, required=True, metavar="N", help="objects of the table trained on")
+    swap.add_argument("--blocks", type=_count, default=4, metavar="B", help="tables of four shapes x four textures")
+    swap.add_argument("--views", type=_count, default=24, help="per object")
     for command in (meshes, procedural):
-        command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--split", choices=("train", "test"), default="train")
         command.add_argument("--views", type=_count, help="per object (default: 50 to train on, 251 to test on)")
+    for command in (meshes, procedural, swap):
+        command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
         command.add_argument("--category", choices=("cars", "chairs"), required=True)
 
@@ -160,6 +169,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--swap", action="store_true", help="instead: codes of two objects for untrained pairs, leaks")
     command.add_argument("--inputs", type=_views, default=(64,), metavar="V,V", help="the views that are fitted")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
+    _add_preset(command)
     command.add_argument("--objects", type=_count, metavar="N", help="only so many, spread over the dataset")
     command.add_argument("--report", type=Path, metavar="R.json", help="numbers; a chart is put beside them as PNG")
     command.add_argument("--seed", type=int, default=0)

@@ -21,7 +21,7 @@ from core.camera import Camera
 from core.codes import Codes
 from core.confidence import DOUBTFUL
 from core.data.meshes import mesh_plan, render_meshes
-from core.data.procedural import procedural_plan, render_procedural
+from core.data.procedural import procedural_plan, render_procedural, swap_plan
 from core.data.variants import cells
 from core.data.views import SPIRAL_VIEWS
 from core.dataset import ObjectPlace, find_objects, read_dataset
@@ -117,7 +117,14 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     """``dataset procedural``: generated objects rendered into SRN folders."""
     plan = procedural_plan(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _VIEWS[chosen.split]
-    made = render_procedural(chosen.category, chosen.count, chosen.out, chosen.split, views, chosen.size)
+    made = render_procedural(plan, chosen.category, chosen.out, chosen.split, views, chosen.size)
+    _drive(made, len(plan), "object")
+
+
+def dataset_swap(chosen: argparse.Namespace) -> None:
+    """``dataset swap``: trained and untrained pairs of procedural shapes and textures, for ``evaluate --swap``."""
+    plan = swap_plan(chosen.category, chosen.count, chosen.blocks)
+    made = render_procedural(plan, chosen.category, chosen.out, "test", chosen.views, chosen.size)
     _drive(made, len(plan), "object")
 
 
@@ -162,9 +169,9 @@ def convert(chosen: argparse.Namespace) -> None:
 
 def evaluate(chosen: argparse.Namespace) -> None:
     """``evaluate``: the paper's table on a test set, or with ``--swap`` how well shape and texture are told apart."""
-    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.seed)
+    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.preset, chosen.seed)
     if chosen.swap and protocol != Protocol(seed=chosen.seed):
-        raise ValueError("--swap draws all cells with their true cameras: it goes with no --inputs and no --pose")
+        raise ValueError("--swap draws cells with their true cameras: it goes with no --inputs, --pose or --preset")
     model = load_model(chosen.model)
     places = _places(model, chosen.datasets)
     if chosen.report:

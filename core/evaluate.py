@@ -12,7 +12,7 @@ from torch import Tensor
 from core.camera import Camera
 from core.codes import Codes
 from core.dataset import ObjectViews
-from core.fit import FitJob, FitStep, fit
+from core.fit import PRESETS, FitJob, FitStep, fit
 from core.frames import RenderSettings
 from core.march import marched
 from core.metrics import psnr, rotation_error, ssim, translation_error
@@ -22,7 +22,7 @@ from core.render import render_exact
 
 OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
 """A camera that is further off than this, in either, counts as not found."""
-_AUTHORS_SAMPLES = 64
+_EXACT_SAMPLES = 64
 _RESAMPLES = 2000
 
 
@@ -34,9 +34,13 @@ class Protocol:
     """the views that are fitted; the others are drawn"""
     estimate: bool = False
     """find the inputs' cameras instead of taking the true ones"""
+    preset: str = "normal"
+    """of :data:`core.fit.PRESETS`"""
     seed: int = 0
 
     def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise ValueError(f"no fit has this preset: {self.preset}")
         if not self.inputs or min(self.inputs) < 0 or len(set(self.inputs)) < len(self.inputs):
             raise ValueError(f"inputs are different views counted from 0, got {self.inputs}")
 
@@ -96,7 +100,8 @@ def _scored(model: Model, views: ObjectViews, protocol: Protocol) -> ObjectScore
         raise ValueError(f"{views.name}: {len(views.cameras)} views, and the inputs are {protocol.inputs}")
     if protocol.estimate:
         _require_lens(model, views)
-    job = FitJob(tuple(photo(views, index, not protocol.estimate) for index in protocol.inputs), seed=protocol.seed)
+    photos = tuple(photo(views, index, not protocol.estimate) for index in protocol.inputs)
+    job = FitJob(photos, PRESETS[protocol.preset], protocol.seed)
     first, last = fitted(model, job)
     scores = [compared(model, last.codes, views, index) for index in rest]
     poses = tuple(
@@ -131,9 +136,11 @@ def compared(model: Model, codes: Codes, views: ObjectViews, index: int) -> tupl
 
 
 def drawn_view(model: Model, codes: Codes, camera: Camera) -> Float[Tensor, "height width 3"]:
-    """A view as the model shows it, in [0, 1]: marched, or drawn as their authors did where it is their file."""
-    if model.painted_ground:
-        return render_exact(model, codes, camera, _AUTHORS_SAMPLES).colour.clamp(0, 1).cpu()
+    """A view as the model shows it, in [0, 1]: marched, or exactly, with the authors' samples, where it is their file
+    or an entangled design.
+    """
+    if model.painted_ground or model.entangled:
+        return render_exact(model, codes, camera, _EXACT_SAMPLES).colour.clamp(0, 1).cpu()
     return marched(model, codes, camera, RenderSettings().samples).colour.clamp(0, 1).cpu()
 
 

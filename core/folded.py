@@ -105,7 +105,7 @@ def _density(field: Field, weights: _Weights, y: Tensor, biases: Sequence[Tensor
 @torch.no_grad()
 def _weights(model: Model, dtype: torch.dtype) -> _Weights:
     field: Field = model.field
-    if field.config.design != "codenerf":
+    if model.entangled:
         raise ValueError(f"a model of the design {field.config.design} is drawn exactly only (--exact), and not fitted")
     width, features = field.config.width, field.feature_layer
     entry = field.direction_layer

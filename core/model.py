@@ -55,6 +55,11 @@ class Model:
         """px, by how much its rays pass left of and above pixel centres: the authors' go through pixel corners."""
         return 0.5 if self.painted_ground else 0.0
 
+    @property
+    def entangled(self) -> bool:
+        """One of the designs of :mod:`core.entangled`, drawn exactly only."""
+        return self.field.config.design != "codenerf"
+
     @cached_property
     def fingerprint(self) -> str:
         """A hash of weights and codes, by which a scene recognises its model."""

@@ -82,7 +82,8 @@ def swap_told(scores: Sequence[CellScore]) -> str:
     lines += [f"{name:38}{_interval(a, 2):>22}{_interval(b, 3):>24}{count:>9}" for name, a, b, count in rows]
     lines.append(f"\nanother texture changes the silhouette by at most {found.opacity_change:.2g} of full opacity")
     lines.append(f"and the ground by at most {found.ground_change:.2g} of full colour")
-    lines.append(f"\n{'read from fitted codes':38}{'right (%)':>22}{'chance (%)':>24}{'cells':>9}")
+    if found.probes:
+        lines.append(f"\n{'read from fitted codes':38}{'right (%)':>22}{'chance (%)':>24}{'cells':>9}")
     for name, probe in found.probes.items():
         cells = (_interval(probe.accuracy, 0, 100), f"{100 * probe.chance:.1f}", probe.cells) if probe else ("-",) * 3
         lines.append(f"{name:38}{cells[0]:>22}{cells[1]:>24}{cells[2]:>9}")

@@ -52,8 +52,8 @@ class CellScore:
     """0..1, the largest at any pixel when it wears another cell's texture"""
     ground_change: float
     """0..1, the largest of a colour beside the object"""
-    fitted: Codes
-    """found from pictures of the cell alone"""
+    fitted: Codes | None
+    """found from pictures of the cell alone; None for entangled designs, which are not fitted"""
     pictures: UInt8[np.ndarray, "height two_widths 3"]
     """the true view and the drawn one"""
 
@@ -96,8 +96,6 @@ def _scored(model: Model, cell: Cell, other_texture: int, seed: int) -> CellScor
     before, after = (_seen(model, worn, views) for worn in (codes, edited))
     ground = before.opacity < _GROUND
     change = (before.colour - after.colour).abs().amax(-1)[ground]
-    photos = tuple(photo(views, index, True) for index in _spread(len(views.cameras), _FITTED_VIEWS))
-    _, last = fitted(model, FitJob(photos, seed=seed))
     drawn = (drawn_view(model, codes, views.cameras[0]).numpy() * 255 + 0.5).astype(np.uint8)
     return CellScore(
         cell,
@@ -105,9 +103,14 @@ def _scored(model: Model, cell: Cell, other_texture: int, seed: int) -> CellScor
         ssim,
         float((before.opacity - after.opacity).abs().max()),
         float(change.max()) if len(change) else 0.0,
-        last.codes,
+        None if model.entangled else _fitted(model, views, seed),
         np.hstack((views.images[0], drawn)),
     )
+
+
+def _fitted(model: Model, views: ObjectViews, seed: int) -> Codes:
+    photos = tuple(photo(views, index, True) for index in _spread(len(views.cameras), _FITTED_VIEWS))
+    return fitted(model, FitJob(photos, seed=seed))[1].codes
 
 
 def _spread(count: int, most: int) -> list[int]:
@@ -117,7 +120,7 @@ def _spread(count: int, most: int) -> list[int]:
 def _seen(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
     """The first view with its opacity."""
     camera = views.cameras[0]
-    if model.painted_ground:
+    if model.painted_ground or model.entangled:
         return render_exact(model, codes, camera, _EDIT_SAMPLES)
     return marched(model, codes, camera, _EDIT_SAMPLES)
 
@@ -172,22 +175,27 @@ class SwapSummary:
     opacity_change: float
     ground_change: float
     probes: dict[str, Probe | None]
+    """empty for entangled designs"""
 
 
 def swap_summary(scores: Sequence[CellScore]) -> SwapSummary:
     """Means, the largest changes, and the four probes on the fitted codes."""
     held, own = ([score for score in scores if score.cell.trained == trained] for trained in (False, True))
     means = [mean_of([getattr(score, name) for score in part]) for part in (held, own) for name in ("psnr", "ssim")]
+    probes = _probes(scores)
+    opacity, ground = (max(getattr(score, name) for score in scores) for name in ("opacity_change", "ground_change"))
+    return SwapSummary(means[0], means[1], len(held), means[2], means[3], len(own), opacity, ground, probes)
+
+
+def _probes(scores: Sequence[CellScore]) -> dict[str, Probe | None]:
+    fits = [score.fitted for score in scores if score.fitted is not None]
+    if len(fits) < len(scores):
+        return {}
     shapes = [score.cell.place.shape_id for score in scores]
     textures = [score.cell.place.texture_id for score in scores]
-    codes = {
-        "shape": torch.stack([score.fitted.shape for score in scores]),
-        "texture": torch.stack([score.fitted.texture for score in scores]),
-    }
-    probes = {
+    codes = {kind: torch.stack([getattr(fit, kind) for fit in fits]) for kind in ("shape", "texture")}
+    return {
         f"{what} from {kind} codes": probe(codes[kind], *asked)
         for what, asked in (("texture", (textures, shapes)), ("shape", (shapes, textures)))
         for kind in ("shape", "texture")
     }
-    opacity, ground = (max(getattr(score, name) for score in scores) for name in ("opacity_change", "ground_change"))
-    return SwapSummary(means[0], means[1], len(held), means[2], means[3], len(own), opacity, ground, probes)

@@ -1,6 +1,6 @@
 """Renders procedural objects: a sparse table of shapes x textures, so that shape and look vary on their own."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -64,9 +64,28 @@ def procedural_plan(category: str, count: int, split: Split) -> tuple[Cell, ...]
     return tuple(cells)
 
 
-def render_procedural(category: str, count: int, out: Path | str, split: Split, views: int, size: int) -> Iterator[str]:
-    """Renders ``procedural_plan`` into the dataset ``out`` as :func:`core.data.studio.picture_all` does."""
-    plan = procedural_plan(category, count, split)
+def swap_plan(category: str, count: int, blocks: int) -> tuple[Cell, ...]:
+    """Whole tables of four shapes x four textures out of the training table of ``count`` objects, one for each block.
+
+    Half of a table's cells are trained, the other half pairs that never were: each shape and each texture is seen in
+    trained cells.
+    """
+    if blocks < 1:
+        raise ValueError(f"count of blocks must be positive, got {blocks}")
+    first, textures = first_seed("train"), max(2, count // 3)
+    if textures // 4 < blocks:
+        raise ValueError(f"{blocks} blocks of four textures are more than {count} objects wear: {textures}")
+    cells = []
+    for block in range(blocks):
+        seeds = [first + block * (textures // 4) // blocks + turn * (textures // 4) for turn in range(4)]
+        cells += [Cell(category, shape, texture) for shape in seeds for texture in seeds]
+    return tuple(cells)
+
+
+def render_procedural(
+    plan: Sequence[Cell], category: str, out: Path | str, split: Split, views: int, size: int
+) -> Iterator[str]:
+    """Renders cells into the dataset ``out`` as :func:`core.data.studio.picture_all` does."""
     sitters = [Sitter(cell.name, cell.shape_id, cell.texture_id, partial(surfaces, cell)) for cell in plan]
     yield from picture_all(sitters, out, category, split, views, size)
 

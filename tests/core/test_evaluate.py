@@ -10,7 +10,7 @@ import torch
 from core import evaluate as module
 from core.dataset import ObjectViews
 from core.evaluate import ObjectScore, PoseScore, Protocol, evaluate, mean_of, summarised
-from core.fit import FitJob, FitSettings
+from core.fit import PRESETS, FitJob, FitSettings
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.model import Model
 from core.render import render_exact
@@ -26,7 +26,7 @@ def tiny() -> Model:
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     settings = FitSettings(starts=8, steps=40, rays=96, samples=20)
-    monkeypatch.setattr(module, "FitJob", lambda photos, seed: FitJob(photos, settings, seed))
+    monkeypatch.setitem(PRESETS, "normal", settings)
 
 
 def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
@@ -41,7 +41,7 @@ def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
 def test_a_known_object_scores_as_rendering_its_fit_by_hand(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], Protocol(inputs=(2,)))
-    _, last = module.fitted(tiny, module.FitJob((module.photo(views, 2, True),), seed=0))
+    _, last = module.fitted(tiny, FitJob((module.photo(views, 2, True),), PRESETS["normal"]))
     by_hand = []
     for index in (0, 1, 3):
         drawn = render_exact(tiny, last.codes, views.cameras[index], 192).colour.clamp(0, 1)
@@ -67,7 +67,7 @@ def test_two_inputs_beat_none_of_the_right_kind(tiny: Model):
 def test_estimated_cameras_are_compared_with_the_true_ones(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], Protocol(inputs=(1,), estimate=True))
-    job = module.FitJob((module.photo(views, 1, False),), seed=0)
+    job = FitJob((module.photo(views, 1, False),), PRESETS["normal"])
     first, last = module.fitted(tiny, job)
     (pose,) = score.poses
     assert pose.rotation == pytest.approx(rotation_error(last.cameras[0], views.cameras[1]))

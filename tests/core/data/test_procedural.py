@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from core.data.chairs import LABELS, chair
 from core.data.paints import texture
-from core.data.procedural import Cell, procedural_plan, render_procedural, surfaces
+from core.data.procedural import Cell, procedural_plan, render_procedural, surfaces, swap_plan
 from core.data.rasterise import Rasteriser
 from core.data.views import training_views
 from core.dataset import read_dataset
@@ -100,10 +100,22 @@ def test_no_chair_is_cut_off_by_the_picture(rasteriser: Rasteriser) -> None:
 
 
 def test_rendering_writes_a_dataset_with_identities(tmp_path: Path, rasteriser: Rasteriser) -> None:
-    names = list(render_procedural("chairs", 6, tmp_path, "train", 2, 32))
+    plan = procedural_plan("chairs", 6, "train")
+    names = list(render_procedural(plan, "chairs", tmp_path, "train", 2, 32))
     dataset = read_dataset(tmp_path)
-    assert names == [cell.name for cell in procedural_plan("chairs", 6, "train")]
+    assert names == [cell.name for cell in plan]
     assert sorted(names) == [one.name for one in dataset.objects]
     assert len({one.shape_id for one in dataset.objects}) == 3
     assert len({one.texture_id for one in dataset.objects}) == 2
     assert dataset.category == "chairs"
+
+
+def test_half_of_a_swap_plan_is_trained_and_every_shape_and_texture_is_known():
+    trained, plan = set(procedural_plan("chairs", 600, "train")), swap_plan("chairs", 600, 4)
+    known = [cell for cell in plan if cell in trained]
+    assert len(set(plan)) == 64
+    assert len(known) == 32
+    assert {cell.shape for cell in known} == {cell.shape for cell in plan}
+    assert {cell.texture for cell in known} == {cell.texture for cell in plan}
+    with pytest.raises(ValueError, match="3 blocks"):
+        swap_plan("chairs", 30, 3)
