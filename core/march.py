@@ -11,14 +11,14 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes
 from core.folded import Folded
 from core.model import Model
-from core.occupancy import Occupancy
+from core.occupancy import SPENT, Occupancy
 from core.rays import Rays, pixel_centres, rays_through
 from core.render import Rendered
 
@@ -26,10 +26,8 @@ _CHUNK_RAYS = 4096
 """Rays marched at a time, about 32k evaluations: what a newer job waits for."""
 _VIEWS = 6
 """Views of which it is kept what they show: as many as a picture has stages."""
-_ROUND = 6
-"""Occupied intervals of a ray that are evaluated before it is looked at whether its light is spent."""
-_SPENT = 6.2
-"""Optical thickness behind which nothing is seen: 0.2 % of the light is left."""
+_BLOCK = 4096
+"""Points evaluated at a time: few enough that activations stay in cache."""
 _UNSEEN = 0.001
 """An interval that gives less than this of what the object gives to its ray is not coloured; the others make up."""
 
@@ -145,20 +143,19 @@ def _occupancy(model: Model, shape: tuple[float, ...]) -> Occupancy:
 def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float) -> Chunk:
     """Some rays, to the end; those that cross nothing are dropped."""
     crossed = occupancy.crossed(rays, step)
-    some = crossed.any(-1).nonzero()[:, 0]
-    crossed, pixel, rays = crossed.index_select(0, some), pixel.index_select(0, some), rays[some]
-    ray, interval = crossed.nonzero(as_tuple=True)
-    counts = crossed.sum(-1)
+    some, ray, counts = torch.unique_consecutive(crossed.ray, return_inverse=True, return_counts=True)
+    pixel, rays = pixel.index_select(0, some), rays[some]
     rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts).index_select(0, ray)
-    places = rays.near.index_select(0, ray) + (interval + 0.5) * step
+    places = rays.near.index_select(0, ray) + (crossed.interval + 0.5) * step
     points = rays.origins.index_select(0, ray) + rays.directions.index_select(0, ray) * places[:, None]
     thickness = torch.zeros(len(counts), int(counts.amax()) if len(counts) else 0, device=ray.device)
     asked, found = [], []
-    for index in _rounds(ray, rank, thickness):
-        density, y = folded.density(folded.first(points.index_select(0, index)))
-        thickness[ray[index], rank[index]] = density * step
-        asked.append(index)
-        found.append(y)
+    for index in _rounds(ray, crossed.dark, thickness):
+        for part in index.split(_BLOCK):
+            density, y = folded.density(folded.first(points.index_select(0, part)))
+            thickness[ray[part], rank[part]] = density * step
+            asked.append(part)
+            found.append(y)
     passed = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
     light = torch.exp(-passed)
     shares, opacity = light[:, :-1] * -torch.expm1(-thickness), 1 - light[:, -1]
@@ -173,26 +170,26 @@ def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step
 
 
 def _rounds(
-    ray: Int[Tensor, "crossed"], rank: Int[Tensor, "crossed"], thickness: Float[Tensor, "rays ranks"]
+    ray: Int[Tensor, "crossed"], dark: Bool[Tensor, "crossed"], thickness: Float[Tensor, "rays ranks"]
 ) -> Iterator[Int[Tensor, "some"]]:
-    """Which of the intervals to evaluate next, ``_ROUND`` of a ray at a time; ``thickness`` is filled in between.
+    """Which of the intervals to evaluate next: those that may be seen, then the dark ones of rays that are not spent.
 
-    At least once, even where no ray crosses any.
+    ``thickness`` is filled in between.
 
     Args:
-        ray, rank: of every interval: which ray it lies on, and how many of that ray lie before it.
+        ray, dark: of every interval: which ray it lies on, and whether it is expected to lie behind the object.
     """
-    turn = rank // _ROUND
-    for now in range(max(1, -(-thickness.shape[1] // _ROUND))):
-        alive = thickness.sum(-1) < _SPENT
-        yield ((turn == now) & alive[ray]).nonzero()[:, 0]
+    yield (~dark).nonzero()[:, 0]
+    alive = thickness.sum(-1) < SPENT
+    yield (dark & alive[ray]).nonzero()[:, 0]
 
 
 def _coloured(folded: Folded, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     """The colours of a chunk's rays, on white."""
     direction_bias = folded.direction_bias(chunk.directions)
-    seen = folded.colour(chunk.y, direction_bias.index_select(0, chunk.ray)) * chunk.share[:, None]
-    mixed = torch.zeros_like(chunk.directions).index_add_(0, chunk.ray, seen)
+    mixed = torch.zeros_like(chunk.directions)
+    for ray, share, y in zip(*(part.split(_BLOCK) for part in (chunk.ray, chunk.share, chunk.y)), strict=True):
+        mixed.index_add_(0, ray, folded.colour(y, direction_bias.index_select(0, ray)) * share[:, None])
     total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.share)[:, None]
     # Where nothing weighed enough to be coloured, what little there is counts as white.
     mean = torch.where(total > 0, mixed / total.clamp_min(1e-9), 1.0)

@@ -5,10 +5,12 @@ that a part as thick as a cell is never lost. The first layer's activations ther
 model: a new shape costs two small layers.
 """
 
+import math
 from functools import lru_cache
+from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
@@ -23,9 +25,20 @@ _EMPTY = 0.001
 """A corner whose cell would take less of the light than this is empty."""
 _NEGLIGIBLE = 0.003
 """Optical thickness in front of an interval, taken at its most, below which what lies there is not looked at."""
+SPENT = 6.2
+"""Optical thickness behind which nothing is seen: 0.2 % of the light is left."""
 _COARSE = 2
 """Cells along each axis that are joined where only the outline counts."""
 _BLOCK = 16384
+
+
+class Crossed(NamedTuple):
+    """Intervals of rays that can hold something, ray by ray, from near to far."""
+
+    ray: Int[Tensor, "crossed"]
+    interval: Int[Tensor, "crossed"]
+    dark: Bool[Tensor, "crossed"]
+    """Even the thinnest corners of the cells in front take all the light: it is expected to lie behind the object."""
 
 
 class Occupancy:
@@ -40,31 +53,43 @@ class Occupancy:
         most = _most_of_corners(corners)
         self.cells: Bool[Tensor, "cells cells cells"] = most * float(self.cell.amin()) > _EMPTY
         self._flat = self.cells.flatten()
-        self._most = (most * self.cells).flatten()
-        self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE)[0] > 0
+        least = -_most_of_corners(-corners)
+        self._most, self._least = most.flatten(), least.flatten()
+        coarse = functional.max_pool3d(self.cells[None].float(), _COARSE)[0] > 0
+        self._centres = (coarse.nonzero() + 0.5) * self.cell * _COARSE - self.extent
 
     def holds(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
         """Whether each point of the box lies in an occupied cell."""
         cells = ((points + self.extent) / self.cell).long().clamp_(0, CELLS - 1)
         return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
 
-    def crossed(self, rays: Rays, step: float) -> Bool[Tensor, "rays intervals"]:
+    def crossed(self, rays: Rays, step: float) -> Crossed:
         """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object.
 
         Their middle lies in an occupied cell, and up to there the densest corners of the cells crossed would take
-        light worth mentioning: faint fringes around an object cost nothing. As many as the longest ray has.
+        light worth mentioning: faint fringes around an object cost nothing.
         """
-        count = int(((rays.far - rays.near).amax() / step).ceil().clamp_min(1))
-        along = torch.arange(count, device=rays.near.device) + 0.5
+        cell, inside = self._cells_along(rays, step)
+        held = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
+        ray, interval = held // (len(cell) // len(rays.near)), held % (len(cell) // len(rays.near))
+        at = cell.index_select(0, held)
+        most, least = self._most.index_select(0, at) * step, self._least.index_select(0, at) * step
+        near = _summed(most, ray) > _NEGLIGIBLE
+        dark = _summed(least, ray) - least > SPENT
+        return Crossed(ray[near], interval[near], dark[near])
+
+    def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
+        """The cell in which the middle of each interval lies, ray by ray, and whether the ray reaches it."""
+        length = (rays.far - rays.near) / step
+        along = torch.arange(max(1, math.ceil(float(length.amax()))), device=length.device) + 0.5
         pace = rays.directions * step / self.cell
         first = (rays.origins + rays.directions * rays.near[:, None] + self.extent) / self.cell
-        index = torch.zeros(len(first), count, dtype=torch.int32, device=first.device)
+        # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
+        cell = torch.zeros(())
         for axis in range(3):
             place = torch.addcmul(first[:, axis, None], pace[:, axis, None], along)
-            index.mul_(CELLS).add_(place.clamp_(0, CELLS - 1).int())
-        most = self._most.index_select(0, index.flatten()).view(index.shape)
-        most = most * (along * step < (rays.far - rays.near)[:, None])
-        return (most > 0) & (most.cumsum(-1) * step > _NEGLIGIBLE)
+            cell = torch.add(place.clamp_(0, CELLS - 1).floor_(), cell, alpha=CELLS)
+        return cell.int().flatten(), (along < length[:, None]).flatten()
 
     def span(
         self, camera: Camera, corner: float = 0.0
@@ -76,7 +101,7 @@ class Occupancy:
         :func:`core.rays.camera_rays`.
         """
         cell = self.cell * _COARSE
-        centres = (self._coarse.nonzero() + 0.5) * cell - self.extent
+        centres = self._centres
         angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=centres.device)
         local = (centres - position(*angles)) @ rotation(angles[0], angles[1]).T
         reach = float(cell.norm()) / 2
@@ -87,26 +112,34 @@ class Occupancy:
         across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
         column = (camera.width / 2 + corner + local[:, 0] / before * camera.focal) * (across / camera.width)
         row = (camera.height / 2 + corner - local[:, 1] / before * camera.focal) * (down / camera.height)
-        shown = before > 1e-3
-        tiles, depths = _around(column[shown].floor().long(), row[shown].floor().long(), depth[shown], across, down)
-        near = torch.full((across * down,), torch.inf).scatter_reduce_(0, tiles, depths - reach, "amin")
-        far = torch.full((across * down,), -torch.inf).scatter_reduce_(0, tiles, depths + reach, "amax")
+        near = torch.full((across * down + 1,), torch.inf)
+        far = -near
+        tiles = _around(column.floor().long(), row.floor().long(), before > 1e-3, across, down)
+        depths = depth.expand(len(tiles), -1).flatten()
+        near.scatter_reduce_(0, tiles.flatten(), depths - reach, "amin")
+        far.scatter_reduce_(0, tiles.flatten(), depths + reach, "amax")
         rows = torch.arange(camera.height) * down // camera.height
         columns = torch.arange(camera.width) * across // camera.width
         at = rows[:, None] * across + columns
         return near[at], far[at]
 
 
-def _around(column: Tensor, row: Tensor, depth: Tensor, across: int, down: int) -> tuple[Tensor, Tensor]:
-    """The tiles around each one given (their flat indices), each with its depth; those off the raster are left out."""
-    tiles, depths = [], []
-    for shift_x in (-1, 0, 1):
-        for shift_y in (-1, 0, 1):
-            x, y = column + shift_x, row + shift_y
-            on = (x >= 0) & (x < across) & (y >= 0) & (y < down)
-            tiles.append((y * across + x)[on])
-            depths.append(depth[on])
-    return torch.cat(tiles), torch.cat(depths)
+def _summed(values: Float[Tensor, "crossed"], ray: Int[Tensor, "crossed"]) -> Float[Tensor, "crossed"]:
+    """Sums along each ray up to and with every interval; intervals lie ray by ray."""
+    counts = torch.bincount(ray)
+    whole = values.double().cumsum(0)
+    before = functional.pad(whole, (1, 0)).index_select(0, counts.cumsum(0) - counts)
+    return (whole - before.index_select(0, ray)).float()
+
+
+def _around(
+    column: Int[Tensor, "cells"], row: Int[Tensor, "cells"], shown: Bool[Tensor, "cells"], across: int, down: int
+) -> Int[Tensor, "nine cells"]:
+    """The flat indices of the 3x3 tiles around each one given; one more than there are for those off the raster."""
+    shifts = torch.tensor((-1, 0, 1), device=column.device)
+    x, y = column + shifts.repeat(3)[:, None], row + shifts.repeat_interleave(3)[:, None]
+    on = shown & (x >= 0) & (x < across) & (y >= 0) & (y < down)
+    return torch.where(on, y * across + x, across * down)
 
 
 def _most_of_corners(corners: Float[Tensor, "corners corners corners"]) -> Float[Tensor, "cells cells cells"]:

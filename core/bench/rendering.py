@@ -201,7 +201,7 @@ def _changed(changes: Sequence[tuple[object, str, object]]) -> Iterator[None]:
 _PARTS: dict[str, tuple[tuple[object, str, object], ...]] = {
     "without occupancy": ((occupancy, "_EMPTY", -1.0), (occupancy, "_NEGLIGIBLE", -1.0)),
     "without passing over faint fringes": ((occupancy, "_NEGLIGIBLE", -1.0),),
-    "without stopping spent rays": ((march, "_SPENT", math.inf),),
+    "without stopping spent rays": ((march, "SPENT", math.inf), (occupancy, "SPENT", math.inf)),
     "colouring all intervals": ((march, "_UNSEEN", -1.0),),
     "in float32": ((folded, "linear_dtype", lambda device: torch.float32),),
 }

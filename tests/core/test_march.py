@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import pytest
@@ -6,16 +7,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core import march as marching
+from core import occupancy as occupying
 from core.codes import Codes
 from core.folded import Folded
 from core.march import marched
 from core.metrics import psnr
-from core.occupancy import Occupancy
+from core.occupancy import Crossed, Occupancy
 from core.precision import linear_dtype
 from core.rays import camera_rays
 from core.render import render_exact, render_rays
 from core.sampling import midpoints, points_at, uniform_edges
 from tests.conftest import random_model
+from tests.core.tiny import tiny_model
 
 MODEL = random_model()
 seeds = st.integers(0, 2**31)
@@ -138,12 +141,26 @@ def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel
 
 def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):
     """Behind the pixel lies an occupied cell, and yet the ray passes beside all of them."""
-    monkeypatch.setattr(Occupancy, "crossed", lambda self, rays, step: torch.zeros(len(rays.near), 0, dtype=torch.bool))
+    none = torch.zeros(0, dtype=torch.long)
+    monkeypatch.setattr(Occupancy, "crossed", lambda self, rays, step: Crossed(none, none, none.bool()))
     marching.forget_views()
     seen = marched(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
     assert bool((seen.colour == 1).all())
     assert float(seen.opacity.max()) == 0
     marching.forget_views()
+
+
+def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
+    model = tiny_model()
+
+    def drawn_anew() -> torch.Tensor:
+        marching.forget_views()
+        return marched(model, model.codes[2], model.camera(0.5, 0.3), 96).colour
+
+    seen = drawn_anew()
+    for module in (marching, occupying):
+        monkeypatch.setattr(module, "SPENT", math.inf)
+    assert float((drawn_anew() - seen).abs().max()) < 0.005
 
 
 def test_finer_intervals_never_cost_quality():
