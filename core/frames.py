@@ -3,15 +3,18 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
+from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes
 from core.march import keeps, march
 from core.model import Model
+from core.render import Rendered
 
 
 @dataclass(frozen=True)
@@ -19,12 +22,16 @@ class RenderSettings:
     """Every field is an axis of the speed-against-accuracy chart."""
 
     samples: int = 192
-    """intervals along the longest side of the scene's box in the last stage, half as many in those before"""
+    """intervals along the longest side of the scene's box in the last stage"""
     stages: tuple[int, ...] = (8, 4, 2, 1)
     """what the size of the picture is divided by, stage after stage"""
+    moving: int = 64
+    """intervals in the stages before the last"""
+    across: int = 1
+    """where above 1, one more stage draws so many pixels across each pixel, and as many down"""
 
     def __post_init__(self) -> None:
-        if self.samples < 2 or not self.stages or min(self.stages) < 1:
+        if min(self.samples, self.moving) < 2 or not self.stages or min(*self.stages, self.across) < 1:
             raise ValueError(f"rendering needs at least 2 samples and a stage, got {self}")
 
 
@@ -52,6 +59,8 @@ class Frame:
     """along a ray"""
     seconds: float
     """since the job began"""
+    across: int = 1
+    """pixels drawn across each pixel, and as many down"""
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -70,24 +79,58 @@ def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
     """
     began = time.perf_counter()
     plan = _plan(job)
-    kept = [stage for stage, (camera, samples) in enumerate(plan) if keeps(model, job.codes, camera, samples)]
-    # A new texture is put at once on the finest picture whose shape is known.
-    for stage in range(max(kept, default=0), len(plan)):
-        seen = yield from march(model, job.codes, *plan[stage])
+    # A new texture is put at once on the finest picture whose shape is known, if it is drawn pixel by pixel.
+    kept = [at for at, stage in enumerate(plan) if stage.across == 1 and keeps(model, job.codes, *stage.view)]
+    for at in range(max(kept, default=0), len(plan)):
+        stage = plan[at]
+        seen = _joined((yield from march(model, job.codes, *stage.view)), stage.across)
         image = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
         depth, opacity = seen.depth.cpu().numpy(), seen.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
-        yield Frame(image, depth, opacity, stage, len(plan), plan[stage][1], seconds)
+        yield Frame(image, depth, opacity, at, len(plan), stage.view.samples, seconds, stage.across)
 
 
-def _plan(job: RenderJob) -> list[tuple[Camera, int]]:
-    """The camera and the number of samples of every stage."""
-    settings, plan = job.settings, []
-    for stage, divisor in enumerate(settings.stages):
-        width, height = (max(1, size // divisor) for size in (job.camera.width, job.camera.height))
-        samples = settings.samples if stage == len(settings.stages) - 1 else max(1, settings.samples // 2)
-        plan.append((job.camera.resized(width, height), samples))
+class _View(NamedTuple):
+    """As :func:`core.march.march` takes it."""
+
+    camera: Camera
+    samples: int
+    whole: bool
+
+
+class _Stage(NamedTuple):
+    """A picture on the way."""
+
+    view: _View
+    across: int = 1
+
+
+def _plan(job: RenderJob) -> list[_Stage]:
+    """From the coarsest to the last stage. Whole occupancy is asked for once the picture has its size."""
+    settings, (width, height) = job.settings, (job.camera.width, job.camera.height)
+    plan = []
+    for at, divisor in enumerate(settings.stages):
+        samples = settings.samples if at == len(settings.stages) - 1 else settings.moving
+        camera = job.camera.resized(max(1, width // divisor), max(1, height // divisor))
+        plan.append(_Stage(_View(camera, samples, divisor == 1)))
+    if settings.across > 1:
+        camera = job.camera.resized(width * settings.across, height * settings.across)
+        plan.append(_Stage(_View(camera, settings.samples, True), settings.across))
     return plan
+
+
+def _joined(seen: Rendered, across: int) -> Rendered:
+    """Squares of pixels as their mean; a depth is that of the part which shows the object."""
+    if across == 1:
+        return seen
+    colour, opacity = (_means(part, across) for part in (seen.colour, seen.opacity[..., None]))
+    depth = _means((seen.depth * seen.opacity)[..., None], across) / opacity.clamp_min(1e-6)
+    return Rendered(colour, depth[..., 0], opacity[..., 0])
+
+
+def _means(image: Float[Tensor, "rows columns channels"], across: int) -> Float[Tensor, "height width channels"]:
+    rows, columns, channels = image.shape
+    return image.reshape(rows // across, across, columns // across, across, channels).mean((1, 3))
 
 
 def picture(model: Model, codes: Codes, camera: Camera) -> Frame:

@@ -7,7 +7,6 @@ texture and is kept: a new texture is a second pass over what is kept. A new vie
 from collections import OrderedDict
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -24,15 +23,21 @@ from core.render import Rendered
 
 _CHUNK_RAYS = 4096
 """Rays marched at a time, about 32k evaluations: what a newer job waits for."""
-_VIEWS = 6
+_VIEWS = 8
 """Views of which it is kept what they show: as many as a picture has stages."""
+_SHAPES = 8
+"""Shapes of which the occupied cells are kept."""
+_SIMILAR = 0.25
+"""Standard deviations of the trained shapes within which one shape is looked for around another."""
 _BLOCK = 4096
 """Points evaluated at a time: few enough that activations stay in cache."""
 _UNSEEN = 0.001
 """An interval that gives less than this of what the object gives to its ray is not coloured; the others make up."""
 
 
-def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator[None, None, Rendered]:
+def march(
+    model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True
+) -> Generator[None, None, Rendered]:
     """What :func:`core.render.render_exact` draws, many times faster; returned after a chunk for every value.
 
     Where the network paints the ground itself, the ground is plain white here.
@@ -40,10 +45,12 @@ def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator
     Args:
         samples: intervals along the longest side of the scene's box; a ray has as many as fit between the first and
             the last occupied cell behind its pixel.
+        whole: otherwise the shape is looked for around the one drawn last, if they are similar: meant for a shape on
+            the move.
     """
     with torch.inference_mode():
         folded = Folded(model, codes)
-    kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples))
+    kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples, whole))
     parts = []
     for chunk in kept:
         with torch.inference_mode():
@@ -52,9 +59,9 @@ def march(model: Model, codes: Codes, camera: Camera, samples: int) -> Generator
     return _picture(camera, kept, parts, model.device)
 
 
-def marched(model: Model, codes: Codes, camera: Camera, samples: int) -> Rendered:
+def marched(model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True) -> Rendered:
     """What :func:`march` returns, at once."""
-    stream = march(model, codes, camera, samples)
+    stream = march(model, codes, camera, samples, whole)
     while True:
         try:
             next(stream)
@@ -85,14 +92,15 @@ class View(NamedTuple):
     shape: tuple[float, ...]
     camera: Camera
     samples: int
+    whole: bool
 
 
 _kept: OrderedDict[View, list[Chunk]] = OrderedDict()
 
 
-def keeps(model: Model, codes: Codes, camera: Camera, samples: int) -> bool:
+def keeps(model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True) -> bool:
     """Whether :func:`march` has only colours to find, as it has drawn this shape from this camera lately."""
-    return View(model, tuple(codes.shape.tolist()), camera, samples) in _kept
+    return View(model, tuple(codes.shape.tolist()), camera, samples, whole) in _kept
 
 
 def forget_views() -> None:
@@ -103,7 +111,7 @@ def forget_views() -> None:
 def forget() -> None:
     """Keep nothing of any shape: the next pictures cost what a new shape costs."""
     forget_views()
-    _occupancy.cache_clear()
+    _occupied.clear()
 
 
 def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:
@@ -112,7 +120,7 @@ def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:
         _kept.move_to_end(view)
         return _kept[view]
     with torch.inference_mode():
-        occupancy = _occupancy(view.model, view.shape)
+        occupancy = _occupancy(view)
         first, last = occupancy.span(view.camera, view.model.corner)
         pixel = (first < last).flatten().nonzero()[:, 0]
         centres = pixel_centres(view.camera.width, view.camera.height, pixel.device).reshape(-1, 2)
@@ -133,11 +141,30 @@ def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:
     return _kept[view]
 
 
-@lru_cache(maxsize=8)
-def _occupancy(model: Model, shape: tuple[float, ...]) -> Occupancy:
+_occupied: OrderedDict[tuple[Model, tuple[float, ...]], Occupancy] = OrderedDict()
+
+
+def _occupancy(view: View) -> Occupancy:
     """A shape's occupied cells: kept, as neither a new view nor a new texture changes them."""
-    codes = Codes(torch.tensor(shape, device=model.device), model.codes.mean.texture)
-    return Occupancy(model, Folded(model, codes))
+    key = view.model, view.shape
+    known = _occupied.get(key)
+    if known is None or (view.whole and not known.whole):
+        code = torch.tensor(view.shape, device=view.model.device)
+        folded = Folded(view.model, Codes(code, view.model.codes.mean.texture))
+        _occupied[key] = Occupancy(view.model, folded, None if view.whole else _similar(view.model, code))
+    _occupied.move_to_end(key)
+    while len(_occupied) > _SHAPES:
+        _occupied.popitem(last=False)
+    return _occupied[key]
+
+
+def _similar(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
+    """The occupied cells of the shape drawn last, where it is similar."""
+    for (other, shape), occupancy in reversed(_occupied.items()):
+        if other is model:
+            away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
+            return occupancy if float(away) < _SIMILAR else None
+    return None
 
 
 def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float) -> Chunk:

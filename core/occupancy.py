@@ -42,21 +42,34 @@ class Crossed(NamedTuple):
 
 
 class Occupancy:
-    """The occupied cells of one shape."""
+    """The occupied cells of one shape.
 
-    def __init__(self, model: Model, folded: Folded) -> None:
-        self.extent = model.extent_tensor
+    Args:
+        near: where given, the shape is looked for around this one, and anywhere else only with every second corner: a
+            few times faster, and enough for a shape on the move. Something thin that appears far from it is missed.
+    """
+
+    def __init__(self, model: Model, folded: Folded, near: "Occupancy | None" = None) -> None:
+        self.extent, self.whole = model.extent_tensor, near is None
         self.cell = 2 * self.extent / CELLS
+        activations = _corner_activations(model, folded.dtype)
         with torch.inference_mode():
-            found = torch.cat([folded.density(part)[0] for part in _corner_activations(model, folded.dtype)])
-        corners = found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+            corners = _densities(folded, activations, near._corners_around() if near else None)
         most = _most_of_corners(corners)
         self.cells: Bool[Tensor, "cells cells cells"] = most * float(self.cell.amin()) > _EMPTY
         self._flat = self.cells.flatten()
         least = -_most_of_corners(-corners)
         self._most, self._least = most.flatten(), least.flatten()
-        coarse = functional.max_pool3d(self.cells[None].float(), _COARSE)[0] > 0
-        self._centres = (coarse.nonzero() + 0.5) * self.cell * _COARSE - self.extent
+        self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE)[0] > 0
+        self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE - self.extent
+
+    def _corners_around(self) -> Int[Tensor, "some"]:
+        """Every second corner, and all those of the cells within two of an occupied one."""
+        around = self._coarse
+        for axis in range(3):
+            around = _spread(around, axis)
+        around[::2, ::2, ::2] = True
+        return around.flatten().nonzero()[:, 0]
 
     def holds(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
         """Whether each point of the box lies in an occupied cell."""
@@ -142,6 +155,31 @@ def _around(
     return torch.where(on, y * across + x, across * down)
 
 
+def _spread(joined: Bool[Tensor, "x y z"], axis: int) -> Bool[Tensor, "more y2 z2"]:
+    """From joined cells to corners along one axis: those of the joined cells and of their neighbours."""
+    cells = joined.movedim(axis, 0)
+    grown = cells.clone()
+    grown[1:] |= cells[:-1]
+    grown[:-1] |= cells[1:]
+    corners = grown.new_zeros(_COARSE * len(grown) + 1, *grown.shape[1:])
+    for offset in range(_COARSE + 1):
+        corners[offset : offset + _COARSE * len(grown) : _COARSE] |= grown
+    return corners.movedim(0, axis)
+
+
+def _densities(
+    folded: Folded, activations: Float[Tensor, "all width"], some: Int[Tensor, "some"] | None
+) -> Float[Tensor, "corners corners corners"]:
+    """Densities at the corners of the grid; zero at those that are not asked."""
+    if some is None:
+        found = torch.cat([folded.density(part)[0] for part in activations.split(_BLOCK)])
+    else:
+        found = torch.zeros(len(activations), device=activations.device)
+        for part in some.split(_BLOCK):
+            found[part] = folded.density(activations.index_select(0, part))[0]
+    return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+
+
 def _most_of_corners(corners: Float[Tensor, "corners corners corners"]) -> Float[Tensor, "cells cells cells"]:
     for axis in range(3):
         length = corners.shape[axis]
@@ -150,11 +188,11 @@ def _most_of_corners(corners: Float[Tensor, "corners corners corners"]) -> Float
 
 
 @lru_cache(maxsize=2)
-def _corner_activations(model: Model, dtype: torch.dtype) -> tuple[Tensor, ...]:
-    """First-layer activations at all corners of the grid, in blocks that stay in cache."""
+def _corner_activations(model: Model, dtype: torch.dtype) -> Float[Tensor, "all width"]:
+    """First-layer activations at all corners of the grid."""
     axes = [torch.linspace(-half, half, CELLS + 1) for half in model.extent]
     corners = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3).to(model.device)
     folded = Folded(model, model.codes.mean)
     assert folded.dtype == dtype
     with torch.inference_mode():
-        return tuple(folded.first(part) for part in corners.split(_BLOCK))
+        return torch.cat([folded.first(part) for part in corners.split(_BLOCK)])

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -15,6 +16,7 @@ from core.fit import FitJob, FitStep, fit
 from core.frames import Frame, RenderJob, RenderSettings, frames
 from core.library import load_model
 from core.model import Model
+from core.pace import Pace
 from core.photos import Photo, load_photo
 from core.pictures import open_scene
 from core.scene import Scene
@@ -25,13 +27,14 @@ from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
-from viewer.quality import Speed
 from viewer.sheet import Sheet
 from viewer.worker import Job, Worker
 
 Part = Literal["shape", "texture"]
 _BESIDE = 0.2
 """Share of the worker for what will be wanted soon."""
+_ACROSS = 2
+"""Pixels drawn across each pixel of the finished picture."""
 PARTS: tuple[Part, Part] = ("shape", "texture")
 
 
@@ -71,7 +74,7 @@ class Session:
         self.locked: frozenset[Part] = frozenset()
         """what no edit of codes changes; opening a scene or a fit does, and undo"""
         self.messages: list[Message] = []
-        self.speed = Speed()
+        self.pace = Pace()
         self.gallery = Gallery(self)
         self.sheet = Sheet(self)
         self.fitting = Fitting(self)
@@ -315,17 +318,15 @@ class Session:
             return
         model = self.model
         camera = orbit.filling(self.scene.camera, *self.panel, self.detail)
-        settings = RenderSettings(stages=self.speed.stages(camera.width * camera.height))
-        job = RenderJob(self.scene.codes, camera, settings)
+        job = RenderJob(self.scene.codes, camera, RenderSettings(stages=self.pace.stages, across=_ACROSS))
         self.worker.submit(
-            Job("view", lambda: self.streams.frames(model, job), self._drawn, self._undrawn, urgent=True)
+            Job("view", lambda: self.streams.frames(model, job), partial(self._drawn, job), self._undrawn, urgent=True)
         )
 
-    def _drawn(self, frame: Frame) -> None:
-        before, self.frame = self.frame, frame
-        # What comes before the first picture does not grow with its size, and the last one is drawn more carefully.
-        if before and 0 < frame.stage == before.stage + 1 and not frame.final:
-            self.speed.seen(frame.image.shape[0] * frame.image.shape[1], frame.seconds - before.seconds)
+    def _drawn(self, job: RenderJob, frame: Frame) -> None:
+        self.frame = frame
+        if frame.stage == 0:
+            self.pace.seen(job.settings.stages[0], frame.seconds)
 
     def _undrawn(self, error: Exception | None) -> None:
         if error:

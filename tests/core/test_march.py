@@ -87,9 +87,9 @@ def test_a_new_texture_or_view_keeps_the_occupancy():
     a, b = MODEL.codes[0], MODEL.codes[1]
     marched(MODEL, a, MODEL.camera(0.1, 0.1), 8)
     marched(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
-    assert marching._occupancy.cache_info().misses == 1
+    assert len(marching._occupied) == 1
     marched(MODEL, b, MODEL.camera(0.9, 0.1), 8)
-    assert marching._occupancy.cache_info().misses == 2
+    assert len(marching._occupied) == 2
 
 
 def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
@@ -137,6 +137,32 @@ def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel
     seen = marched(painted, codes, camera, 96)
     assert psnr(seen.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
     assert psnr(marched(plain, codes, camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
+
+
+def test_a_shape_on_the_move_is_found_around_the_last_one():
+    model = tiny_model()
+    start, end = model.codes[0].shape, model.codes[2].shape
+    steps = [Codes(torch.lerp(start, end, share / 20), model.codes[0].texture) for share in range(21)]
+    occupancy = Occupancy(model, Folded(model, steps[0]))
+    for codes in steps[1:]:
+        occupancy = Occupancy(model, Folded(model, codes), occupancy)
+        whole = Occupancy(model, Folded(model, codes))
+        assert not occupancy.whole
+        assert not bool((occupancy.cells & ~whole.cells).any())
+        assert float((whole.cells & ~occupancy.cells).sum()) <= 0.001 * float(whole.cells.sum())
+
+
+def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
+    model = tiny_model()
+    marching.forget()
+    near, far = model.codes[0], model.codes[0].mixed(model.codes[2], 0.05, 0)
+    marched(model, near, model.camera(0.5, 0.3), 48)
+    quick = marched(model, far, model.camera(0.5, 0.3), 48, whole=False)
+    found = marched(model, far, model.camera(0.5, 0.3), 48)
+    marching.forget()
+    exact = marched(model, far, model.camera(0.5, 0.3), 48)
+    assert torch.equal(found.colour, exact.colour)
+    assert psnr(quick.colour, exact.colour) > 50
 
 
 def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):

@@ -97,7 +97,9 @@ class View:
 
     def _draw_badge(self, desk: Desk, frame: Frame, corner: ImVec2, size: ImVec2) -> None:
         width, height = frame.resolution
-        text = f"{width} x {height} px   {frame.samples} samples"
+        text = f"{width} x {height} px   {frame.samples} samples" + (
+            f", smoothed {frame.across} x {frame.across}" if frame.across > 1 else ""
+        )
         if not frame.final:
             text = f"Preview {frame.stage + 1} of {frame.stages}   {text}"
         em = hello_imgui.em_size()
