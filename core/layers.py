@@ -3,9 +3,11 @@
 from functools import cache
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Num
 from torch import Tensor
 from torch.nn import functional
+
+_ROWS = 512
 
 
 def linear_relu(
@@ -18,6 +20,14 @@ def linear_relu(
     if _fusible(values.device.type, values.dtype):
         return _fused(values, weight, bias)
     return functional.linear(values, weight, bias).relu_()
+
+
+def filled(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:
+    """The rows, followed by as many of zeros as make a multiple of 512.
+
+    oneDNN compiles a kernel for every count of rows that it has not met, which takes longer than to run it.
+    """
+    return functional.pad(rows, (*(0, 0) * (rows.ndim - 1), 0, -len(rows) % _ROWS)) if len(rows) % _ROWS else rows
 
 
 def _fused(values: Tensor, weight: Tensor, bias: Tensor) -> Tensor:

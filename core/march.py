@@ -16,6 +16,7 @@ from torch import Tensor
 from core.camera import Camera
 from core.codes import Codes
 from core.folded import Folded
+from core.layers import filled
 from core.model import Model
 from core.occupancy import SPENT, Occupancy
 from core.rays import Rays, pixel_centres, rays_through
@@ -179,10 +180,10 @@ def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step
     asked, found = [], []
     for index in _rounds(ray, crossed.dark, thickness):
         for part in index.split(_BLOCK):
-            density, y = folded.density(folded.first(points.index_select(0, part)))
-            thickness[ray[part], rank[part]] = density * step
+            density, y = folded.density(folded.first(filled(points.index_select(0, part))))
+            thickness[ray[part], rank[part]] = density[: len(part)] * step
             asked.append(part)
-            found.append(y)
+            found.append(y[: len(part)])
     passed = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
     light = torch.exp(-passed)
     shares, opacity = light[:, :-1] * -torch.expm1(-thickness), 1 - light[:, -1]
@@ -213,10 +214,11 @@ def _rounds(
 
 def _coloured(folded: Folded, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     """The colours of a chunk's rays, on white."""
-    direction_bias = folded.direction_bias(chunk.directions)
+    direction_bias = folded.direction_bias(filled(chunk.directions))
     mixed = torch.zeros_like(chunk.directions)
     for ray, share, y in zip(*(part.split(_BLOCK) for part in (chunk.ray, chunk.share, chunk.y)), strict=True):
-        mixed.index_add_(0, ray, folded.colour(y, direction_bias.index_select(0, ray)) * share[:, None])
+        colour = folded.colour(filled(y), direction_bias.index_select(0, filled(ray)))[: len(ray)]
+        mixed.index_add_(0, ray, colour * share[:, None])
     total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.share)[:, None]
     # Where nothing weighed enough to be coloured, what little there is counts as white.
     mean = torch.where(total > 0, mixed / total.clamp_min(1e-9), 1.0)

@@ -16,6 +16,7 @@ from torch.nn import functional
 
 from core.camera import Camera, position, rotation
 from core.folded import Folded
+from core.layers import filled
 from core.model import Model
 from core.rays import Rays
 
@@ -176,7 +177,7 @@ def _densities(
     else:
         found = torch.zeros(len(activations), device=activations.device)
         for part in some.split(_BLOCK):
-            found[part] = folded.density(activations.index_select(0, part))[0]
+            found[part] = folded.density(activations.index_select(0, filled(part)))[0][: len(part)]
     return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 

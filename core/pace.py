@@ -2,20 +2,25 @@
 
 _DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)
 """What the size of the first picture is divided by; the coarsest is the floor."""
-_SAFE = 0.85
-"""of the budget that a finer beginning may be expected to take"""
-_PATIENCE = 3
-"""frames in a row that would have had room for a finer beginning, before it is tried"""
+_ROOMY = 0.7
+"""of the budget: what leaves room for a finer beginning"""
+_DROP = 2
+"""rungs at a time, at most: one disturbance must not throw the picture away"""
+_PATIENCE, _LONGEST = 3, 96
+"""frames in a row with room to spare before a finer beginning is tried; twice as many each time that it was too slow"""
 
 
 class Pace:
-    """Learns from first pictures what they take. Too slow: at once coarser. Room to spare for a while: a step finer."""
+    """Learns from first pictures what they take. Too slow: at once coarser. Room to spare for a while: a rung finer.
+
+    Nothing is assumed of how cost grows with size: a finer beginning is tried, ever more seldom if it fails.
+    """
 
     def __init__(self, budget: float = 1 / 30, divisor: int = 8) -> None:
         self.budget = budget
         """s for the first picture while something moves"""
         self._rung = _DIVISORS.index(divisor)
-        self._roomy = 0
+        self._roomy, self._patience, self._climbed = 0, _PATIENCE, False
 
     @property
     def divisor(self) -> int:
@@ -28,19 +33,23 @@ class Pace:
         return (self.divisor, *(divisor for divisor in (4, 2, 1) if divisor < self.divisor), 1)
 
     def seen(self, divisor: int, seconds: float) -> None:
-        """Take in what a first picture took, which began at this divisor.
-
-        Cost is taken to grow with the number of pixels, which overrates what is won by fewer and lost by more of them:
-        it is corrected by the next picture.
-        """
+        """Take in what a first picture took, which began at this divisor."""
         if divisor != self.divisor:
             return
         if seconds > self.budget:
+            self._fall(seconds)
+        elif seconds > _ROOMY * self.budget:
             self._roomy = 0
-            while self._rung and seconds * (divisor / self.divisor) ** 2 > _SAFE * self.budget:
+        else:
+            self._roomy += 1
+            if self._roomy >= self._patience and self._rung + 1 < len(_DIVISORS):
+                self._rung, self._roomy, self._climbed = self._rung + 1, 0, True
+
+    def _fall(self, seconds: float) -> None:
+        if self._climbed:
+            self._patience = min(2 * self._patience, _LONGEST)
+        before = self.divisor
+        for _ in range(_DROP):
+            if self._rung and seconds * (before / self.divisor) ** 2 > self.budget:
                 self._rung -= 1
-        elif self._rung + 1 < len(_DIVISORS):
-            finer = seconds * (divisor / _DIVISORS[self._rung + 1]) ** 2
-            self._roomy = self._roomy + 1 if finer < _SAFE * self.budget else 0
-            if self._roomy == _PATIENCE:
-                self._rung, self._roomy = self._rung + 1, 0
+        self._roomy, self._climbed = 0, False

@@ -60,8 +60,11 @@ def rendering_table(found: Measured) -> str:
         lines.append(f"| {point.recipe} | {point.ms:.1f} | {change} |")
     lines += ["", "| size (px) | ms | PSNR (dB) |", "|" + "---|" * 3]
     lines += [f"| {point.size} | {point.ms:.1f} | {point.psnr:.1f} |" for point in found.sizes]
-    lines += ["", "| while dragging | size (px) | p50 (ms) | p95 (ms) |", "|" + "---|" * 4]
-    lines += [f"| {drag.what} | {drag.size} | {drag.p50:.1f} | {drag.p95:.1f} |" for drag in found.drags]
+    head = "while dragging | size (px) | whole p50 (ms) | p95 | first picture p50 (ms) | p95 | its size (px) | rest (s)"
+    lines += ["", f"| {head} |", "|" + "---|" * 8]
+    for drag in found.drags:
+        first = f"{drag.first_p50:.1f} | {drag.first_p95:.1f} | {drag.first_size} | {drag.rest:.2f}"
+        lines.append(f"| {drag.what} | {drag.size} | {drag.p50:.1f} | {drag.p95:.1f} | {first} |")
     return "\n".join(lines) + "\n"
 
 

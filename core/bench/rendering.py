@@ -23,6 +23,7 @@ from core.codes import Codes
 from core.frames import RenderJob, RenderSettings, frames
 from core.metrics import psnr
 from core.model import Model
+from core.pace import Pace
 from core.render import render_exact
 
 REFERENCE_SAMPLES = 256
@@ -34,6 +35,9 @@ DRAG_SIZES = (128, 256)
 _ROUNDS = 7
 _DRAGGED = 40
 """frames of a drag"""
+_UNSETTLED = 12
+"""frames before them, in which caches fill and the frame budget finds its size"""
+_RESTS = 3
 
 
 @dataclass(frozen=True)
@@ -56,13 +60,21 @@ class Point:
 
 @dataclass(frozen=True)
 class Drag:
-    """How long frames take while something moves."""
+    """How long pictures take while something moves."""
 
     what: str
     size: int
+    """px, of the finished picture"""
     p50: float
-    """ms"""
+    """ms for the whole picture with all samples"""
     p95: float
+    first_p50: float
+    """ms for the first picture, as coarse as the frame budget makes it"""
+    first_p95: float
+    first_size: int
+    """px, of that picture in the end"""
+    rest: float
+    """s from the hand's rest to the finished picture, smoothed 2 x 2, mean over a few"""
 
 
 @dataclass(frozen=True)
@@ -208,24 +220,44 @@ _PARTS: dict[str, tuple[tuple[object, str, object], ...]] = {
 
 
 def _drags(model: Model, size: int) -> Iterator[Drag]:
-    """Frames of the default quality while the camera, the texture or the shape moves by itself."""
+    """While the camera, the texture or the shape moves by itself."""
     codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
-    other, settings = model.codes[len(model.codes.objects) // 2], RenderSettings(stages=(1,))
+    other = model.codes[len(model.codes.objects) // 2]
 
-    def at(what: str, share: float) -> RenderJob:
+    def at(what: str, share: float, settings: RenderSettings) -> RenderJob:
         turned = replace(camera, azimuth=camera.azimuth + 2 * share)
         mixed = codes.mixed(other, share * (what == "shape"), share * (what == "texture"))
         return RenderJob(mixed, turned if what == "orbit" else camera, settings)
 
     for what in ("orbit", "texture", "shape"):
-        times = []
-        for index in range(_DRAGGED + 3):
-            began = time.perf_counter()
-            for _ in frames(model, at(what, (index + 1) / (_DRAGGED + 3))):
-                pass
-            times.append(1000 * (time.perf_counter() - began))
-        ordered = sorted(times[3:])
-        yield Drag(what, size, median(ordered), ordered[int(0.95 * (len(ordered) - 1))])
+        shares = [(index + 1) / (_DRAGGED + _UNSETTLED) for index in range(_DRAGGED + _UNSETTLED)]
+        whole = [_until(model, at(what, share, RenderSettings(stages=(1,))), last=True) for share in shares]
+        march.forget()
+        _until(model, at(what, 0.0, RenderSettings()), last=True)
+        pace, first = Pace(), []
+        for share in shares:
+            settings = RenderSettings(stages=pace.stages, across=2)
+            first.append(_until(model, at(what, share, settings), last=False))
+            pace.seen(settings.stages[0], first[-1])
+        ends = [at(what, 1.0 + index, RenderSettings(stages=pace.stages, across=2)) for index in range(_RESTS)]
+        rest = sum(_until(model, job, last=True) for job in ends) / len(ends)
+        p50, p95, first_p50, first_p95 = *_quantiles(whole), *_quantiles(first)
+        yield Drag(what, size, p50, p95, first_p50, first_p95, max(1, size // pace.divisor), rest)
+
+
+def _until(model: Model, job: RenderJob, last: bool) -> float:
+    """Seconds until a job's first picture is there, or its last."""
+    began = time.perf_counter()
+    for frame in frames(model, job):
+        if frame and (frame.final or not last):
+            break
+    return time.perf_counter() - began
+
+
+def _quantiles(values: Sequence[float]) -> tuple[float, float]:
+    """ms: the median and the 95th percentile, once things have settled."""
+    ordered = sorted(1000 * value for value in values[_UNSETTLED:])
+    return median(ordered), ordered[int(0.95 * (len(ordered) - 1))]
 
 
 def machine() -> str:

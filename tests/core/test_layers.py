@@ -3,7 +3,7 @@ import torch
 from torch.nn import functional
 
 from core import layers
-from core.layers import linear_relu
+from core.layers import filled, linear_relu
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
@@ -16,6 +16,16 @@ def test_it_is_a_linear_layer_and_its_rectifier(points: int, dtype: torch.dtype)
     plain = functional.linear(values, weight, bias).relu()
     close = 1e-5 if dtype == torch.float32 else 0.1
     torch.testing.assert_close(linear_relu(values, weight, bias), plain, rtol=close, atol=close)
+
+
+@pytest.mark.parametrize(("count", "more"), [(0, 0), (1, 512), (512, 512), (700, 1024)])
+@pytest.mark.parametrize("width", [(), (3,)])
+def test_rows_are_filled_up_with_zeros(count: int, more: int, width: tuple[int, ...]) -> None:
+    rows = torch.arange(1, 1 + count).reshape(-1, *[1] * len(width)).expand(count, *width)
+    found = filled(rows)
+    assert found.shape == (more, *width)
+    assert torch.equal(found[:count], rows)
+    assert not found[count:].any()
 
 
 def test_where_it_cannot_be_fused_the_result_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,9 +58,9 @@ def ball(monkeypatch: pytest.MonkeyPatch):
     return make
 
 
-def _corners(model: Model, dtype: torch.dtype) -> tuple[torch.Tensor, ...]:
+def _corners(model: Model, dtype: torch.dtype) -> torch.Tensor:
     axes = [torch.linspace(-half, half, 65) for half in model.extent]
-    return (torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3),)
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
 
 @pytest.mark.parametrize("resolution", [40, 64, 97])
