@@ -99,7 +99,7 @@ class Occupancy:
         pace = rays.directions * step / self.cell
         first = (rays.origins + rays.directions * rays.near[:, None] + self.extent) / self.cell
         # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
-        cell = torch.zeros(())
+        cell = torch.zeros((), device=length.device)
         for axis in range(3):
             place = torch.addcmul(first[:, axis, None], pace[:, axis, None], along)
             cell = torch.add(place.clamp_(0, CELLS - 1).floor_(), cell, alpha=CELLS)
@@ -126,14 +126,14 @@ class Occupancy:
         across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
         column = (camera.width / 2 + corner + local[:, 0] / before * camera.focal) * (across / camera.width)
         row = (camera.height / 2 + corner - local[:, 1] / before * camera.focal) * (down / camera.height)
-        near = torch.full((across * down + 1,), torch.inf)
+        near = torch.full((across * down + 1,), torch.inf, device=centres.device)
         far = -near
         tiles = _around(column.floor().long(), row.floor().long(), before > 1e-3, across, down)
         depths = depth.expand(len(tiles), -1).flatten()
         near.scatter_reduce_(0, tiles.flatten(), depths - reach, "amin")
         far.scatter_reduce_(0, tiles.flatten(), depths + reach, "amax")
-        rows = torch.arange(camera.height) * down // camera.height
-        columns = torch.arange(camera.width) * across // camera.width
+        rows = torch.arange(camera.height, device=centres.device) * down // camera.height
+        columns = torch.arange(camera.width, device=centres.device) * across // camera.width
         at = rows[:, None] * across + columns
         return near[at], far[at]
 
