@@ -5,7 +5,6 @@ import math
 import numpy as np
 import torch
 from jaxtyping import Float
-from skimage.metrics import mean_squared_error, structural_similarity
 from torch import Tensor
 
 from core.camera import Camera
@@ -20,7 +19,7 @@ MOST_PSNR = 100.0
 def psnr(picture: Picture, truth: Picture) -> float:
     """Peak signal-to-noise ratio in dB of a picture in [0, 1], at most :data:`MOST_PSNR`."""
     first, second = _arrays(picture, truth)
-    return psnr_of(float(mean_squared_error(first, second)))
+    return psnr_of(float(np.mean((first - second) ** 2)))
 
 
 def psnr_of(squared_error: float) -> float:
@@ -35,6 +34,8 @@ def psnr_of(squared_error: float) -> float:
 
 def ssim(picture: Picture, truth: Picture) -> float:
     """Structural similarity over colour, -1..1 (scikit-image, 7 px window). Raises ``ValueError`` below 7 px."""
+    from skimage.metrics import structural_similarity  # imports scipy.stats, which takes as long as half of torch
+
     first, second = _arrays(picture, truth)
     if min(first.shape[:2]) < 7:
         raise ValueError(f"SSIM needs pictures of at least 7x7 px, got {first.shape[1]}x{first.shape[0]}")
