@@ -188,8 +188,15 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     stability = _command(kinds, "stability", "bench_stability", "where blind fits fail: success against stressors")
     stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model, spread over it")
     stability.add_argument("--seed", type=int, default=0)
+    size = _command(kinds, "size", "bench_size", "what sizes of network and codes buy; trains a model for each")
+    size.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
+    size.add_argument("--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of other objects")
+    size.add_argument("--objects", type=_count, default=12, metavar="N", help="of these are fitted")
+    size.add_argument("--steps", type=_count, default=3000, help="that each model is trained")
+    size.add_argument("--models", type=Path, required=True, metavar="DIR", help="where they are kept, to go on later")
     for kind in (rendering, fitting, stability):
         kind.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    for kind in (rendering, fitting, stability, size):
         kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
 
 

@@ -15,7 +15,7 @@ import torch
 from tqdm import tqdm
 
 from core.authors import load_authors
-from core.bench import charts, fitting, rendering, stability
+from core.bench import charts, fitting, rendering, sizes, stability
 from core.bench.subjects import dataset_subjects, own_subjects
 from core.camera import Camera
 from core.codes import Codes
@@ -216,6 +216,17 @@ def bench_stability(chosen: argparse.Namespace) -> None:
     found = _watched(stability.measured(load_model(chosen.model), chosen.objects, chosen.seed))
     charts.write_stability(found, chosen.out)
     print(charts.stability_table(found), flush=True)
+
+
+def bench_size(chosen: argparse.Namespace) -> None:
+    """``bench size``: what sizes of network and codes buy, as numbers, table and chart."""
+    charts.prepare(chosen.out)
+    _require_folder(chosen.models / "any")
+    _, tests = find_objects(chosen.tests)
+    dataset, tests = read_dataset(chosen.datasets), _spread(tests, chosen.objects)
+    found = _watched(sizes.measured(dataset, tests, chosen.steps, chosen.models))
+    charts.write_sizes(found, chosen.out)
+    print(charts.sizes_table(found), flush=True)
 
 
 def _watched(stream: Iterator[str | _Found]) -> _Found:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.bench import fitting, stability
+from core.bench import fitting, sizes, stability
 from core.bench.rendering import Measured, Point
 from core.evaluate import Mean
 from core.files import write_json
@@ -28,6 +28,11 @@ def write_fitting(found: fitting.Measured, folder: Path) -> None:
 def write_stability(found: stability.Atlas, folder: Path) -> None:
     """``stability.json``, ``stability.md`` and ``stability.png``."""
     _write(folder, "stability", found.told(), stability_table(found), lambda: _stability_chart(found))
+
+
+def write_sizes(found: sizes.Measured, folder: Path) -> None:
+    """``size.json``, ``size.md`` and ``size.png``."""
+    _write(folder, "size", found.told(), sizes_table(found), lambda: _sizes_chart(found))
 
 
 def prepare(folder: Path) -> None:
@@ -176,6 +181,38 @@ def _stability_chart(found: stability.Atlas) -> "Figure":
     panels[0].set_ylabel(f"within {stability.SUCCESS_DEGREES:g} degrees (%)")
     panels[0].legend()
     figure.suptitle(f"{found.machine}, {found.objects} objects", fontsize=9)
+    return figure
+
+
+def sizes_table(found: sizes.Measured) -> str:
+    """Markdown: a line for every model."""
+    what = f"{found.objects} objects, {found.steps} steps each"
+    lines = [f"{found.machine}; {what}; held out: objects fitted on one view of known camera.", ""]
+    head = "differs in | parameters | file (kB) | own, new views (dB) | held out (dB) | frame (ms) | fit (s)"
+    lines += [f"| {head} |", "|" + "---|" * 7]
+    for one in found.sizes:
+        name = one.axis if one.axis == "default" else f"{one.axis} {one.value}"
+        quality = f"{one.own:.2f} | {one.held_out.mean:.2f} ({one.held_out.low:.2f} to {one.held_out.high:.2f})"
+        costs = f"{one.frame_ms:.1f} | {one.fit_seconds:.1f}"
+        lines.append(f"| {name} | {one.parameters} | {one.bytes / 1000:.0f} | {quality} | {costs} |")
+    return "\n".join(lines) + "\n"
+
+
+def _sizes_chart(found: sizes.Measured) -> "Figure":
+    figure, (left, right) = _figure(2)
+    default = found.sizes[0]
+    for axis in dict.fromkeys(one.axis for one in found.sizes[1:]):
+        some = sorted((default, *(one for one in found.sizes if one.axis == axis)), key=lambda one: one.bytes)
+        marks = [one.parameters / 1000 for one in some]
+        for axes, quality in ((left, [one.own for one in some]), (right, [one.held_out.mean for one in some])):
+            (line,) = axes.plot([one.frame_ms for one in some], quality, "-", alpha=0.6, label=axis)
+            axes.scatter([one.frame_ms for one in some], quality, marks, color=line.get_color())
+    left.set(xlabel="ms per 128 x 128 frame", ylabel="own objects, new views (dB)")
+    right.set(xlabel="ms per 128 x 128 frame", ylabel="held-out objects, one view (dB)")
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=7)
+    figure.suptitle(f"{found.machine}, {found.objects} objects, {found.steps} steps each; area: parameters", fontsize=9)
     return figure
 
 
