@@ -1,5 +1,6 @@
 """The program: a session, its panels, and the window around them."""
 
+import time
 from collections.abc import Callable
 
 import moderngl
@@ -13,8 +14,11 @@ from viewer.messages import explain
 from viewer.panels import all_panels, help, menu, messages
 from viewer.session import Session
 
-_RATE, _RATE_BESIDE_WORKER = 60.0, 30.0
-"""Frames per second at the most; the second where OpenGL and the worker share the processor."""
+_RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
+"""Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody
+touches anything meanwhile."""
+_TOUCHED = 0.7
+"""s for which a touch counts."""
 
 
 class App:
@@ -43,7 +47,7 @@ class App:
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._remember, self._headless = size, remember, headless
         self._context: moderngl.Context | None = None
-        self._software = False
+        self._software, self._touched = False, 0.0
         self._themed: bool | None = None
         self._failed: dict[str, str] = {}
         if headless:
@@ -144,9 +148,16 @@ class App:
             self._themed = self.desk.dark
             theme.apply(self.desk.palette)
         if not self._headless:
-            beside = self._software and self.session.worker.busy()
-            self.params.fps_idling.fps_max = _RATE_BESIDE_WORKER if beside else _RATE
+            self.params.fps_idling.fps_max = self._rate()
         self.each_frame()
+
+    def _rate(self) -> float:
+        io = imgui.get_io()
+        if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
+            self._touched = time.monotonic()
+        if not (self._software and self.session.worker.busy()):
+            return _RATE
+        return _RATE_BESIDE_WORKER if time.monotonic() - self._touched < _TOUCHED else _RATE_OF_PROGRESS
 
     def _draw(self) -> None:
         menu.keys(self.desk)
