@@ -153,8 +153,8 @@ class App:
         messages.draw(self.desk)
         help.draw(self.desk)
         self.desk.files.draw()
-        if self.desk.focus:
-            self.params.docking_params.focus_dockable_window(self.desk.focus)
-            self.desk.focus = ""
+        for title in filter(None, (self.desk.beside, self.desk.focus)):
+            self.params.docking_params.focus_dockable_window(title)
+        self.desk.beside = self.desk.focus = ""
         assert self.desk.images is not None
         self.desk.images.sweep()

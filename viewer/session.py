@@ -40,7 +40,7 @@ class Streams:
     """Where values come from: core, or a test's stand-ins."""
 
     load_model: Callable[[str], Model] = load_model
-    load_photo: Callable[[Path, Model], Photo] = load_photo
+    load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     preparing: Callable[[Model], Iterator[None]] = preparing
@@ -240,6 +240,10 @@ class Session:
         """Take a fitted object among the objects and make it current, seen as in its photo."""
         name = self.gallery.add(thing)
         self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
+
+    def visit(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
+        """Show codes and the camera they belong to, such as a fit had on its way."""
+        self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
 
     def load_scene(self, path: Path) -> None:
         """Open a scene, or a picture that holds one; what cannot be read, or is of another model, changes nothing."""

@@ -273,12 +273,11 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Mo
     session.gallery.picture("block")
     finish(session)
     assert session.gallery.picture("block")
-    assert session.fitting.course.photo is not None
     assert session.fitting.course.picture is not None
     assert len(session.fitting.course.steps) == 10
-    assert session.fitting.course.pixels is not None
+    assert session.fitting.course.shot is not None
     assert session.fitting.course.difference is not None
-    wrong = np.abs(session.fitting.course.pixels.astype(int) - session.fitting.course.picture.image)
+    wrong = np.abs(session.fitting.course.shot.pixels.astype(int) - session.fitting.course.picture.image)
     np.testing.assert_array_equal(session.fitting.course.difference, (2 * wrong).clip(0, 255))
     assert session.fitting.camera == session.scene.camera
     assert session.fitting.course.progress == 1.0

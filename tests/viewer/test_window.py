@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import av
@@ -281,12 +282,14 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
 
 
 def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: Path, tmp_path: Path) -> None:
-    def shown(window: Driver) -> np.ndarray:
+    def shown(window: Driver, mode: str = "wipe") -> np.ndarray:
+        window.ctx.mouse_move("//View/orbit")
         window.ctx.yield_(2)
-        box = window.ctx.item_info("//Fit/wipe").rect_clipped
+        box = window.ctx.item_info(f"//Fit/{mode}").rect_clipped
         testing.capture(window.ctx, str(tmp_path / "wipe.png"))
         whole = np.asarray(Image.open(tmp_path / "wipe.png").convert("RGB")).astype(float)
-        return whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
+        # Without captions and borders.
+        return whole[int(box.min.y) + 40 : int(box.max.y) - 5, int(box.min.x) + 5 : int(box.max.x) - 5]
 
     def act(window: Driver) -> None:
         session = window.session
@@ -304,12 +307,112 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         window.drag("Fit/wipe", -400)
         whole_render = shown(window)
         assert np.abs(whole_photo - whole_render).mean() > 5
+        window.click("Fit/Onion skin")
+        window.drag("Fit/onion skin", -400)
+        np.testing.assert_allclose(shown(window, "onion skin"), whole_render, atol=3)
+        window.drag("Fit/onion skin", 400)
+        np.testing.assert_allclose(shown(window, "onion skin"), whole_photo, atol=3)
         window.click("Fit/Difference")
         assert window.ctx.item_exists("//Fit/difference")
+        unlike = shown(window, "difference")
+        window.ctx.key_down(imgui.Key.f)
+        np.testing.assert_allclose(shown(window, "difference"), whole_photo, atol=3)
+        window.ctx.key_up(imgui.Key.f)
+        np.testing.assert_array_equal(shown(window, "difference"), unlike)
         window.click("Fit/Side by side")
         assert session.history is before
 
     drive(act)
+
+
+def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not fitting.running)
+        window.wait()
+        found, past = session.state, len(session.history.past)
+        window.drag("Fit/scrub", -60)
+        course = fitting.course
+        assert course.at is not None
+        assert 0 < course.at < 5
+        assert session.scene.codes == course.steps[course.at].codes
+        assert session.scene.camera.elevation == course.steps[course.at].cameras[0].elevation
+        assert len(session.history.past) == past + 1
+        window.wait()
+        testing.capture(window.ctx, str(tmp_path / "scrub.png"))
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == found
+        window.click("Fit/###keep step")
+        name = f"block at {course.steps[course.at].seconds:.1f} s"
+        assert session.gallery.names[0] == name
+        assert session.state.mix.a == (name, name)
+        assert session.scene.codes == course.steps[course.at].codes
+        window.click("Fit/###newest")
+        assert session.scene.codes == found.scene.codes
+        assert fitting.course.at is None
+
+    drive(act)
+
+
+def test_a_fit_goes_on_from_a_step_and_from_the_view(drive: Drive, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not fitting.running)
+        window.click("Fit/scrub")
+        kept = fitting.course.steps[: (fitting.course.at or 0) + 1]
+        window.click("Fit/###go on")
+        window.wait(lambda: not fitting.running)
+        assert fitting.course.steps[: len(kept)] == kept
+        assert len(fitting.course.steps) == len(kept) + 10
+        seconds = [step.seconds for step in fitting.course.steps]
+        assert seconds == sorted(seconds)
+        assert fitting.course.last.cameras == kept[-1].cameras
+        assert session.gallery.names[:2] == ["block (2)", "block"]
+        window.drag("View/orbit", 150)
+        turned = session.scene.camera
+        window.click("Fit/###from view")
+        window.wait(lambda: not fitting.running)
+        assert fitting.camera == turned
+        window.click("Fit/##effort")
+        window.click("**/draft")
+        window.click("Fit/###again")
+        window.wait(lambda: not fitting.running)
+        assert fitting.effort == "draft"
+        assert len(fitting.course.steps) == 10
+        assert fitting.camera != turned
+
+    drive(act)
+
+
+def test_the_race_is_seen_and_a_hypothesis_preferred(
+    drive: Drive, streams: Streams, photo: Path, tmp_path: Path
+) -> None:
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo)])
+        window.wait(lambda: sum(tile.picture is not None for tile in fitting.race.tiles) == 4)
+        assert fitting.running
+        testing.capture(window.ctx, str(tmp_path / "race.png"))
+        third = fitting.race.tiles[2].hypothesis
+        window.drag("Race/cameras", 40, 10)
+        window.ctx.mouse_move("//Race/**/hypothesis 2")
+        window.click("Race/**/hypothesis 3")
+        window.wait(lambda: fitting.running and len(fitting.course.steps) > 0)
+        assert fitting.race.tiles[0].hypothesis.cameras[0].azimuth == third.cameras[0].azimuth
+        window.click("Fit/###stop fit")
+        assert session.scene.camera.azimuth == third.cameras[0].azimuth
+        window.wait()
+        assert window.ctx.item_exists("//Objects/**/show block")
+
+    def held(model: Model, job: FitJob) -> Iterator[FitStep]:
+        while True:
+            for step in islice(quick_fit(model, job), 5):
+                time.sleep(0.01)
+                yield step
+
+    drive(act, replace(streams, fit=held))
 
 
 def test_a_doubtful_fit_is_seen_from_its_other_camera(drive: Drive, photo: Path) -> None:
