@@ -102,6 +102,14 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
     command.add_argument(
+        "--box",
+        type=_box,
+        nargs="+",
+        default=[],
+        metavar="X0,Y0,X1,Y1",
+        help="px around the object, one box per image: for a ground that is not plain",
+    )
+    command.add_argument(
         "--preset", choices=("draft", "normal", "fine", "paper"), default="normal", help="the paper's: one random start"
     )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
@@ -177,6 +185,11 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
 
 def _views(text: str) -> tuple[int, ...]:
     return tuple(int(word) for word in text.split(","))
+
+
+def _box(text: str) -> tuple[float, ...]:
+    left, top, right, bottom = (float(word) for word in text.split(","))
+    return left, top, right, bottom
 
 
 def _degrees(text: str) -> float:

@@ -134,13 +134,13 @@ class FitStep:
     codes: Codes
     hypotheses: int = 1
     """how many are still in the race"""
-    race: tuple[Hypothesis, ...] = ()
-    """those that have not diverged, the least loss first; the rival of the last stage among them. The pictures are
-    those of the race: where several cameras are unknown, each has one of its own before they meet."""
     alternative: Alternative | None = None
     """from the first measurement on, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
     """logarithm of the alternative's loss over the result's; comes with the alternative"""
+    race: tuple[Hypothesis, ...] = ()
+    """those that have not diverged, the least loss first; the rival of the last stage among them. The pictures are
+    those of the race: where several cameras are unknown, each has one of its own before they meet."""
 
     @property
     def confidence(self) -> float | None:
@@ -443,7 +443,7 @@ class _Race:
             cameras(self.model, pool.numbers, leader, self.given),
             codes(self.model, pool.numbers, leader, self.by),
             len(pool),
-            self._ranked(pool if rival is None else joined(pool, rival)),
+            race=self._ranked(pool if rival is None else joined(pool, rival)),
         )
         if rival is None or not math.isfinite(standing.margin) or int(self.unknown.sum()) > 1:
             return shown

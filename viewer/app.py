@@ -11,6 +11,7 @@ from viewer.desk import Desk, Panel
 from viewer.files import Files
 from viewer.messages import explain
 from viewer.panels import all_panels, help, menu, messages
+from viewer.panels.cutting import CuttingDialog
 from viewer.session import Session
 
 _RATE, _RATE_BESIDE_WORKER = 60.0, 30.0
@@ -39,6 +40,7 @@ class App:
         self.session = session
         self.desk = Desk(session, Files(native_dialogs), quit=self._quit)
         self.panels: list[Panel] = all_panels()
+        self._cutting = CuttingDialog()
         self.params = window.parameters(size, remember)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._remember, self._headless = size, remember, headless
@@ -153,6 +155,7 @@ class App:
         messages.draw(self.desk)
         help.draw(self.desk)
         self.desk.files.draw()
+        self._cutting.draw(self.desk)
         for title in filter(None, (self.desk.beside, self.desk.focus)):
             self.params.docking_params.focus_dockable_window(title)
         self.desk.beside = self.desk.focus = ""

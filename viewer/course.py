@@ -11,9 +11,10 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from core.cutout import Hints
 from core.fit import FitStep
 from core.frames import Frame
-from core.photos import Photo
+from core.photos import Framing, Photo
 
 _MOST_STEPS = 800
 """kept; of more, every other one is forgotten"""
@@ -25,6 +26,9 @@ class Source(NamedTuple):
     path: Path
     pose: Path | None = None
     """its camera, where that is known: a file of SRN"""
+    hints: Hints | None = None
+    """where the object is, where somebody said so"""
+    framing: Framing | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from viewer.exporting import Kind
 from viewer.files import Files, Wish
 from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
+from viewer.worker import Job
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 VIDEOS = (".mp4", ".gif", ".webp")
@@ -57,6 +58,17 @@ class Desk:
         """Fit images of one object and show how it goes."""
         self.focus, self.beside = "Fit", "Race"
         self.session.fitting.start(*paths)
+
+    def paste(self) -> None:
+        """Fit the images in the clipboard."""
+        session, text = self.session, imgui.get_clipboard_text()
+
+        def ended(error: Exception | None) -> None:
+            if error:
+                session.report("Cannot paste", error)
+
+        found = Job("paste", lambda: session.clipboard.images(text), lambda paths: self.fit(*paths), ended)
+        session.worker.submit(found)
 
     def open_scene(self) -> None:
         """Ask for a scene, or a picture that holds one, and open it."""

@@ -13,6 +13,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from core.camera import Camera
+from core.cutout import NoGroundError
 from core.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.frames import Frame, RenderJob, RenderSettings
 from viewer.course import Course, Shot, Source, paired
@@ -56,19 +57,24 @@ class Fitting:
     # What is fitted
 
     def start(self, *paths: Path) -> None:
-        """Fit the object in images; pose files (.txt) among them belong to the images of their names.
+        """Fit the object in images; pose files (.txt) among them belong to the images of their names."""
+        try:
+            self.fit(*paired(paths))
+        except ValueError as error:
+            self._session.report("Cannot fit this", error)
 
-        What cannot be used leaves everything as it was.
-        """
+    def fit(self, *sources: Source) -> None:
+        """Fit the object in photos. What cannot be used leaves everything as it was."""
         if self._session.model is None:
-            self._session.when_ready = lambda: self.start(*paths)
+            self._session.when_ready = lambda: self.fit(*sources)
         elif self.running:
             self._session.say("A fit is under way: stop it first")
-        else:
-            try:
-                self._run(Course(paired(paths)))
-            except ValueError as error:
-                self._session.report("Cannot fit this", error)
+        elif sources:
+            self._run(Course(sources))
+
+    def cut_out(self) -> None:
+        """Point out the object in the photo that is looked at, and fit once more."""
+        self._session.cutting.open(self.course.sources, self.course.view)
 
     def add(self, path: Path) -> None:
         """Fit once more, with another photo of the same object."""
@@ -170,14 +176,17 @@ class Fitting:
             settings = replace(settings, steps=max(1, settings.steps // _GOING_ON))
 
         def ended(error: Exception | None) -> None:
+            read = len(self.course.shots)
             if error and len(self.course.steps) == len(course.steps):
                 self.course, self.race.tiles = before, race
             self._ended(error)
+            if isinstance(error, NoGroundError):
+                self._session.cutting.open(course.sources, read)
 
         def stream() -> Iterator[Shot | FitStep]:
             photos = [shot.photo for shot in course.shots]
             for source in course.sources[len(photos) :]:
-                photos.append(self._session.streams.load_photo(source.path, model, source.pose))
+                photos.append(self._session.streams.load_photo(source.path, model, *source[1:]))
                 yield Shot.of(source, photos[-1])
             past = course.steps[-1].seconds if course.steps else 0.0
             for step in self._session.streams.fit(model, FitJob(tuple(photos), settings, begin=begin)):
@@ -221,7 +230,8 @@ class Fitting:
             self._finish("Fitted")
             return
         self.running = False
-        self._session.report("Cannot fit this image", error)
+        if not isinstance(error, NoGroundError):  # for which there is a dialog
+            self._session.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:
         self.running = False

@@ -20,6 +20,8 @@ from core.pictures import open_scene
 from core.scene import Scene
 from core.starts import preparing
 from viewer import orbit
+from viewer.clipboard import Clipboard
+from viewer.cutting import Cutting
 from viewer.exporting import Exporting, mesh, turntable
 from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
@@ -75,7 +77,9 @@ class Session:
         self.gallery = Gallery(self)
         self.sheet = Sheet(self)
         self.fitting = Fitting(self)
+        self.cutting = Cutting(self)
         self.exporting = Exporting(self)
+        self.clipboard = Clipboard()
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
         """for each kind the code that was last asked for, and the answer"""
         self._random = torch.Generator()
@@ -149,6 +153,7 @@ class Session:
 
     def _opened(self, model: Model) -> None:
         self.fitting.reset()
+        self.cutting.close()
         self.exporting.cancel()
         self.model, self.frame, self.locked = model, None, frozenset()
         self.gallery.open(model)

@@ -23,9 +23,11 @@ from core.field import Field
 from core.files import whole_file
 from core.fit import FitJob, FitStep
 from core.model import Model
+from core.photos import Photo
 from core.pictures import save_picture
 from core.scene import Scene
-from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit
+from tests.core.tiny import tiny_model
+from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
 from viewer import app, orbit
 from viewer.files import Wish
 from viewer.panels import all_panels
@@ -467,6 +469,149 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, pho
         assert window.session.gallery.names[0] == "block"
 
     drive(act, replace(streams, fit=endless_fit))
+
+
+def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Streams, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
+    noise[40:120, 60:120], noise[50:70, 130:150] = (30, 40, 220), (220, 30, 30)
+    Image.fromarray(noise).save(tmp_path / "busy.png")
+
+    def act(window: Driver) -> None:
+        session, cutting, ctx = window.session, window.session.cutting, window.ctx
+        before = session.history
+        window.desk.drop([str(tmp_path / "busy.png")])
+        window.wait(lambda: cutting.active and not session.worker.busy())
+        assert "no plain ground" in cutting.problem
+        assert session.errors == []
+        assert session.history is before
+        canvas = "//Cut out###cutout/**/canvas"
+        box = ctx.item_info(canvas).rect_full
+        width, height = box.max.x - box.min.x, box.max.y - box.min.y
+
+        def drawn(*shares: tuple[float, float]) -> None:
+            places = [imgui.ImVec2(box.min.x + x * width, box.min.y + y * height) for x, y in shares]
+            ctx.mouse_move_to_pos(places[0])
+            ctx.mouse_down()
+            for place in places[1:]:
+                ctx.mouse_move_to_pos(place)
+                ctx.yield_()
+            ctx.mouse_up()
+            window.wait()
+
+        def covered(x: float, y: float) -> bool:
+            assert cutting.cut is not None
+            mask = cutting.cut.cut.mask
+            return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
+
+        drawn((0.15, 0.15), (0.4, 0.5), (0.7, 0.85))
+        assert cutting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
+        assert covered(0.38, 0.5)
+        window.click("Cut out###cutout/**/Remove")
+        drawn((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
+        assert not covered(0.58, 0.37)
+        window.click("Cut out###cutout/**/Add")
+        drawn((0.55, 0.7), (0.6, 0.7))
+        assert covered(0.58, 0.7)
+        window.click("Cut out###cutout/**/###undo cut")
+        window.wait()
+        assert not covered(0.58, 0.7)
+        ctx.item_input_value("//Cut out###cutout/**/##scale", 0.8)
+        window.wait()
+        assert cutting.framing.scale == pytest.approx(0.8)
+        testing.capture(ctx, str(tmp_path / "cut.png"))
+        hints = cutting.hints
+        window.click("Cut out###cutout/**/###fit cut")
+        assert not cutting.active
+        window.wait(lambda: not session.fitting.running)
+        assert session.gallery.names[0] == "busy"
+        shot = session.fitting.course.shot
+        assert shot is not None
+        assert shot.source.hints == hints
+        assert shot.photo.framed
+        window.click("Fit/###cut out")
+        window.wait(lambda: cutting.cut is not None)
+        assert cutting.hints == hints
+        window.click("Cut out###cutout/**/###clear cut")
+        window.wait()
+        assert cutting.cut is None
+        window.click("Cut out###cutout/**/###cancel cut")
+        window.wait()
+        assert not cutting.active
+        window.drag("View/orbit", 50)  # the dialog is gone
+
+    tiny = tiny_model()
+    drive(act, replace(streams, load_model=lambda name: tiny))
+
+
+def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        held: list[object] = [None, OSError("wl-paste or xclip is required"), [str(photo)]]
+
+        def grabbed() -> object:
+            found = held.pop(0)
+            if isinstance(found, OSError):
+                raise found
+            return found
+
+        monkeypatch.setattr("viewer.clipboard.ImageGrab.grabclipboard", grabbed)
+        imgui.set_clipboard_text("no file of this name")
+        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.wait(lambda: len(session.errors) == 1)
+        assert "no image" in session.errors[0]
+        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.wait(lambda: len(session.errors) == 2)
+        assert "xclip" in session.errors[1]
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("File/###paste")
+        window.wait(lambda: bool(session.fitting.course.steps) and not session.fitting.running)
+        assert session.gallery.names[0] == "block"
+        imgui.set_clipboard_text(photo.as_uri())
+        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.wait(lambda: session.gallery.names[0] == "block (2)")
+
+    drive(act)
+
+
+def test_several_photos_are_fitted_together_with_known_poses(
+    drive: Drive, photo: Path, model: Model, tmp_path: Path
+) -> None:
+    camera = model.camera(2.0, 0.5)
+    for name in ("block b.txt", "other.txt"):
+        (tmp_path / name).write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
+    for name in ("block b.png", "block c.png"):
+        (tmp_path / name).write_bytes(photo.read_bytes())
+
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo), str(tmp_path / "block b.png"), str(tmp_path / "block b.txt")])
+        window.wait(lambda: bool(fitting.course.steps) and not fitting.running)
+        assert [source.pose is not None for source in fitting.course.sources] == [False, True]
+        window.click("Fit/###photo 2")
+        window.wait()
+        assert fitting.camera.azimuth == pytest.approx(2.0)
+        window.click("Fit/###add photo")
+        window.type(str(tmp_path / "block c.png"))
+        window.wait(lambda: len(fitting.course.shots) == 3 and not fitting.running)
+        window.click("Fit/###photo 3")
+        window.click("Fit/###pose")
+        window.type(str(tmp_path / "other.txt"))
+        window.wait(lambda: not fitting.running)
+        assert fitting.course.view == 2
+        assert fitting.course.sources[2].pose == tmp_path / "other.txt"
+        window.wait()
+        testing.capture(window.ctx, str(tmp_path / "several.png"))
+        window.desk.drop([str(photo), str(tmp_path / "other.txt")])
+        assert "other.txt" in session.errors[0]
+        window.desk.drop([str(tmp_path / "other.txt")])
+        assert len(session.errors) == 2
+        assert not fitting.running
+
+    def posed(path: Path, model: Model, pose: Path | None = None, *told: object) -> Photo:
+        found = quick_photo(path, model)
+        return replace(found, camera=camera.resized(32, 32)) if pose else found
+
+    drive(act, Streams(lambda name: model, posed, quick_frames, quick_fit))
 
 
 def test_a_fit_that_fails_is_told_and_put_away(drive: Drive, streams: Streams, photo: Path) -> None:

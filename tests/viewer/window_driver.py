@@ -26,16 +26,16 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         across, down = width / height / 2 + 0.2 * math.sin(camera.azimuth), 0.5 + 0.2 * math.sin(camera.elevation)
         radius = (0.3 + 0.05 * math.tanh(float(codes.shape.sum()))) / camera.distance
         opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
-        colour = np.array([0.5 + 0.5 * math.tanh(value) for value in codes.texture[:3].tolist()])
+        colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (codes.texture.tolist() * 3)[:3]])
         image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
         yield None
         yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
 
 
-def quick_photo(path: Path, model: Model, pose: Path | None = None) -> Photo:
+def quick_photo(path: Path, model: Model, *told: object) -> Photo:
     """The real thing refuses what is no picture, but cannot frame a block for a model of mists."""
     if not path.stem.startswith("block"):
-        return load_photo(path, model, pose)
+        return load_photo(path, model, *told)
     with Image.open(path) as image:
         pixels = torch.from_numpy(np.array(image.resize((32, 32)))) / 255
     return Photo(pixels, pixels.mean(-1) < 0.9)
@@ -63,9 +63,10 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             )
         behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in race[0].cameras)
         yield FitStep(
-            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, race[0].cameras, codes, len(race), tuple(race)),
+            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, race[0].cameras, codes, len(race)),
             alternative=Alternative(behind, 1.1 * loss),
             margin=math.log(1.1),
+            race=tuple(race),
         )
 
 

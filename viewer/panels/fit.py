@@ -10,7 +10,8 @@ from viewer.files import Wish
 from viewer.fitting import EFFORTS, Fitting
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
-_ADD = icons_fontawesome_4.ICON_FA_PLUS
+_ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS
+_SCISSORS = icons_fontawesome_4.ICON_FA_CUT
 
 _OTHER_HELP = """Try the other camera, which explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
@@ -19,6 +20,7 @@ and is seldom much better"""
 _ON_HELP = "Improve the fit from the step that is shown, for as long as you like: stop it and go on again"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then go on from there:
 for a camera that was not found"""
+_CUT_HELP = "Point out the object in this photo, move it in its frame, and fit again"
 _SURE = 0.9
 """Nearly all cameras of more confidence were right."""
 
@@ -67,7 +69,7 @@ def _draw_progress(fitting: Fitting) -> None:
 def _draw_start(desk: Desk, fitting: Fitting) -> None:
     """How to begin a fit."""
     ready, fitted = desk.session.ready, fitting.course.shot is not None
-    if button(f"{_ICON}  Fit image…###fit image", "Choose an image of one object, and find it", enabled=ready):
+    if button(f"{_ICON}  Fit…###fit image", "Choose an image of one object, and find it", enabled=ready):
         desk.fit_image()
     imgui.same_line()
     imgui.set_next_item_width(hello_imgui.em_size(5))
@@ -81,7 +83,10 @@ def _draw_start(desk: Desk, fitting: Fitting) -> None:
     if button(f"{_ADD}###add photo", "Fit again with another photo of the same object beside this one", enabled=fitted):
         desk.files.ask(Wish("Another photo of the same object", fitting.add, IMAGES))
     imgui.same_line()
-    if button("Pose…###pose", "Fit again with the known camera of this photo (an SRN pose file)", enabled=fitted):
+    if button(f"{_SCISSORS}###cut out", _CUT_HELP, enabled=fitted):
+        fitting.cut_out()
+    imgui.same_line()
+    if button(f"{_PLACE}###pose", "Fit again with the known camera of this photo (an SRN pose file)", enabled=fitted):
         desk.files.ask(Wish("Pose of this photo", fitting.pose, (".txt",)))
 
 
@@ -159,5 +164,5 @@ def _invitation(desk: Desk) -> str:
     what = model.category.removesuffix("s")
     return (
         f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is cut out and framed, then "
-        "its camera and its two codes are found. A plain ground helps; a transparent one is best."
+        "its camera and its two codes are found. A plain ground helps; on any other you point it out."
     )

@@ -52,8 +52,11 @@ class RacePanel:
         self._draw_cameras(desk, tiles, hovered, inset)
 
     def _draw_tiles(self, desk: Desk, tiles: tuple[Tile, ...]) -> None:
-        side, gap = 3.1 * hello_imgui.em_size(), 0.25 * hello_imgui.em_size()
-        across = max(1, int((imgui.get_content_region_avail().x + gap) // (side + gap)))
+        em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
+        gap = 0.25 * em
+        across = math.ceil(math.sqrt(len(tiles) * room.x / max(em, room.y)))
+        rows = math.ceil(len(tiles) / across)
+        side = max(1.6 * em, min(3.4 * em, room.x / across - gap, room.y / rows - gap))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
         for number, tile in enumerate(tiles):
             if number % across:
