@@ -30,6 +30,8 @@ _GOING_ON = 3
 """Where a fit goes on, it has one of so many steps of the preset: there is no race."""
 _LOOK_EVERY = 0.3
 """s between two pictures of the fit, which take their time from it"""
+_LOOK_STEPS = 4
+"""steps between two pictures at the least, for machines on which they are slow"""
 _LIVE = RenderSettings(samples=48, stages=(2,))
 _FINISHED = RenderSettings(stages=(1,))
 
@@ -48,11 +50,12 @@ class Fitting:
         """Forget the fit; one under way is dropped."""
         self._session.worker.cancel("fit")
         self._session.worker.cancel("fit picture")
-        self.race.reset()
+        self.race.stop()
+        self.race.tiles = ()
         self.course = Course()
         """of the fit under way, or of the last one"""
         self.running = False
-        self._looked = 0.0
+        self._looked, self._unseen = 0.0, 0
 
     # What is fitted
 
@@ -200,12 +203,13 @@ class Fitting:
             return
         self.course = self.course.stepped(value)
         self.race.stepped(value)
-        due = self.course.at is None and time.monotonic() - self._looked > _LOOK_EVERY
-        if due and not self._session.worker.busy("fit picture"):
+        self._unseen += 1
+        due = self._unseen >= _LOOK_STEPS and time.monotonic() - self._looked > _LOOK_EVERY
+        if due and self.course.at is None and not self._session.worker.busy("fit picture"):
             self._look(_LIVE)
 
     def _look(self, settings: RenderSettings) -> None:
-        self._looked = time.monotonic()
+        self._looked, self._unseen = time.monotonic(), 0
         model, step, view = self._session.model, self.course.step, self.course.view
         assert model is not None and step is not None
         job = RenderJob(step.codes, step.cameras[view], settings)
@@ -230,11 +234,13 @@ class Fitting:
             self._finish("Fitted")
             return
         self.running = False
+        self.race.stop()
         if not isinstance(error, NoGroundError):  # for which there is a dialog
             self._session.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:
         self.running = False
+        self.race.stop()
         self.course = replace(self.course, at=None)
         name, last = self.course.name, self.course.last
         if last is None:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import TYPE_CHECKING
+
+import torch
 
 from core.camera import Camera
 from core.fit import FitStep, Hypothesis
-from core.frames import Frame, RenderJob, RenderSettings
+from core.frames import Frame
 from core.model import Model
+from core.precision import autocast
+from core.render import render_exact
 from viewer.worker import Job
 
 if TYPE_CHECKING:
@@ -19,13 +23,12 @@ if TYPE_CHECKING:
 
 _NEAR = 45.0
 """degrees: one step turns no camera so far, so what is farther is another hypothesis of the same start"""
-_LEADERS = 3
-"""drawn at a time"""
-_EVERY = 0.4
-"""s between two rounds of pictures, which take their time from the fit"""
-_SIZE = 40
-"""px"""
-_SETTINGS = RenderSettings(samples=24, stages=(1,))
+_SHARE = 0.1
+"""of the worker's time, which the fit has otherwise"""
+_SIZE, _SAMPLES = 32, 16
+"""px, and along a ray"""
+_CLOSER = 1.5
+"""Photos are framed with room around the object, for which a tile has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,18 +42,16 @@ class Tile:
     lost: float | None = None
     """seconds of the fit after which it was in the race no more; None while it is"""
     picture: Frame | None = None
-    drawn: float = -math.inf
-    """s on the monotonic clock, when the picture was asked for"""
 
 
 def raced(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
     """The tiles after a step: those in the race by their loss, then the losers, the latest first."""
     alive = [tile for tile in tiles if tile.lost is None]
-    racing, count = list[Tile](), len(tiles)
+    racing, fresh = list[Tile](), count(len(tiles))
     for hypothesis in step.race:
         tile = min(alive, key=lambda tile: _apart(tile, hypothesis), default=None)
         if tile is None or _apart(tile, hypothesis) > _NEAR:
-            tile, count = Tile(count, hypothesis), count + 1
+            tile = Tile(next(fresh), hypothesis)
         else:
             alive.remove(tile)
         racing.append(replace(tile, hypothesis=hypothesis))
@@ -75,47 +76,49 @@ def _moved(first: Camera, second: Camera) -> float:
 
 
 class Race:
-    """The tiles of the fit under way, or of the last one. The leaders are drawn anew a few times a second."""
+    """The tiles of the fit under way, or of the last one, drawn anew one by one while it runs."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.tiles: tuple[Tile, ...] = ()
-        self._looked = 0.0
 
-    def reset(self) -> None:
-        """No race."""
+    def stop(self) -> None:
+        """Draw no more; the tiles stay."""
         self._session.worker.cancel("race")
-        self.tiles = ()
 
     def stepped(self, step: FitStep) -> None:
         """The fit has made a step."""
         self.tiles = raced(self.tiles, step)
-        now = time.monotonic()
-        if now - self._looked > _EVERY and not self._session.worker.busy("race"):
-            self._looked = now
-            self._draw([tile for tile in self.tiles if tile.lost is None])
-
-    def _draw(self, racing: list[Tile]) -> None:
         model = self._session.model
         assert model is not None, "no model yet"
-        # The leader is drawn in every round; the others, in the order of their loss, where the oldest pictures are.
-        due = racing[:1] + sorted(racing[1:], key=lambda tile: tile.drawn)[: _LEADERS - 1]
-        names = {tile.name for tile in due}
-        now = time.monotonic()
-        self.tiles = tuple(replace(tile, drawn=now) if tile.name in names else tile for tile in self.tiles)
+        if self.tiles and not self._session.worker.busy("race"):
+            self._session.worker.submit(Job("race", lambda: self._drawn(model), self._keep, self._ended, share=_SHARE))
 
-        def ended(error: Exception | None) -> None:
-            if error:
-                self._session.report("Cannot draw the race", error)
-
-        self._session.worker.submit(Job("race", lambda: self._drawn(model, due), self._keep, ended))
-
-    def _drawn(self, model: Model, due: list[Tile]) -> Iterator[tuple[int, Frame] | None]:
-        for tile in due:
-            camera = tile.hypothesis.cameras[0].resized(_SIZE, _SIZE)
-            for frame in self._session.streams.frames(model, RenderJob(tile.hypothesis.codes, camera, _SETTINGS)):
-                yield (tile.name, frame) if frame else None
+    def _drawn(self, model: Model) -> Iterator[tuple[int, Frame]]:
+        """Every other picture is the leader's; between them comes whoever was drawn the longest ago."""
+        turns, drawn = count(), dict[int, int]()
+        while racing := [tile for tile in self.tiles if tile.lost is None]:
+            turn = next(turns)
+            tile = racing[0] if turn % 2 else min(racing, key=lambda tile: drawn.get(tile.name, -1))
+            drawn[tile.name] = turn
+            yield tile.name, _glance(model, tile.hypothesis)
 
     def _keep(self, drawn: tuple[int, Frame]) -> None:
         name, picture = drawn
         self.tiles = tuple(replace(tile, picture=picture) if tile.name == name else tile for tile in self.tiles)
+
+    def _ended(self, error: Exception | None) -> None:
+        if error:
+            self._session.report("Cannot draw the race", error)
+
+
+def _glance(model: Model, hypothesis: Hypothesis) -> Frame:
+    """A hypothesis from its camera, coarse. In each step it has another shape, for which the fast renderer would look
+    up the occupied cells first; for so few pixels the reference takes half the time.
+    """
+    camera = hypothesis.cameras[0].resized(_SIZE, _SIZE)
+    with torch.inference_mode(), autocast(model.device):
+        seen = render_exact(model, hypothesis.codes, replace(camera, focal=_CLOSER * camera.focal), _SAMPLES)
+    image = (seen.colour.float().clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+    depth, opacity = seen.depth.float().cpu().numpy(), seen.opacity.float().cpu().numpy()
+    return Frame(image, depth, opacity, 0, 1, _SAMPLES, 0.0)
