@@ -20,7 +20,7 @@ from core.bench.subjects import dataset_subjects, own_subjects
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import DOUBTFUL
-from core.cutout import Hints
+from core.cutout import Hints, NoGroundError
 from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural
 from core.data.variants import cells
@@ -91,7 +91,10 @@ def fit_command(chosen: argparse.Namespace) -> None:
     poses = chosen.pose or [None] * len(chosen.images)
     hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
     each = zip(chosen.images, poses, hints, strict=True)
-    photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
+    try:
+        photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
+    except NoGroundError as error:
+        raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
     for path in filter(None, (chosen.out, chosen.log)):
         _require_folder(path)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)

@@ -64,10 +64,12 @@ class Comparison:
         else:
             tip("Drag: the farther right, the more of the photo. Hold F: the photo alone")
         draw, edge = imgui.get_window_draw_list(), corner.x + self._share * side
-        _draw_render(desk, corner, side, to_right=self._mode == "Wipe")
         if self._mode == "Onion skin":
-            _draw_photo(desk, corner, side, self._share)
+            course = desk.session.fitting.course
+            _draw_picture(desk, "", course.shown, corner, side)
+            _draw_picture(desk, "", course.shot.pixels if course.shot else None, corner, side, share=self._share)
             return
+        _draw_render(desk, corner, side)
         draw.push_clip_rect(corner, (edge, corner.y + side), True)
         _draw_photo(desk, corner, side)
         draw.pop_clip_rect()
@@ -82,13 +84,14 @@ def _reserve(name: str, size: ImVec2, room: float) -> ImVec2:
     return corner
 
 
-def _draw_photo(desk: Desk, corner: ImVec2, side: float, share: float = 1.0) -> None:
+def _draw_photo(desk: Desk, corner: ImVec2, side: float) -> None:
     shot = desk.session.fitting.course.shot
-    _draw_picture(desk, "Photo", shot.pixels if shot else None, corner, side, share=share)
+    _draw_picture(desk, "Photo", shot.pixels if shot else None, corner, side)
 
 
-def _draw_render(desk: Desk, corner: ImVec2, side: float, to_right: bool = False) -> None:
-    _draw_picture(desk, "Render", desk.session.fitting.course.shown, corner, side, to_right)
+def _draw_render(desk: Desk, corner: ImVec2, side: float) -> None:
+    """Its caption is at the right, where a wipe shows it."""
+    _draw_picture(desk, "Render", desk.session.fitting.course.shown, corner, side, to_right=True)
 
 
 def _draw_picture(
@@ -108,5 +111,5 @@ def _draw_picture(
     else:
         draw.add_rect_filled(corner, opposite, packed(_WHITE, share), 0.3 * em)
     across = side - imgui.calc_text_size(caption).x - 0.5 * em if to_right else 0.5 * em
-    if caption == "Render" or share == 1.0:
+    if caption:
         draw.add_text(corner + ImVec2(across, 0.3 * em), packed((0.38, 0.38, 0.38)), caption)

@@ -82,6 +82,7 @@ class Desk:
         """Take files let go over the window: a scene, or a picture that holds one, is opened; any others are fitted."""
         if not paths:
             return
+        self.session.cutting.close()
         path = Path(paths[0])
         if path.suffix.lower() == ".json" or held_scene(path):
             self.session.load_scene(path)

@@ -142,9 +142,11 @@ class Fitting:
 
     def scrub(self, index: int | None, gesture: str = "") -> None:
         """Look at a step: its codes, seen from its camera, are an edit of the scene. None is the newest step."""
-        if last := len(self.course.steps):
-            self.course = replace(self.course, at=None if index is None else max(0, min(index, last - 1)))
-            step = self.course.steps[-1 if self.course.at is None else self.course.at]
+        if not self.course.steps:
+            return
+        last = len(self.course.steps) - 1
+        self.course = replace(self.course, at=None if index is None else max(0, min(index, last)))
+        if step := self.course.step:
             self._session.visit(step.codes, self.camera, gesture)
             self._look(_LIVE)
 

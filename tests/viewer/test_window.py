@@ -512,7 +512,7 @@ def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Stream
         window.click("Cut out###cutout/**/Add")
         drawn((0.55, 0.7), (0.6, 0.7))
         assert covered(0.58, 0.7)
-        window.click("Cut out###cutout/**/###undo cut")
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         window.wait()
         assert not covered(0.58, 0.7)
         ctx.item_input_value("//Cut out###cutout/**/##scale", 0.8)
@@ -534,10 +534,19 @@ def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Stream
         window.click("Cut out###cutout/**/###clear cut")
         window.wait()
         assert cutting.cut is None
+        window.click("Cut out###cutout/**/###undo cut")
+        window.wait()
+        assert cutting.hints == hints
         window.click("Cut out###cutout/**/###cancel cut")
         window.wait()
         assert not cutting.active
+        window.click("Fit/###cut out")
+        window.wait(lambda: cutting.cut is not None)
+        window.desk.drop([str(tmp_path / "missing.png")])
+        window.wait(lambda: bool(session.errors))
+        past = len(session.history.past)
         window.drag("View/orbit", 50)  # the dialog is gone
+        assert len(session.history.past) == past + 1
 
     tiny = tiny_model()
     drive(act, replace(streams, load_model=lambda name: tiny))

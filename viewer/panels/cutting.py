@@ -38,15 +38,22 @@ class CuttingDialog:
     def draw(self, desk: Desk) -> None:
         """To be called once a frame."""
         cutting, viewport = desk.session.cutting, imgui.get_main_viewport()
-        if not cutting.active:
-            return
-        if not imgui.is_popup_open(_TITLE):
+        if cutting.active and not imgui.is_popup_open(_TITLE):
             imgui.open_popup(_TITLE)
+        if not imgui.is_popup_open(_TITLE):
+            return
         imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.always, (0.5, 0.5))
         imgui.set_next_window_size(viewport.work_size * 0.92)
         flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize
         if not imgui.begin_popup_modal(_TITLE, None, flags)[0]:
             return
+        if cutting.active:
+            self._draw_inside(desk, cutting)
+        if not cutting.active:
+            imgui.close_current_popup()
+        imgui.end_popup()
+
+    def _draw_inside(self, desk: Desk, cutting: Cutting) -> None:
         width = imgui.get_content_region_avail().x - hello_imgui.em_size(_COLUMN) - imgui.get_style().item_spacing.x
         if imgui.begin_child("photo", (width, 0)):
             self._draw_photo(desk, cutting)
@@ -57,9 +64,6 @@ class CuttingDialog:
             _draw_frame(desk, cutting)
             _draw_end(cutting)
         imgui.end_child()
-        if not cutting.active:
-            imgui.close_current_popup()
-        imgui.end_popup()
 
     def _draw_photo(self, desk: Desk, cutting: Cutting) -> None:
         if cutting.plain is None or desk.images is None:

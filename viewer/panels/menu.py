@@ -45,13 +45,14 @@ def draw(desk: Desk) -> None:
 def keys(desk: Desk) -> None:
     """Shortcuts; to be called once a frame, outside of any window."""
     session, mod, key = desk.session, imgui.Key, imgui.Key
-    chords: list[tuple[int, Callable[[], None]]] = [
-        (mod.mod_ctrl | key.z, session.undo),
-        (mod.mod_ctrl | mod.mod_shift | key.z, session.redo),
-        (mod.mod_ctrl | key.y, session.redo),
-        (mod.mod_ctrl | key.q, desk.quit),
-    ]
-    if session.ready:
+    chords: list[tuple[int, Callable[[], None]]] = [(mod.mod_ctrl | key.q, desk.quit)]
+    if not session.cutting.active:  # where undo has another meaning
+        chords += [
+            (mod.mod_ctrl | key.z, session.undo),
+            (mod.mod_ctrl | mod.mod_shift | key.z, session.redo),
+            (mod.mod_ctrl | key.y, session.redo),
+        ]
+    if session.ready and not session.cutting.active:
         chords += [(mod.mod_ctrl | key.s, desk.save_scene), (mod.mod_ctrl | key.o, desk.open_scene)]
         if not session.fitting.running:
             chords += [(mod.mod_ctrl | key.i, desk.fit_image), (mod.mod_ctrl | key.v, desk.paste)]
