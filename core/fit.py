@@ -137,14 +137,15 @@ class FitStep:
     alternative: Alternative | None = None
     """from the first measurement on, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
-    """logarithm of the alternative's loss over the result's; comes with the alternative"""
+    """logarithm of the alternative's loss over the result's; comes with the alternative, but
+    where a fit went on from a given hypothesis"""
     race: tuple[Hypothesis, ...] = ()
     """those that have not diverged, the least loss first; the rival of the last stage among them. The pictures are
     those of the race: where several cameras are unknown, each has one of its own before they meet."""
 
     @property
     def confidence(self) -> float | None:
-        """The probability that the cameras are right, 0..1; None where there is no alternative."""
+        """The probability that the cameras are right, 0..1; None where that is not known."""
         return None if self.margin is None else confidence(self.margin)
 
 
@@ -448,7 +449,8 @@ class _Race:
         if rival is None or not math.isfinite(standing.margin) or int(self.unknown.sum()) > 1:
             return shown
         alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
-        return replace(shown, alternative=alternative, margin=standing.margin)
+        # Without a race the alternative had no chance, so its margin says nothing.
+        return replace(shown, alternative=alternative, margin=None if self.begin else standing.margin)
 
     def _ranked(self, pool: Pool) -> tuple[Hypothesis, ...]:
         """A pool's hypotheses, the least cost first, without those that have diverged."""

@@ -110,6 +110,7 @@ def test_a_fit_goes_on_where_another_ended(tiny: Model):
     assert steps[0].start == begin.start
     assert steps[-1].psnr > last(tiny, photo, settings=SHORT).psnr
     assert steps[-1].alternative is not None
+    assert steps[-1].confidence is None
 
 
 def test_a_fit_that_goes_on_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
