@@ -101,6 +101,14 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
+    command.add_argument(
+        "--box",
+        type=_box,
+        nargs="+",
+        default=[],
+        metavar="X0,Y0,X1,Y1",
+        help="px around the object, one box per image: for a ground that is not plain",
+    )
     _add_preset(command)
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
@@ -202,6 +210,11 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
 
 def _views(text: str) -> tuple[int, ...]:
     return tuple(int(word) for word in text.split(","))
+
+
+def _box(text: str) -> tuple[float, ...]:
+    left, top, right, bottom = (float(word) for word in text.split(","))
+    return left, top, right, bottom
 
 
 def _degrees(text: str) -> float:

@@ -20,6 +20,7 @@ from core.bench.subjects import dataset_subjects, own_subjects
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import DOUBTFUL
+from core.cutout import Hints, NoGroundError
 from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural, swap_plan
 from core.data.variants import cells
@@ -34,6 +35,7 @@ from core.mesh import export_mesh
 from core.model import Model
 from core.photos import load_photo
 from core.pictures import open_scene, save_picture
+from core.reading import upright_size
 from core.render import render_exact
 from core.report import swap_told, told, write_report, write_swap_report
 from core.scene import Scene
@@ -82,9 +84,16 @@ def fit_command(chosen: argparse.Namespace) -> None:
     """``fit``: camera and codes of the object in the pictures; the last line on stdout is the result as JSON."""
     if chosen.pose and len(chosen.pose) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
+    if chosen.box and len(chosen.box) != len(chosen.images):
+        raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
     model = load_model(chosen.model)
     poses = chosen.pose or [None] * len(chosen.images)
-    photos = tuple(load_photo(image, model, pose) for image, pose in zip(chosen.images, poses, strict=True))
+    hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
+    each = zip(chosen.images, poses, hints, strict=True)
+    try:
+        photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
+    except NoGroundError as error:
+        raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
     for path in filter(None, (chosen.out, chosen.log)):
         _require_folder(path)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
@@ -102,6 +111,18 @@ def fit_command(chosen: argparse.Namespace) -> None:
     if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
     print(json.dumps(_told(last)), flush=True)
+
+
+def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:
+    """A box in px of the upright picture."""
+    if box is None:
+        return None
+    width, height = upright_size(image)
+    left, top, right, bottom = box
+    try:
+        return Hints((left / width, top / height, right / width, bottom / height))
+    except ValueError as error:
+        raise ValueError(f"{image}: {error} of {width}x{height} px") from None
 
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.camera import Camera
@@ -76,6 +76,20 @@ PRESETS = {
 """By what they cost, and the paper's."""
 
 
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What might be the case. A fit can go on from one."""
+
+    start: int
+    """which starting camera it came from"""
+    loss: float
+    cameras: tuple[Camera, ...]
+    """one per photo, at the photo's size"""
+    codes: Codes
+    shift: Float[Tensor, "views 2"]
+    """of the optical axes in the pictures, x right and y down, in focal lengths; 0 unless a picture was reframed"""
+
+
 @dataclass(frozen=True)
 class FitJob:
     """Pictures of one object, to be fitted."""
@@ -83,10 +97,14 @@ class FitJob:
     photos: tuple[Photo, ...]
     settings: FitSettings = field(default_factory=FitSettings)
     seed: int = 0
+    begin: Hypothesis | None = None
+    """go on from here, without a race"""
 
     def __post_init__(self) -> None:
         if not self.photos:
             raise ValueError("there is no picture to fit")
+        if self.begin and (len(self.begin.cameras) != len(self.photos) or self.settings.paper):
+            raise ValueError("a fit goes on with the pictures it had, and not in the paper's recipe")
 
 
 class Alternative(NamedTuple):
@@ -119,11 +137,15 @@ class FitStep:
     alternative: Alternative | None = None
     """from the first measurement on, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
-    """logarithm of the alternative's loss over the result's; comes with the alternative"""
+    """logarithm of the alternative's loss over the result's; comes with the alternative, but
+    where a fit went on from a given hypothesis"""
+    race: tuple[Hypothesis, ...] = ()
+    """those that have not diverged, the least loss first; the rival of the last stage among them. The pictures are
+    those of the race: where several cameras are unknown, each has one of its own before they meet."""
 
     @property
     def confidence(self) -> float | None:
-        """The probability that the cameras are right, 0..1; None where there is no alternative."""
+        """The probability that the cameras are right, 0..1; None where that is not known."""
         return None if self.margin is None else confidence(self.margin)
 
 
@@ -162,6 +184,8 @@ _RATES = {"angles": 0.03, "distance": 0.012, "shift": 0.003, "shape": 0.08, "tex
 """Adam's, in the beginning; rad, logarithm, focal lengths, standard deviations"""
 _RATE_LEFT = 0.04
 """of them at the end"""
+_GOING_ON = 0.6
+"""How far the rates have already fallen, as a share of the steps, where a fit goes on."""
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
 _PAPER_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}
@@ -238,6 +262,8 @@ class _Race:
     generator: torch.Generator
     measure: Drawn
     """the rays that hypotheses are measured on"""
+    begin: Hypothesis | None = None
+    """where a single hypothesis goes on from"""
 
     @classmethod
     def of(cls, model: Model, job: FitJob) -> "_Race":
@@ -246,9 +272,9 @@ class _Race:
         targets = tuple(Target.of(photo, model) for photo in job.photos)
         given = tuple(photo.camera or _nominal(photo, model) for photo in job.photos)
         unknown = torch.tensor([photo.camera is None for photo in job.photos])
-        plan = _plan(job.settings, bool(unknown.any()) and not job.settings.paper)
+        plan = _plan(job.settings, bool(unknown.any()) and not job.settings.paper and not job.begin)
         measure = draw(targets, _MEASURED_RAYS, generator)
-        return cls(model, job.settings, job.photos, targets, given, unknown, plan, generator, measure)
+        return cls(model, job.settings, job.photos, targets, given, unknown, plan, generator, measure, job.begin)
 
     @property
     def steps(self) -> int:
@@ -258,7 +284,7 @@ class _Race:
     def parts(self, job: FitJob) -> list[_Part]:
         """Where several cameras are unknown: a race for each, which ends where its last few hypotheses remain."""
         unknown = [view for view, photo in enumerate(job.photos) if photo.camera is None]
-        if len(unknown) < 2 or self.settings.paper:
+        if len(unknown) < 2 or self.settings.paper or self.begin:
             return []
         known = [view for view in range(len(job.photos)) if view not in unknown]
         parts = []
@@ -277,6 +303,8 @@ class _Race:
         """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
         if self.settings.paper:
             return self._entered_as_in_the_paper()
+        if self.begin:
+            return self._entered_where(self.begin)
         count, views = self.plan[0].hypotheses, len(self.given)
         angles, distance = torch.zeros(count, views, 2), torch.zeros(count, views)
         ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
@@ -304,6 +332,16 @@ class _Race:
         away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in self.given]])
         mean = self.model.codes.mean
         return Pool.of(Numbers(angles, away, torch.zeros_like(angles), mean.shape[None], mean.texture[None]))
+
+    def _entered_where(self, begin: Hypothesis) -> Pool:
+        """One hypothesis, where an earlier fit left it; known cameras are those of the pictures."""
+        at = [photo.camera or camera for photo, camera in zip(self.photos, begin.cameras, strict=True)]
+        angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
+        away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in at]])
+        shapes, textures = self.by.spaces(self.model)
+        shape, texture = shapes.coordinates(begin.codes.shape), textures.coordinates(begin.codes.texture)
+        pool = Pool.of(Numbers(angles, away, begin.shift[None], shape[None], texture[None]))
+        return replace(pool, start=torch.tensor([begin.start]))
 
     def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
         """Hypotheses of all pictures, from those of the single ones: the cheapest combinations."""
@@ -406,13 +444,35 @@ class _Race:
             cameras(self.model, pool.numbers, leader, self.given),
             codes(self.model, pool.numbers, leader, self.by),
             len(pool),
+            race=self._ranked(pool if rival is None else joined(pool, rival)),
         )
         if rival is None or not math.isfinite(standing.margin) or int(self.unknown.sum()) > 1:
             return shown
         alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
-        return replace(shown, alternative=alternative, margin=standing.margin)
+        # Without a race the alternative had no chance, so its margin says nothing.
+        return replace(shown, alternative=alternative, margin=None if self.begin else standing.margin)
+
+    def _ranked(self, pool: Pool) -> tuple[Hypothesis, ...]:
+        """A pool's hypotheses, the least cost first, without those that have diverged."""
+        shapes, textures = (
+            space.code(part).unbind() for space, part in zip(self.by.spaces(self.model), pool.numbers[-2:], strict=True)
+        )
+        starts, costs = pool.start.tolist(), pool.cost.tolist()
+        return tuple(
+            Hypothesis(
+                starts[index],
+                costs[index],
+                cameras(self.model, pool.numbers, index, self.given),
+                Codes(shapes[index], textures[index]),
+                pool.numbers.shift[index],
+            )
+            for index in pool.cost.argsort(stable=True).tolist()
+            if math.isfinite(costs[index])
+        )
 
     def _rates(self, stage: _Stage, progress: float) -> Rates:
+        if self.begin:
+            progress = _GOING_ON + (1 - _GOING_ON) * progress
         left = _RATE_LEFT + (1 - _RATE_LEFT) * (0.5 + 0.5 * math.cos(math.pi * progress))
         free = self.unknown.float() * left
         framed = torch.tensor([photo.framed for photo in self.photos]).float() * free

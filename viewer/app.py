@@ -12,6 +12,7 @@ from viewer.desk import Desk, Panel
 from viewer.files import Files
 from viewer.messages import explain
 from viewer.panels import all_panels, help, menu, messages
+from viewer.panels.cutting import CuttingDialog
 from viewer.session import Session
 
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
@@ -43,6 +44,7 @@ class App:
         self.session = session
         self.desk = Desk(session, Files(native_dialogs), quit=self._quit)
         self.panels: list[Panel] = all_panels()
+        self._cutting = CuttingDialog()
         self.params = window.parameters(size, remember)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._remember, self._headless = size, remember, headless
@@ -164,8 +166,9 @@ class App:
         messages.draw(self.desk)
         help.draw(self.desk)
         self.desk.files.draw()
-        if self.desk.focus:
-            self.params.docking_params.focus_dockable_window(self.desk.focus)
-            self.desk.focus = ""
+        self._cutting.draw(self.desk)
+        for title in filter(None, (self.desk.beside, self.desk.focus)):
+            self.params.docking_params.focus_dockable_window(title)
+        self.desk.beside = self.desk.focus = ""
         assert self.desk.images is not None
         self.desk.images.sweep()

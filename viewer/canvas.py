@@ -1,5 +1,6 @@
 """From arrays to textures: the picture of the scene, crisp on its ground, and small images."""
 
+import math
 from typing import Any
 
 import moderngl
@@ -9,8 +10,8 @@ from imgui_bundle import imgui
 from core.frames import Frame
 from viewer.theme import Palette, mixed
 
-_SPARE = 256
-"""textures kept although out of sight"""
+_SPARE = 2_000_000
+"""px of textures kept although out of sight"""
 _VERTEX = """
 #version 330
 out vec2 uv;
@@ -111,8 +112,9 @@ class Images:
 
     def sweep(self) -> None:
         """To be called once a frame: release what is not in use, once there is a lot of it."""
-        if len(self._textures) > 2 * len(self._used) + _SPARE:
-            for key in set(self._textures) - self._used:
+        idle = set(self._textures) - self._used
+        if sum(math.prod(self._textures[key][1].size) for key in idle) > _SPARE:
+            for key in idle:
                 self._textures.pop(key)[1].release()
         self._used.clear()
 

@@ -1,4 +1,4 @@
-"""A photo and the render of its fit: side by side, one wiped over the other, or their difference."""
+"""A photo and the render of its fit: side by side, wiped, laid over each other, or their difference."""
 
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, imgui
@@ -6,52 +6,72 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from viewer.desk import Desk, tip
 from viewer.theme import packed
 
-_MODES = ("Side by side", "Wipe", "Difference")
+_MODES = ("Side by side", "Wipe", "Onion skin", "Difference")
 _WHITE = (1.0, 1.0, 1.0)
+_FLICKER = imgui.Key.f
 
 
 class Comparison:
-    """Which of the three it is, and where the wipe stands."""
+    """Which of the four it is, and where wipe and onion skin stand."""
 
     def __init__(self) -> None:
         self._mode = _MODES[0]
-        self._wipe = 0.5
+        self._share = 0.5
         """0 shows the render alone, 1 the photo alone"""
 
-    def draw(self, desk: Desk, height: float) -> None:
-        """The choice, and below it the picture or pictures, so many px high at the most."""
+    def draw_choice(self) -> None:
+        """A line of modes."""
+        gap = 0.25 * hello_imgui.em_size()
         for number, mode in enumerate(_MODES):
             if number:
-                imgui.same_line()
-            if imgui.radio_button(mode, self._mode == mode):
+                imgui.same_line(0, gap)
+            extent = ImVec2(imgui.calc_text_size(mode).x + 2 * gap, 0)
+            if imgui.selectable(mode, self._mode == mode, size=extent)[0]:
                 self._mode = mode
-        course, room = desk.session.fitting.course, imgui.get_content_region_avail().x
-        height = max(3 * hello_imgui.em_size(), height - imgui.get_frame_height_with_spacing())
+
+    def draw(self, desk: Desk, height: float) -> None:
+        """The picture or pictures, so many px high at the most."""
+        height = max(3 * hello_imgui.em_size(), height)
+        room = imgui.get_content_region_avail().x
+        held = imgui.is_key_down(_FLICKER) and not imgui.get_io().want_text_input
         if self._mode == _MODES[0]:
-            gap = imgui.get_style().item_spacing.x
-            side = min((room - gap) / 2, height)
-            corner = _reserve("side by side", ImVec2(2 * side + gap, side), room)
-            _draw_picture(desk, "Photo", course.pixels, corner, side)
-            _draw_picture(desk, "Render", course.shown, corner + ImVec2(side + gap, 0), side)
+            self._draw_beside(desk, room, height, held)
             return
         side = min(room, height)
         corner = _reserve(self._mode.lower(), ImVec2(side, side), room)
-        if self._mode == "Wipe":
-            self._draw_wipe(desk, corner, side)
-        else:
+        if held:
+            _draw_photo(desk, corner, side)
+        elif self._mode == "Difference":
             tip("Black where photo and render agree; twice the difference elsewhere")
-            _draw_picture(desk, "", course.difference, corner, side)
-
-    def _draw_wipe(self, desk: Desk, corner: ImVec2, side: float) -> None:
-        if imgui.is_item_active():
-            self._wipe = min(1.0, max(0.0, (imgui.get_mouse_pos().x - corner.x) / side))
+            _draw_picture(desk, "", desk.session.fitting.course.difference, corner, side)
         else:
-            tip("Drag: the photo is on the left, the render on the right")
-        course = desk.session.fitting.course
-        _draw_picture(desk, "Render", course.shown, corner, side, to_right=True)
-        draw, edge = imgui.get_window_draw_list(), corner.x + self._wipe * side
+            self._draw_both(desk, corner, side)
+
+    def _draw_beside(self, desk: Desk, room: float, height: float, held: bool) -> None:
+        gap = imgui.get_style().item_spacing.x
+        side = min((room - gap) / 2, height)
+        corner = _reserve("side by side", ImVec2(2 * side + gap, side), room)
+        tip("Hold F: the photo in place of the render")
+        _draw_photo(desk, corner, side)
+        right = corner + ImVec2(side + gap, 0)
+        _draw_photo(desk, right, side) if held else _draw_render(desk, right, side)
+
+    def _draw_both(self, desk: Desk, corner: ImVec2, side: float) -> None:
+        if imgui.is_item_active():
+            self._share = min(1.0, max(0.0, (imgui.get_mouse_pos().x - corner.x) / side))
+        elif self._mode == "Wipe":
+            tip("Drag: the photo is on the left, the render on the right. Hold F: the photo alone")
+        else:
+            tip("Drag: the farther right, the more of the photo. Hold F: the photo alone")
+        draw, edge = imgui.get_window_draw_list(), corner.x + self._share * side
+        if self._mode == "Onion skin":
+            course = desk.session.fitting.course
+            _draw_picture(desk, "", course.shown, corner, side)
+            _draw_picture(desk, "", course.shot.pixels if course.shot else None, corner, side, share=self._share)
+            return
+        _draw_render(desk, corner, side)
         draw.push_clip_rect(corner, (edge, corner.y + side), True)
-        _draw_picture(desk, "Photo", course.pixels, corner, side)
+        _draw_photo(desk, corner, side)
         draw.pop_clip_rect()
         draw.add_line((edge, corner.y), (edge, corner.y + side), packed(desk.palette.accent), 2.0)
 
@@ -64,14 +84,32 @@ def _reserve(name: str, size: ImVec2, room: float) -> ImVec2:
     return corner
 
 
+def _draw_photo(desk: Desk, corner: ImVec2, side: float) -> None:
+    shot = desk.session.fitting.course.shot
+    _draw_picture(desk, "Photo", shot.pixels if shot else None, corner, side)
+
+
+def _draw_render(desk: Desk, corner: ImVec2, side: float) -> None:
+    """Its caption is at the right, where a wipe shows it."""
+    _draw_picture(desk, "Render", desk.session.fitting.course.shown, corner, side, to_right=True)
+
+
 def _draw_picture(
-    desk: Desk, caption: str, pixels: np.ndarray | None, corner: ImVec2, side: float, to_right: bool = False
+    desk: Desk,
+    caption: str,
+    pixels: np.ndarray | None,
+    corner: ImVec2,
+    side: float,
+    to_right: bool = False,
+    share: float = 1.0,
 ) -> None:
     draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
     opposite = corner + ImVec2(side, side)
-    draw.add_rect_filled(corner, opposite, packed(_WHITE), 0.3 * em)
     if pixels is not None and desk.images is not None:
         texture = desk.images.texture(pixels, desk.palette)
-        draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), packed(_WHITE), 0.3 * em)
+        draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), packed(_WHITE, share), 0.3 * em)
+    else:
+        draw.add_rect_filled(corner, opposite, packed(_WHITE, share), 0.3 * em)
     across = side - imgui.calc_text_size(caption).x - 0.5 * em if to_right else 0.5 * em
-    draw.add_text(corner + ImVec2(across, 0.3 * em), packed((0.38, 0.38, 0.38)), caption)
+    if caption:
+        draw.add_text(corner + ImVec2(across, 0.3 * em), packed((0.38, 0.38, 0.38)), caption)

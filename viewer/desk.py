@@ -13,6 +13,7 @@ from viewer.exporting import Kind
 from viewer.files import Files, Wish
 from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
+from viewer.worker import Job
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 VIDEOS = (".mp4", ".gif", ".webp")
@@ -36,6 +37,8 @@ class Desk:
     images: Images | None = None
     focus: str = "Codes"
     """the panel to bring to the front"""
+    beside: str = ""
+    """another one, of another dock"""
     dragged: str = ""
     """the object that a hand drags to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
@@ -51,10 +54,21 @@ class Desk:
         """Ask for an image, and fit it."""
         self.files.ask(Wish("Image to fit", self.fit, IMAGES))
 
-    def fit(self, path: Path) -> None:
-        """Fit an image and show how it goes."""
-        self.focus = "Fit"
-        self.session.fitting.start(path)
+    def fit(self, *paths: Path) -> None:
+        """Fit images of one object and show how it goes."""
+        self.focus, self.beside = "Fit", "Race"
+        self.session.fitting.start(*paths)
+
+    def paste(self) -> None:
+        """Fit the images in the clipboard."""
+        session, text = self.session, imgui.get_clipboard_text()
+
+        def ended(error: Exception | None) -> None:
+            if error:
+                session.report("Cannot paste", error)
+
+        found = Job("paste", lambda: session.clipboard.images(text), lambda paths: self.fit(*paths), ended)
+        session.worker.submit(found)
 
     def open_scene(self) -> None:
         """Ask for a scene, or a picture that holds one, and open it."""
@@ -65,14 +79,15 @@ class Desk:
         self.files.ask(Wish("Save the scene as", self.session.save_scene, (".json",), True, "scene.json"))
 
     def drop(self, paths: list[str]) -> None:
-        """Take a file let go over the window: a scene, or a picture that holds one, is opened; any other is fitted."""
+        """Take files let go over the window: a scene, or a picture that holds one, is opened; any others are fitted."""
         if not paths:
             return
+        self.session.cutting.close()
         path = Path(paths[0])
         if path.suffix.lower() == ".json" or held_scene(path):
             self.session.load_scene(path)
         else:
-            self.fit(path)
+            self.fit(*map(Path, paths))
 
 
 class Panel(Protocol):

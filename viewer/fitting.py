@@ -1,63 +1,39 @@
-"""A fit under way: the photo, its steps so far, and what the fitted object looks like."""
+"""A fit under way: its photos, its steps so far, and what the fitted object looks like."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 from PIL import Image
 
 from core.camera import Camera
-from core.fit import FitJob, FitStep
+from core.cutout import NoGroundError
+from core.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.frames import Frame, RenderJob, RenderSettings
-from core.model import Model
-from core.photos import Photo
+from viewer.course import Course, Shot, Source, paired
 from viewer.gallery import Thing
+from viewer.race import Race
 from viewer.worker import Job
 
 if TYPE_CHECKING:
     from viewer.session import Session
 
+EFFORTS = ("draft", "normal", "fine")
+"""Presets to choose from."""
+_GOING_ON = 3
+"""Where a fit goes on, it has one of so many steps of the preset: there is no race."""
 _LOOK_EVERY = 0.3
 """s between two pictures of the fit, which take their time from it"""
+_LOOK_STEPS = 4
+"""steps between two pictures at the least, for machines on which they are slow"""
 _LIVE = RenderSettings(samples=48, stages=(2,))
 _FINISHED = RenderSettings(stages=(1,))
-
-
-@dataclass(frozen=True, eq=False)
-class Course:
-    """How a fit has gone so far."""
-
-    name: str = ""
-    photo: Photo | None = None
-    pixels: np.ndarray | None = None
-    """the photo as uint8"""
-    steps: tuple[FitStep, ...] = ()
-    picture: Frame | None = None
-    """the newest picture of the leading hypothesis, from the photo's camera"""
-    difference: np.ndarray | None = None
-    """between the photo and that picture, doubled; uint8, black where they agree"""
-
-    @property
-    def shown(self) -> np.ndarray | None:
-        """That picture on white, as the photo is."""
-        return self.picture.image if self.picture else None
-
-    @property
-    def last(self) -> FitStep | None:
-        """The newest step: the result, once the fit is over."""
-        return self.steps[-1] if self.steps else None
-
-    @property
-    def progress(self) -> float:
-        """0..1"""
-        return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
 
 
 class Fitting:
@@ -65,36 +41,84 @@ class Fitting:
 
     def __init__(self, session: Session) -> None:
         self._session = session
+        self.race = Race(session)
+        self.effort = "normal"
+        """the preset of the next fit"""
         self.reset()
 
     def reset(self) -> None:
         """Forget the fit; one under way is dropped."""
         self._session.worker.cancel("fit")
         self._session.worker.cancel("fit picture")
+        self.race.stop()
+        self.race.tiles = ()
         self.course = Course()
         """of the fit under way, or of the last one"""
         self.running = False
-        self._looked = 0.0
+        self._looked, self._unseen = 0.0, 0
 
-    def start(self, path: Path) -> None:
-        """Fit the object in an image. An image that cannot be used leaves everything as it was."""
-        model = self._session.model
-        if model is None:
-            self._session.when_ready = lambda: self.start(path)
-            return
-        if self.running:
+    # What is fitted
+
+    def start(self, *paths: Path) -> None:
+        """Fit the object in images; pose files (.txt) among them belong to the images of their names."""
+        try:
+            self.fit(*paired(paths))
+        except ValueError as error:
+            self._session.report("Cannot fit this", error)
+
+    def fit(self, *sources: Source) -> None:
+        """Fit the object in photos. What cannot be used leaves everything as it was."""
+        if self._session.model is None:
+            self._session.when_ready = lambda: self.fit(*sources)
+        elif self.running:
             self._session.say("A fit is under way: stop it first")
+        elif sources:
+            self._run(Course(sources))
+
+    def cut_out(self) -> None:
+        """Point out the object in the photo that is looked at, and fit once more."""
+        self._session.cutting.open(self.course.sources, self.course.view)
+
+    def add(self, path: Path) -> None:
+        """Fit once more, with another photo of the same object."""
+        self._run(Course((*self.course.sources, Source(path))))
+
+    def pose(self, path: Path) -> None:
+        """Fit once more, with the known camera of the photo that is looked at."""
+        sources = list(self.course.sources)
+        sources[self.course.view] = sources[self.course.view]._replace(pose=path)
+        self._run(Course(tuple(sources), view=self.course.view))
+
+    def again(self) -> None:
+        """Fit the same photos once more, from the beginning."""
+        self._run(Course(self.course.sources, self.course.shots, view=self.course.view))
+
+    def go_on(self, begin: Hypothesis | None = None) -> None:
+        """Go on from a hypothesis, or from the step that is looked at; the steps after that are forgotten."""
+        begin = begin or self.going_on
+        if begin is None:
             return
-        before = self.course
-        self.reset()
-        self.course, self.running = Course(path.stem), True
+        kept = len(self.course.steps) if self.course.at is None else self.course.at + 1
+        self._run(replace(self.course, steps=self.course.steps[:kept], at=None), begin)
 
-        def ended(error: Exception | None) -> None:
-            if error and not self.course.steps:
-                self.course = before
-            self._ended(error)
+    def go_on_from_view(self) -> None:
+        """Go on from what is on screen: its codes, and for the photo that is looked at its camera."""
+        if begin := self.going_on:
+            scene, cameras = self._session.scene, list(begin.cameras)
+            was = cameras[self.course.view]
+            cameras[self.course.view] = scene.camera.resized(was.width, was.height)
+            self.go_on(replace(begin, cameras=tuple(cameras), codes=scene.codes))
 
-        self._session.worker.submit(Job("fit", lambda: self._stream(model, path), self._value, ended))
+    @property
+    def going_on(self) -> Hypothesis | None:
+        """From where the step that is looked at can go on; None where it cannot yet."""
+        step = self.course.step
+        leader = step.race[0] if step and step.race else None
+        return leader if leader and self.can_prefer(leader) else None
+
+    def can_prefer(self, hypothesis: Hypothesis) -> bool:
+        """Whether a fit of all photos can go on from it; one that is of some of them only cannot be gone on from."""
+        return len(hypothesis.cameras) == len(self.course.shots)
 
     def stop(self) -> None:
         """End the fit here and keep what it has found."""
@@ -102,70 +126,130 @@ class Fitting:
             self._session.worker.cancel("fit")
             self._finish("Stopped")
 
+    # What is looked at
+
     @property
     def camera(self) -> Camera:
-        """The photo's camera, at the size of the model's pictures. Only once there are steps."""
-        assert self.course.last is not None, "no fit yet"
-        return self._resized(self.course.last.cameras[0])
+        """The photo's camera in the step looked at, at the size of the model's pictures. Only once there are steps."""
+        assert self.course.step is not None, "no fit yet"
+        return self._resized(self.course.step.cameras[self.course.view])
 
     @property
     def alternative(self) -> Camera | None:
         """The next best camera, mostly from the object's other side, at the same size; None where none was found."""
-        other = self.course.last and self.course.last.alternative
-        return self._resized(other.cameras[0]) if other else None
+        other = self.course.step and self.course.step.alternative
+        return self._resized(other.cameras[self.course.view]) if other else None
+
+    def scrub(self, index: int | None, gesture: str = "") -> None:
+        """Look at a step: its codes, seen from its camera, are an edit of the scene. None is the newest step."""
+        if not self.course.steps:
+            return
+        last = len(self.course.steps) - 1
+        self.course = replace(self.course, at=None if index is None else max(0, min(index, last)))
+        if step := self.course.step:
+            self._session.visit(step.codes, self.camera, gesture)
+            self._look(_LIVE)
+
+    def turn_to(self, view: int) -> None:
+        """Look at another photo."""
+        if 0 <= view < len(self.course.shots):
+            self.course = replace(self.course, view=view, picture=None, difference=None)
+            if self.course.step:
+                self._look(_LIVE)
+
+    def keep(self) -> None:
+        """Take the step that is looked at among the objects."""
+        if step := self.course.step:
+            name = f"{self.course.name} at {step.seconds:.1f} s"
+            self._session.adopt(Thing(name, step.codes, self.course.shots[0].photo), self.camera)
+
+    # On the way
 
     def _resized(self, camera: Camera) -> Camera:
         model = self._session.model
         assert model is not None, "no model yet"
         return camera.resized(model.image_size, model.image_size)
 
-    def _stream(self, model: Model, path: Path) -> Iterator[Photo | FitStep]:
-        photo = self._session.streams.load_photo(path, model)
-        yield photo
-        yield from self._session.streams.fit(model, FitJob((photo,)))
+    def _run(self, course: Course, begin: Hypothesis | None = None) -> None:
+        model, before, race = self._session.model, self.course, self.race.tiles
+        assert model is not None, "no model yet"
+        self.reset()
+        self.course, self.running = course, True
+        self.race.tiles = race if begin else ()
+        settings = PRESETS[self.effort]
+        if begin:
+            settings = replace(settings, steps=max(1, settings.steps // _GOING_ON))
 
-    def _value(self, value: Photo | FitStep) -> None:
-        if isinstance(value, Photo):
-            pixels = (value.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
-            self.course = replace(self.course, photo=value, pixels=pixels)
+        def ended(error: Exception | None) -> None:
+            read = len(self.course.shots)
+            if error and len(self.course.steps) == len(course.steps):
+                self.course, self.race.tiles = before, race
+            self._ended(error)
+            if isinstance(error, NoGroundError):
+                self._session.cutting.open(course.sources, read)
+
+        def stream() -> Iterator[Shot | FitStep]:
+            photos = [shot.photo for shot in course.shots]
+            for source in course.sources[len(photos) :]:
+                photos.append(self._session.streams.load_photo(source.path, model, *source[1:]))
+                yield Shot.of(source, photos[-1])
+            past = course.steps[-1].seconds if course.steps else 0.0
+            for step in self._session.streams.fit(model, FitJob(tuple(photos), settings, begin=begin)):
+                yield replace(step, seconds=past + step.seconds)
+
+        self._session.worker.submit(Job("fit", stream, self._value, ended))
+
+    def _value(self, value: Shot | FitStep) -> None:
+        if isinstance(value, Shot):
+            self.course = replace(self.course, shots=(*self.course.shots, value))
             return
-        self.course = replace(self.course, steps=(*self.course.steps, value))
-        if time.monotonic() - self._looked > _LOOK_EVERY and not self._session.worker.busy("fit picture"):
+        self.course = self.course.stepped(value)
+        self.race.stepped(value)
+        self._unseen += 1
+        due = self._unseen >= _LOOK_STEPS and time.monotonic() - self._looked > _LOOK_EVERY
+        if due and self.course.at is None and not self._session.worker.busy("fit picture"):
             self._look(_LIVE)
 
     def _look(self, settings: RenderSettings) -> None:
-        self._looked = time.monotonic()
-        model, step = self._session.model, self.course.steps[-1]
-        assert model is not None
-        job = RenderJob(step.codes, step.cameras[0], settings)
+        self._looked, self._unseen = time.monotonic(), 0
+        model, step, view = self._session.model, self.course.step, self.course.view
+        assert model is not None and step is not None
+        job = RenderJob(step.codes, step.cameras[view], settings)
+
+        def pictured(frame: Frame) -> None:
+            shot = self.course.shot
+            if shot and view == self.course.view:
+                difference = _doubled_difference(shot.pixels, frame.image)
+                self.course = replace(self.course, picture=frame, difference=difference)
 
         def failed(error: Exception | None) -> None:
             if error:
                 self._session.report("Cannot draw the fit", error)
 
         stream = self._session.streams.frames
-        self._session.worker.submit(Job("fit picture", lambda: stream(model, job), self._pictured, failed))
-
-    def _pictured(self, frame: Frame) -> None:
-        assert self.course.pixels is not None, "a photo comes before its fit"
-        difference = _doubled_difference(self.course.pixels, frame.image)
-        self.course = replace(self.course, picture=frame, difference=difference)
+        # A hand that scrubs asks for many: each is shown before the next replaces it.
+        urgent = self.course.at is not None
+        self._session.worker.submit(Job("fit picture", lambda: stream(model, job), pictured, failed, urgent))
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:
             self._finish("Fitted")
             return
         self.running = False
-        self._session.report("Cannot fit this image", error)
+        self.race.stop()
+        if not isinstance(error, NoGroundError):  # for which there is a dialog
+            self._session.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:
         self.running = False
+        self.race.stop()
+        self.course = replace(self.course, at=None)
         name, last = self.course.name, self.course.last
         if last is None:
             self._session.say(f"{how} before there was a result")
             return
         self._look(_FINISHED)
-        self._session.adopt(Thing(name, last.codes, self.course.photo), self.camera)
+        self._session.adopt(Thing(name, last.codes, self.course.shots[0].photo), self.camera)
         self._session.say(f"{how} in {last.seconds:.0f} s: {name}, {last.psnr:.1f} dB")
 
 

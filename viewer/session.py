@@ -22,6 +22,8 @@ from core.pictures import open_scene
 from core.scene import Scene
 from core.starts import preparing
 from viewer import orbit
+from viewer.clipboard import Clipboard
+from viewer.cutting import Cutting
 from viewer.exporting import Exporting, mesh, turntable
 from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
@@ -43,7 +45,7 @@ class Streams:
     """Where values come from: core, or a test's stand-ins."""
 
     load_model: Callable[[str], Model] = load_model
-    load_photo: Callable[[Path, Model], Photo] = load_photo
+    load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     preparing: Callable[[Model], Iterator[None]] = preparing
@@ -78,7 +80,9 @@ class Session:
         self.gallery = Gallery(self)
         self.sheet = Sheet(self)
         self.fitting = Fitting(self)
+        self.cutting = Cutting(self)
         self.exporting = Exporting(self)
+        self.clipboard = Clipboard()
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
         """for each kind the code that was last asked for, and the answer"""
         self._random = torch.Generator()
@@ -152,6 +156,7 @@ class Session:
 
     def _opened(self, model: Model) -> None:
         self.fitting.reset()
+        self.cutting.close()
         self.exporting.cancel()
         self.model, self.frame, self.locked = model, None, frozenset()
         self.gallery.open(model)
@@ -243,6 +248,10 @@ class Session:
         """Take a fitted object among the objects and make it current, seen as in its photo."""
         name = self.gallery.add(thing)
         self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
+
+    def visit(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
+        """Show codes and the camera they belong to, such as a fit had on its way."""
+        self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
 
     def load_scene(self, path: Path) -> None:
         """Open a scene, or a picture that holds one; what cannot be read, or is of another model, changes nothing."""

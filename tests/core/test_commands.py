@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from PIL import Image
+from PIL import ExifTags, Image
 
 from core import commands
 from core.__main__ import main, parser
@@ -205,6 +205,27 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
 def test_the_presets_of_the_command_line_are_those_of_the_fit():
     for name in PRESETS:
         assert parser().parse_args(["fit", "a.png", "--preset", name]).preset == name
+
+
+def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys, monkeypatch):
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = 6
+    Image.new("RGB", (400, 200), "red").save(tmp_path / "a.jpg", exif=exif)
+    given = []
+
+    def loaded(path, model, pose, hints):
+        given.append(hints.box)
+        raise ValueError("enough")
+
+    monkeypatch.setattr(commands, "load_photo", loaded)
+    words = "fit", tmp_path / "a.jpg", "--model", file, "--box"
+    for box in ("20,40,100,300", "20,40,300,300", "20,40,100", "20,40,100,300 1,2,3,4"):
+        with pytest.raises(SystemExit):
+            run(*words, *box.split())
+    assert given == [(0.1, 0.1, 0.5, 0.75)]
+    told = capsys.readouterr().err
+    assert "no inside within the picture of 200x400 px" in told
+    assert "1 images need as many boxes, got 2" in told
 
 
 def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -86,6 +86,45 @@ def test_the_last_step_is_no_worse_than_any_measured_one(tiny: Model):
     assert steps[-1].psnr > max(step.psnr for step in steps[: QUICK.steps // 2])
 
 
+# The race, and going on
+
+
+def test_the_race_is_told_the_leader_first(tiny: Model):
+    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
+    for step in steps:
+        assert [one.loss for one in step.race] == sorted(one.loss for one in step.race)
+        assert (step.race[0].start, step.race[0].cameras) == (step.start, step.cameras)
+        assert torch.equal(step.race[0].codes.shape, step.codes.shape)
+    assert len(steps[0].race) == QUICK.starts
+    assert steps[-1].alternative is not None
+    assert steps[-1].race[1].cameras == steps[-1].alternative.cameras
+
+
+def test_a_fit_goes_on_where_another_ended(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    photo = replace(photo_of(tiny, tiny.codes[0], truth), framed=True)
+    begin = last(tiny, photo, settings=SHORT).race[0]
+    steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), begin=begin)))
+    assert {step.hypotheses for step in steps} == {1}
+    assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 3
+    assert steps[0].start == begin.start
+    assert steps[-1].psnr > last(tiny, photo, settings=SHORT).psnr
+    assert steps[-1].alternative is not None
+    assert steps[-1].confidence is None
+
+
+def test_a_fit_that_goes_on_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
+    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5), tiny.camera(2.4, 0.4)]
+    photos = [photo_of(tiny, tiny.codes[1], truth) for truth in truths]
+    job = FitJob((replace(photos[0], camera=truths[0]), *photos[1:]), SHORT)
+    *_, first = fit(tiny, job)
+    *_, second = fit(tiny, replace(job, begin=first.race[0]))
+    assert rotation_error(second.cameras[0], truths[0]) < 1e-3
+    assert len(second.race[0].cameras) == 3
+    with pytest.raises(ValueError, match="the pictures it had"):
+        replace(job, photos=job.photos[:1], begin=first.race[0])
+
+
 # What else it could be
 
 

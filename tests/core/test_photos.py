@@ -7,8 +7,9 @@ import pytest
 import torch
 from PIL import Image, ImageDraw
 
+from core.cutout import Hints, NoGroundError
 from core.model import Model
-from core.photos import Photo, load_photo, photo_from_array
+from core.photos import Framing, Photo, load_photo, photo_from_array
 from core.render import render_exact
 from core.starts import apparent
 from tests.core.tiny import SIDE, tiny_model
@@ -213,7 +214,7 @@ def test_what_is_too_small(tmp_path: Path, tiny: Model, size: tuple[int, int]):
 
 
 def test_what_is_too_large(tmp_path: Path, tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("core.photos.MOST_PIXELS", 1000)
+    monkeypatch.setattr("core.reading.MOST_PIXELS", 1000)
     assert "too large" in refused(saved(drawing(), tmp_path / "a.png"), tiny)
 
 
@@ -259,3 +260,29 @@ def test_the_shared_photographs(shared: Path, tiny: Model):
         assert photo.framed
         assert 0.03 < float(photo.mask.float().mean()) < 0.3
     assert "no plain ground" in refused(shared / "photos" / "toyota.jpg", tiny)
+
+
+def test_framing_scales_and_moves(tiny: Model, tmp_path: Path):
+    path = saved(drawing(), tmp_path / "a.png")
+    usual = load_photo(path, tiny)
+    small = load_photo(path, tiny, framing=Framing(0.5, 0.125, -0.125))
+    assert small.framed
+    assert float(small.mask.sum()) == pytest.approx(float(usual.mask.sum()) / 4, rel=0.15)
+    rows, columns = small.mask.nonzero().float().mean(0).tolist()
+    assert columns == pytest.approx((0.5 + 0.125) * SIDE - 0.5, abs=1)
+    assert rows == pytest.approx((0.5 - 0.125) * SIDE - 0.5, abs=1)
+    with pytest.raises(ValueError, match="moved out"):
+        load_photo(path, tiny, framing=Framing(across=3.0))
+    with pytest.raises(ValueError, match="framed like this"):
+        Framing(scale=0.0)
+
+
+def test_a_box_helps_where_the_ground_is_busy(tiny: Model, tmp_path: Path):
+    noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
+    noise[60:160, 40:140] = (30, 40, 90)
+    path = saved(Image.fromarray(noise), tmp_path / "a.png")
+    with pytest.raises(NoGroundError, match=r"a\.png"):
+        load_photo(path, tiny)
+    photo = load_photo(path, tiny, hints=Hints((0.1, 0.25, 0.5, 0.85)))
+    seen = photo.pixels[photo.mask].median(0).values
+    torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)

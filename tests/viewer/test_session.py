@@ -1,4 +1,5 @@
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,9 +9,12 @@ import torch
 from PIL import Image
 
 from core.codes import CodeBook, Codes
+from core.fit import FitJob, FitStep
 from core.model import Model
+from core.photos import Framing
 from tests.viewer.window_driver import broken_fit, endless_fit, finish
 from viewer import orbit
+from viewer.course import Source
 from viewer.messages import Kind
 from viewer.session import PARTS, Session, Streams
 from viewer.worker import Worker
@@ -273,12 +277,11 @@ def test_a_fit_joins_the_objects_and_becomes_current(session: Session, model: Mo
     session.gallery.picture("block")
     finish(session)
     assert session.gallery.picture("block")
-    assert session.fitting.course.photo is not None
     assert session.fitting.course.picture is not None
     assert len(session.fitting.course.steps) == 10
-    assert session.fitting.course.pixels is not None
+    assert session.fitting.course.shot is not None
     assert session.fitting.course.difference is not None
-    wrong = np.abs(session.fitting.course.pixels.astype(int) - session.fitting.course.picture.image)
+    wrong = np.abs(session.fitting.course.shot.pixels.astype(int) - session.fitting.course.picture.image)
     np.testing.assert_array_equal(session.fitting.course.difference, (2 * wrong).clip(0, 255))
     assert session.fitting.camera == session.scene.camera
     assert session.fitting.course.progress == 1.0
@@ -317,6 +320,60 @@ def test_a_fit_that_fails_changes_nothing(session: Session, photo: Path) -> None
     assert session.history is before
     assert session.gallery.names == names
     assert session.errors == ["Cannot fit this image: the loss is not finite"]
+
+
+def test_any_step_is_looked_at_and_a_new_fit_forgets_it(session: Session, photo: Path) -> None:
+    session.fitting.scrub(3)
+    session.fitting.keep()
+    session.fitting.go_on()
+    session.fitting.turn_to(1)
+    assert not session.fitting.running
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    past, fitting = len(session.history.past), session.fitting
+    for index in (8, 3, -5, 99):
+        fitting.scrub(index, gesture="scrub")
+    session.settle()
+    assert fitting.course.at == 9
+    fitting.scrub(4)
+    assert session.scene.codes == fitting.course.steps[4].codes
+    assert fitting.camera.elevation == session.scene.camera.elevation == fitting.course.steps[4].cameras[0].elevation
+    assert len(session.history.past) == past + 2
+    finish(session)
+    fitting.again()
+    finish(session, lambda: not fitting.running)
+    assert fitting.course.at is None
+    assert len(fitting.race.tiles) == 4
+    assert [tile.lost is None for tile in fitting.race.tiles] == [True, True, False, False]
+
+
+def test_a_fit_that_fails_to_go_on_keeps_what_there_was(session: Session, photo: Path) -> None:
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    course, tiles = session.fitting.course, session.fitting.race.tiles
+
+    def failing(model: Model, job: FitJob) -> Iterator[FitStep]:
+        raise ValueError("the fit diverged from every start")
+        yield
+
+    session.streams = replace(session.streams, fit=failing)
+    session.fitting.go_on()
+    finish(session, lambda: not session.fitting.running)
+    assert session.fitting.course is course
+    assert session.fitting.race.tiles is tiles
+    assert session.errors == ["Cannot fit this image: the fit diverged from every start"]
+
+
+def test_a_picture_that_is_cut_out_by_hand_must_be_one(session: Session, bad_files: dict[str, Path]) -> None:
+    before = session.history
+    for path in bad_files.values():
+        session.messages.clear()
+        session.cutting.open((Source(path),), 0)
+        session.cutting.frame(Framing(0.8))
+        finish(session)
+        assert session.history is before
+        assert session.errors or session.cutting.problem, path.name
+        session.cutting.close()
 
 
 def test_files_that_are_no_pictures_are_told_and_change_nothing(

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import av
@@ -22,9 +23,11 @@ from core.field import Field
 from core.files import whole_file
 from core.fit import FitJob, FitStep
 from core.model import Model
+from core.photos import Photo
 from core.pictures import save_picture
 from core.scene import Scene
-from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit
+from tests.core.tiny import tiny_model
+from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
 from viewer import app, orbit
 from viewer.files import Wish
 from viewer.panels import all_panels
@@ -281,12 +284,14 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
 
 
 def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: Path, tmp_path: Path) -> None:
-    def shown(window: Driver) -> np.ndarray:
+    def shown(window: Driver, mode: str = "wipe") -> np.ndarray:
+        window.ctx.mouse_move("//View/orbit")
         window.ctx.yield_(2)
-        box = window.ctx.item_info("//Fit/wipe").rect_clipped
+        box = window.ctx.item_info(f"//Fit/{mode}").rect_clipped
         testing.capture(window.ctx, str(tmp_path / "wipe.png"))
         whole = np.asarray(Image.open(tmp_path / "wipe.png").convert("RGB")).astype(float)
-        return whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
+        # Without captions and borders.
+        return whole[int(box.min.y) + 40 : int(box.max.y) - 5, int(box.min.x) + 5 : int(box.max.x) - 5]
 
     def act(window: Driver) -> None:
         session = window.session
@@ -304,12 +309,112 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         window.drag("Fit/wipe", -400)
         whole_render = shown(window)
         assert np.abs(whole_photo - whole_render).mean() > 5
+        window.click("Fit/Onion skin")
+        window.drag("Fit/onion skin", -400)
+        np.testing.assert_allclose(shown(window, "onion skin"), whole_render, atol=3)
+        window.drag("Fit/onion skin", 400)
+        np.testing.assert_allclose(shown(window, "onion skin"), whole_photo, atol=3)
         window.click("Fit/Difference")
         assert window.ctx.item_exists("//Fit/difference")
+        unlike = shown(window, "difference")
+        window.ctx.key_down(imgui.Key.f)
+        np.testing.assert_allclose(shown(window, "difference"), whole_photo, atol=3)
+        window.ctx.key_up(imgui.Key.f)
+        np.testing.assert_array_equal(shown(window, "difference"), unlike)
         window.click("Fit/Side by side")
         assert session.history is before
 
     drive(act)
+
+
+def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not fitting.running)
+        window.wait()
+        found, past = session.state, len(session.history.past)
+        window.drag("Fit/scrub", -60)
+        course = fitting.course
+        assert course.at is not None
+        assert 0 < course.at < 5
+        assert session.scene.codes == course.steps[course.at].codes
+        assert session.scene.camera.elevation == course.steps[course.at].cameras[0].elevation
+        assert len(session.history.past) == past + 1
+        window.wait()
+        testing.capture(window.ctx, str(tmp_path / "scrub.png"))
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == found
+        window.click("Fit/###keep step")
+        name = f"block at {course.steps[course.at].seconds:.1f} s"
+        assert session.gallery.names[0] == name
+        assert session.state.mix.a == (name, name)
+        assert session.scene.codes == course.steps[course.at].codes
+        window.click("Fit/###newest")
+        assert session.scene.codes == found.scene.codes
+        assert fitting.course.at is None
+
+    drive(act)
+
+
+def test_a_fit_goes_on_from_a_step_and_from_the_view(drive: Drive, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not fitting.running)
+        window.click("Fit/scrub")
+        kept = fitting.course.steps[: (fitting.course.at or 0) + 1]
+        window.click("Fit/###go on")
+        window.wait(lambda: not fitting.running)
+        assert fitting.course.steps[: len(kept)] == kept
+        assert len(fitting.course.steps) == len(kept) + 10
+        seconds = [step.seconds for step in fitting.course.steps]
+        assert seconds == sorted(seconds)
+        assert fitting.course.last.cameras == kept[-1].cameras
+        assert session.gallery.names[:2] == ["block (2)", "block"]
+        window.drag("View/orbit", 150)
+        turned = session.scene.camera
+        window.click("Fit/###from view")
+        window.wait(lambda: not fitting.running)
+        assert fitting.camera == turned
+        window.click("Fit/##effort")
+        window.click("**/draft")
+        window.click("Fit/###again")
+        window.wait(lambda: not fitting.running)
+        assert fitting.effort == "draft"
+        assert len(fitting.course.steps) == 10
+        assert fitting.camera != turned
+
+    drive(act)
+
+
+def test_the_race_is_seen_and_a_hypothesis_preferred(
+    drive: Drive, streams: Streams, photo: Path, tmp_path: Path
+) -> None:
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo)])
+        window.wait(lambda: sum(tile.picture is not None for tile in fitting.race.tiles) == 4)
+        assert fitting.running
+        testing.capture(window.ctx, str(tmp_path / "race.png"))
+        third = fitting.race.tiles[2].hypothesis
+        window.drag("Race/cameras", 40, 10)
+        window.ctx.mouse_move("//Race/**/hypothesis 2")
+        window.click("Race/**/hypothesis 3")
+        window.wait(lambda: fitting.running and len(fitting.course.steps) > 0)
+        assert fitting.race.tiles[0].hypothesis.cameras[0].azimuth == third.cameras[0].azimuth
+        window.click("Fit/###stop fit")
+        assert session.scene.camera.azimuth == third.cameras[0].azimuth
+        window.wait()
+        assert window.ctx.item_exists("//Objects/**/show block")
+
+    def held(model: Model, job: FitJob) -> Iterator[FitStep]:
+        while True:
+            for step in islice(quick_fit(model, job), 5):
+                time.sleep(0.01)
+                yield step
+
+    drive(act, replace(streams, fit=held))
 
 
 def test_a_doubtful_fit_is_seen_from_its_other_camera(drive: Drive, photo: Path) -> None:
@@ -364,6 +469,158 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, streams: Streams, pho
         assert window.session.gallery.names[0] == "block"
 
     drive(act, replace(streams, fit=endless_fit))
+
+
+def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Streams, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
+    noise[40:120, 60:120], noise[50:70, 130:150] = (30, 40, 220), (220, 30, 30)
+    Image.fromarray(noise).save(tmp_path / "busy.png")
+
+    def act(window: Driver) -> None:
+        session, cutting, ctx = window.session, window.session.cutting, window.ctx
+        before = session.history
+        window.desk.drop([str(tmp_path / "busy.png")])
+        window.wait(lambda: cutting.active and not session.worker.busy())
+        assert "no plain ground" in cutting.problem
+        assert session.errors == []
+        assert session.history is before
+        canvas = "//Cut out###cutout/**/canvas"
+        box = ctx.item_info(canvas).rect_full
+        width, height = box.max.x - box.min.x, box.max.y - box.min.y
+
+        def drawn(*shares: tuple[float, float]) -> None:
+            places = [imgui.ImVec2(box.min.x + x * width, box.min.y + y * height) for x, y in shares]
+            ctx.mouse_move_to_pos(places[0])
+            ctx.mouse_down()
+            for place in places[1:]:
+                ctx.mouse_move_to_pos(place)
+                ctx.yield_()
+            ctx.mouse_up()
+            window.wait()
+
+        def covered(x: float, y: float) -> bool:
+            assert cutting.cut is not None
+            mask = cutting.cut.cut.mask
+            return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
+
+        drawn((0.15, 0.15), (0.4, 0.5), (0.7, 0.85))
+        assert cutting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
+        assert covered(0.38, 0.5)
+        window.click("Cut out###cutout/**/Remove")
+        drawn((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
+        assert not covered(0.58, 0.37)
+        window.click("Cut out###cutout/**/Add")
+        drawn((0.55, 0.7), (0.6, 0.7))
+        assert covered(0.58, 0.7)
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.wait()
+        assert not covered(0.58, 0.7)
+        ctx.item_input_value("//Cut out###cutout/**/##scale", 0.8)
+        window.wait()
+        assert cutting.framing.scale == pytest.approx(0.8)
+        testing.capture(ctx, str(tmp_path / "cut.png"))
+        hints = cutting.hints
+        window.click("Cut out###cutout/**/###fit cut")
+        assert not cutting.active
+        window.wait(lambda: not session.fitting.running)
+        assert session.gallery.names[0] == "busy"
+        shot = session.fitting.course.shot
+        assert shot is not None
+        assert shot.source.hints == hints
+        assert shot.photo.framed
+        window.click("Fit/###cut out")
+        window.wait(lambda: cutting.cut is not None)
+        assert cutting.hints == hints
+        window.click("Cut out###cutout/**/###clear cut")
+        window.wait()
+        assert cutting.cut is None
+        window.click("Cut out###cutout/**/###undo cut")
+        window.wait()
+        assert cutting.hints == hints
+        window.click("Cut out###cutout/**/###cancel cut")
+        window.wait()
+        assert not cutting.active
+        window.click("Fit/###cut out")
+        window.wait(lambda: cutting.cut is not None)
+        window.desk.drop([str(tmp_path / "missing.png")])
+        window.wait(lambda: bool(session.errors))
+        past = len(session.history.past)
+        window.drag("View/orbit", 50)  # the dialog is gone
+        assert len(session.history.past) == past + 1
+
+    tiny = tiny_model()
+    drive(act, replace(streams, load_model=lambda name: tiny))
+
+
+def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        held: list[object] = [None, OSError("wl-paste or xclip is required"), [str(photo)]]
+
+        def grabbed() -> object:
+            found = held.pop(0)
+            if isinstance(found, OSError):
+                raise found
+            return found
+
+        monkeypatch.setattr("viewer.clipboard.ImageGrab.grabclipboard", grabbed)
+        imgui.set_clipboard_text("no file of this name")
+        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.wait(lambda: len(session.errors) == 1)
+        assert "no image" in session.errors[0]
+        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.wait(lambda: len(session.errors) == 2)
+        assert "xclip" in session.errors[1]
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("File/###paste")
+        window.wait(lambda: bool(session.fitting.course.steps) and not session.fitting.running)
+        assert session.gallery.names[0] == "block"
+        imgui.set_clipboard_text(photo.as_uri())
+        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.wait(lambda: session.gallery.names[0] == "block (2)")
+
+    drive(act)
+
+
+def test_several_photos_are_fitted_together_with_known_poses(
+    drive: Drive, photo: Path, model: Model, tmp_path: Path
+) -> None:
+    camera = model.camera(2.0, 0.5)
+    for name in ("block b.txt", "other.txt"):
+        (tmp_path / name).write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
+    for name in ("block b.png", "block c.png"):
+        (tmp_path / name).write_bytes(photo.read_bytes())
+
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo), str(tmp_path / "block b.png"), str(tmp_path / "block b.txt")])
+        window.wait(lambda: bool(fitting.course.steps) and not fitting.running)
+        assert [source.pose is not None for source in fitting.course.sources] == [False, True]
+        window.click("Fit/###photo 2")
+        window.wait()
+        assert fitting.camera.azimuth == pytest.approx(2.0)
+        window.click("Fit/###add photo")
+        window.type(str(tmp_path / "block c.png"))
+        window.wait(lambda: len(fitting.course.shots) == 3 and not fitting.running)
+        window.click("Fit/###photo 3")
+        window.click("Fit/###pose")
+        window.type(str(tmp_path / "other.txt"))
+        window.wait(lambda: not fitting.running)
+        assert fitting.course.view == 2
+        assert fitting.course.sources[2].pose == tmp_path / "other.txt"
+        window.wait()
+        testing.capture(window.ctx, str(tmp_path / "several.png"))
+        window.desk.drop([str(photo), str(tmp_path / "other.txt")])
+        assert "other.txt" in session.errors[0]
+        window.desk.drop([str(tmp_path / "other.txt")])
+        assert len(session.errors) == 2
+        assert not fitting.running
+
+    def posed(path: Path, model: Model, pose: Path | None = None, *told: object) -> Photo:
+        found = quick_photo(path, model)
+        return replace(found, camera=camera.resized(32, 32)) if pose else found
+
+    drive(act, Streams(lambda name: model, posed, quick_frames, quick_fit))
 
 
 def test_a_fit_that_fails_is_told_and_put_away(drive: Drive, streams: Streams, photo: Path) -> None:

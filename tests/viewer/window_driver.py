@@ -3,13 +3,14 @@
 import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from PIL import Image
 
-from core.fit import Alternative, FitJob, FitStep
+from core.fit import Alternative, FitJob, FitStep, Hypothesis
 from core.frames import Frame, RenderJob
 from core.model import Model
 from core.photos import Photo, load_photo
@@ -25,32 +26,47 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         across, down = width / height / 2 + 0.2 * math.sin(camera.azimuth), 0.5 + 0.2 * math.sin(camera.elevation)
         radius = (0.3 + 0.05 * math.tanh(float(codes.shape.sum()))) / camera.distance
         opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
-        colour = np.array([0.5 + 0.5 * math.tanh(value) for value in codes.texture[:3].tolist()])
+        colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (codes.texture.tolist() * 3)[:3]])
         image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
         yield None
         yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
 
 
-def quick_photo(path: Path, model: Model) -> Photo:
+def quick_photo(path: Path, model: Model, *told: object) -> Photo:
     """The real thing refuses what is no picture, but cannot frame a block for a model of mists."""
-    if path.stem != "block":
-        return load_photo(path, model)
+    if not path.stem.startswith("block"):
+        return load_photo(path, model, *told)
     with Image.open(path) as image:
         pixels = torch.from_numpy(np.array(image.resize((32, 32)))) / 255
     return Photo(pixels, pixels.mean(-1) < 0.9)
 
 
 def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind."""
-    height, width = job.photos[0].mask.shape
-    camera, behind = (model.camera(azimuth, 0.3).resized(width, height) for azimuth in (1.0, 1.0 + math.pi))
+    """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind; four race, then two.
+
+    Where it goes on, the camera is the given one.
+    """
+    given = [photo.camera for photo in job.photos]
     for step in range(10):
         codes = model.codes.mean.mixed(model.codes[3], step / 9, step / 9)
-        loss = math.exp(-step)
+        loss, race = math.exp(-step), list[Hypothesis]()
+        for start in range(4 if step < 5 else 2):
+            height, width = job.photos[0].mask.shape
+            camera = model.camera(1.0 + start * math.pi / 2, 0.3 + 0.01 * step).resized(width, height)
+            begin = job.begin if not start else None
+            first = begin.cameras if begin else (camera,) * len(job.photos)
+            at = tuple(known or found for known, found in zip(given, first, strict=True))
+            race.append(
+                Hypothesis(
+                    begin.start if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 2)
+                )
+            )
+        behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in race[0].cameras)
         yield FitStep(
-            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, (camera,), codes),
-            alternative=Alternative((behind,), 1.1 * loss),
+            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, race[0].cameras, codes, len(race)),
+            alternative=Alternative(behind, 1.1 * loss),
             margin=math.log(1.1),
+            race=tuple(race),
         )
 
 

@@ -1,17 +1,25 @@
-"""A photo on its way to a code: compared with its render, and the loss."""
+"""Photos on their way to a code: compared with their render, and every step of the way to go back to."""
 
-import numpy as np
-from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui, implot
+from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
 from core.confidence import DOUBTFUL, RIGHT_DEGREES
 from viewer.comparison import Comparison
-from viewer.desk import Desk, button, tip
-from viewer.fitting import Course, Fitting
+from viewer.curve import Curve
+from viewer.desk import IMAGES, Desk, button, tip
+from viewer.files import Wish
+from viewer.fitting import EFFORTS, Fitting
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
+_ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS
+_SCISSORS = icons_fontawesome_4.ICON_FA_CUT
 
-_OTHER_HELP = """Look from the camera that explains the photo next best, mostly from the other side.
+_OTHER_HELP = """Try the other camera, which explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
+_EFFORT_HELP = "How much work the next fit is: draft a quarter of normal, fine three times as much"
+_ON_HELP = "Improve the fit from the step that is shown, for as long as you like: stop it and go on again"
+_VIEW_HELP = """Turn the object in the view to where the photo sees it, then go on from there:
+for a camera that was not found"""
+_CUT_HELP = "Point out the object in this photo, move it in its frame, and fit again"
 _SURE = 0.9
 """Nearly all cameras of more confidence were right."""
 
@@ -24,71 +32,127 @@ class Fit:
 
     def __init__(self) -> None:
         self._comparison = Comparison()
+        self._curve = Curve()
 
     def draw(self, desk: Desk) -> None:
         """Buttons, the comparison, and the curve."""
-        fitting, course = desk.session.fitting, desk.session.fitting.course
-        idle = desk.session.ready and not fitting.running
-        if button(f"{_ICON}  Fit image…###fit image", "Choose an image of one object, and find it", enabled=idle):
-            desk.fit_image()
+        fitting = desk.session.fitting
         if fitting.running:
-            imgui.same_line()
-            if button("Stop###stop fit", "End here and keep what has been found"):
-                fitting.stop()
-        self._draw_progress(desk, fitting)
-        if not fitting.running:
-            self._draw_trust(desk, fitting)
-        if course.photo is None:
+            _draw_progress(fitting)
+        else:
+            _draw_start(desk, fitting)
+        if fitting.course.shot is None:
             imgui.spacing()
-            what = f"Reading {course.name} …" if fitting.running else _invitation(desk)
+            what = f"Reading {fitting.course.name} …" if fitting.running else _invitation(desk)
             imgui.text_wrapped(what)
             return
-        self._comparison.draw(desk, imgui.get_content_region_avail().y - 6.5 * hello_imgui.em_size())
-        self._draw_curve(course)
+        if not fitting.running:
+            _draw_more(desk, fitting)
+        _draw_views(fitting)
+        self._comparison.draw_choice()
+        _draw_told(fitting)
+        self._comparison.draw(desk, imgui.get_content_region_avail().y - self._curve.height(fitting))
+        self._curve.draw(desk)
 
-    def _draw_progress(self, desk: Desk, fitting: Fitting) -> None:
-        course, last = fitting.course, fitting.course.last
-        told = f"{last.psnr:.1f} dB    {last.seconds:.0f} s" if last else "Starting …"
-        if fitting.running:
-            imgui.same_line()
-            imgui.progress_bar(course.progress, (-1, 0), told)
-            tip(f"{last.hypotheses} cameras in the race" if last else "Comparing the photo with what the model knows")
-        elif last:
-            imgui.same_line()
-            if button(f"{_CAMERA}###photo camera", "Jump to the camera that the photo was found to be taken from"):
-                desk.session.look(fitting.camera)
-            imgui.same_line()
-            imgui.text_disabled(f"{course.name}    {told}")
 
-    def _draw_trust(self, desk: Desk, fitting: Fitting) -> None:
-        last, other = fitting.course.last, fitting.alternative
-        if last is None or last.confidence is None or other is None:
-            return
-        if button("Try the other camera###other camera", _OTHER_HELP):
+def _draw_progress(fitting: Fitting) -> None:
+    if button("Stop###stop fit", "End here and keep what has been found; you can go on later"):
+        fitting.stop()
+    imgui.same_line()
+    course, last = fitting.course, fitting.course.last
+    told = f"{last.psnr:.1f} dB    {last.seconds:.0f} s" if last else "Starting …"
+    imgui.progress_bar(course.progress, (-1, 0), told)
+    tip(f"{last.hypotheses} cameras in the race" if last else "Comparing the photo with what the model knows")
+
+
+def _draw_start(desk: Desk, fitting: Fitting) -> None:
+    """How to begin a fit."""
+    ready, fitted = desk.session.ready, fitting.course.shot is not None
+    if button(f"{_ICON}  Fit…###fit image", "Choose an image of one object, and find it", enabled=ready):
+        desk.fit_image()
+    imgui.same_line()
+    imgui.set_next_item_width(hello_imgui.em_size(5))
+    if imgui.begin_combo("##effort", fitting.effort):
+        for effort in EFFORTS:
+            if imgui.selectable(effort, effort == fitting.effort)[0]:
+                fitting.effort = effort
+        imgui.end_combo()
+    tip(_EFFORT_HELP)
+    imgui.same_line()
+    if button(f"{_ADD}###add photo", "Fit again with another photo of the same object beside this one", enabled=fitted):
+        desk.files.ask(Wish("Another photo of the same object", fitting.add, IMAGES))
+    imgui.same_line()
+    if button(f"{_SCISSORS}###cut out", _CUT_HELP, enabled=fitted):
+        fitting.cut_out()
+    imgui.same_line()
+    if button(f"{_PLACE}###pose", "Fit again with the known camera of this photo (an SRN pose file)", enabled=fitted):
+        desk.files.ask(Wish("Pose of this photo", fitting.pose, (".txt",)))
+
+
+def _draw_more(desk: Desk, fitting: Fitting) -> None:
+    """What can be done with a fit that is over."""
+    _draw_trust(fitting)
+    if button(f"{_CAMERA}###photo camera", "Jump to the camera that the photo was found to be taken from"):
+        desk.session.look(fitting.camera)
+    imgui.same_line()
+    if (other := fitting.alternative) is not None:
+        if button("Other camera###other camera", _OTHER_HELP):
             desk.session.look(other)
         imgui.same_line()
-        imgui.text_wrapped(f"Camera: {in_words(last.confidence)}")
-        tip(f"{last.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees")
+    can = fitting.going_on is not None
+    if button("Go on###go on", _ON_HELP, enabled=can):
+        fitting.go_on()
+    imgui.same_line()
+    if button("From the view###from view", _VIEW_HELP, enabled=can):
+        fitting.go_on_from_view()
+    imgui.same_line()
+    if button("Again###again", "Fit again from the beginning, with the work chosen above"):
+        fitting.again()
 
-    def _draw_curve(self, course: Course) -> None:
-        height = max(4 * hello_imgui.em_size(), imgui.get_content_region_avail().y)
-        flags = implot.Flags_.no_legend | implot.Flags_.no_menus | implot.Flags_.no_mouse_text
-        if not implot.begin_plot("##loss", (-1, height), flags):
-            return
-        fit = implot.AxisFlags_.auto_fit
-        implot.setup_axes("", "loss", fit, fit)
-        implot.setup_axis_format(implot.ImAxis_.x1, "%g s")
-        seconds = np.array([step.seconds for step in course.steps])
-        losses = np.array([step.loss for step in course.steps])
-        if len(seconds):
-            implot.plot_line("loss", seconds, losses)
-        implot.end_plot()
+
+def _draw_trust(fitting: Fitting) -> None:
+    """At the end of the line above."""
+    step = fitting.course.step
+    if step is None or step.confidence is None:
+        return
+    imgui.same_line()
+    imgui.text(f"Camera: {in_words(step.confidence)}")
+    tip(
+        f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees. A doubtful one may "
+        "be seen from the object's other side"
+    )
+
+
+def _draw_told(fitting: Fitting) -> None:
+    """At the end of the line of modes."""
+    if (last := fitting.course.last) is not None and not fitting.running:
+        told = f"{last.psnr:.1f} dB   {last.seconds:.0f} s"
+        imgui.same_line()
+        left = imgui.get_content_region_avail().x - imgui.calc_text_size(told).x
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, left))
+        imgui.text_disabled(told)
+        tip(fitting.course.name)
+
+
+def _draw_views(fitting: Fitting) -> None:
+    """Which of several photos is looked at."""
+    course = fitting.course
+    if len(course.sources) < 2:
+        return
+    for number, source in enumerate(course.sources):
+        if number:
+            imgui.same_line()
+        imgui.begin_disabled(number >= len(course.shots))
+        if imgui.radio_button(f"{number + 1}###photo {number + 1}", course.view == number):
+            fitting.turn_to(number)
+        imgui.end_disabled()
+        tip(source.path.name + (", its camera known" if source.pose else ""))
 
 
 def in_words(confidence: float) -> str:
     """How far to trust a fitted camera (0..1)."""
     if confidence < DOUBTFUL:
-        return "doubtful, it may be seen from the other side"
+        return "doubtful"
     return "sure" if confidence > _SURE else "likely"
 
 
@@ -98,6 +162,6 @@ def _invitation(desk: Desk) -> str:
         return "Fitting comes with the model"
     what = model.category.removesuffix("s")
     return (
-        f"Drop a photo of a {what} anywhere on this window. It is cut out and framed, then its camera and its two "
-        "codes are found. A plain ground helps; a transparent one is best."
+        f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is cut out and framed, then "
+        "its camera and its two codes are found. A plain ground helps; on any other you point it out."
     )

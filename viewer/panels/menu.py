@@ -15,6 +15,7 @@ def draw(desk: Desk) -> None:
     if imgui.begin_menu("File"):
         idle = ready and not session.fitting.running
         _item("Fit image…###fit image", "Ctrl+I", desk.fit_image, idle)
+        _item("Paste image###paste", "Ctrl+V", desk.paste, idle)
         _draw_samples(desk, idle)
         imgui.separator()
         _item("Open scene…###open scene", "Ctrl+O", desk.open_scene, ready)
@@ -44,16 +45,17 @@ def draw(desk: Desk) -> None:
 def keys(desk: Desk) -> None:
     """Shortcuts; to be called once a frame, outside of any window."""
     session, mod, key = desk.session, imgui.Key, imgui.Key
-    chords: list[tuple[int, Callable[[], None]]] = [
-        (mod.mod_ctrl | key.z, session.undo),
-        (mod.mod_ctrl | mod.mod_shift | key.z, session.redo),
-        (mod.mod_ctrl | key.y, session.redo),
-        (mod.mod_ctrl | key.q, desk.quit),
-    ]
-    if session.ready:
+    chords: list[tuple[int, Callable[[], None]]] = [(mod.mod_ctrl | key.q, desk.quit)]
+    if not session.cutting.active:  # where undo has another meaning
+        chords += [
+            (mod.mod_ctrl | key.z, session.undo),
+            (mod.mod_ctrl | mod.mod_shift | key.z, session.redo),
+            (mod.mod_ctrl | key.y, session.redo),
+        ]
+    if session.ready and not session.cutting.active:
         chords += [(mod.mod_ctrl | key.s, desk.save_scene), (mod.mod_ctrl | key.o, desk.open_scene)]
         if not session.fitting.running:
-            chords.append((mod.mod_ctrl | key.i, desk.fit_image))
+            chords += [(mod.mod_ctrl | key.i, desk.fit_image), (mod.mod_ctrl | key.v, desk.paste)]
     for chord, act in chords:
         if not imgui.get_io().want_text_input and imgui.is_key_chord_pressed(chord):
             act()

@@ -1,0 +1,292 @@
+"""Objects told from their ground: by the alpha channel, by a plain ground, or by what a person points at."""
+
+import importlib.util
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from PIL import Image
+from scipy.ndimage import binary_dilation, binary_erosion, gaussian_gradient_magnitude, label
+from skimage.color import rgb2lab
+
+SMALLEST = 8
+"""px: a picture or an object with a shorter side than this shows nothing to fit."""
+_ALIKE = 9.0
+"""CIE76 colour distance up to which a pixel is the ground's colour; about four just noticeable differences"""
+_SHADED = 30.0
+"""lightness that soft light or shadow may change"""
+_SMOOTH = 1000.0
+"""CIE76 per length of the picture: a slope steeper than this is an edge"""
+_MARGIN = 0.25
+"""of a box: so much around it is looked at to learn the ground's colours"""
+_GRAB_SIDE = 320
+"""px: the longer side at which GrabCut works, twice what a model sees"""
+_ROUNDS = 4
+"""of GrabCut"""
+
+
+class NoGroundError(ValueError):
+    """The picture has no plain ground: somebody has to say where the object is."""
+
+
+@dataclass(frozen=True, eq=False)
+class CutOut:
+    """A picture at the size it was cut out."""
+
+    pixels: Float[np.ndarray, "height width 3"]
+    """0..1, on white"""
+    mask: Bool[np.ndarray, "height width"]
+    white: bool
+    """the ground was white or clear, as in training pictures"""
+
+
+class Stroke(NamedTuple):
+    """A line drawn over a picture: what is under it belongs to the object, or does not."""
+
+    points: tuple[tuple[float, float], ...]
+    """shares of the picture's width and height"""
+    radius: float
+    """a share of the longer side"""
+    adds: bool
+
+
+@dataclass(frozen=True)
+class Hints:
+    """What a person points at. Raises ``ValueError`` for a box without an inside."""
+
+    box: tuple[float, float, float, float] | None = None
+    """left, top, right, bottom in shares of width and height; the object is inside. None: where it is is known"""
+    strokes: tuple[Stroke, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.box is not None:
+            left, top, right, bottom = self.box
+            if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
+                raise ValueError("the box around the object has no inside within the picture")
+
+    def __bool__(self) -> bool:
+        return self.box is not None or bool(self.strokes)
+
+
+def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
+    """The object of an RGBA picture.
+
+    With hints by GrabCut (Rother et al. 2004, of OpenCV) from the box or, where there is none, from what would be
+    found without hints; strokes hold in any case. Without: by the alpha channel, else by a plain ground, else by
+    ``rembg`` where that is installed.
+
+    Raises ``ValueError`` where no object is found, :class:`NoGroundError` where hints could help.
+    """
+    if min(image.size) < SMALLEST:
+        raise ValueError(f"a picture of {image.width}x{image.height} px is too small; {SMALLEST} px are the least")
+    values = np.asarray(image, dtype=np.float32) / 255
+    colours, alpha = values[..., :3], values[..., 3:]
+    if hints:
+        colours = colours * alpha + 1 - alpha
+        return _on_white(colours, _grabbed(image, colours, hints), white=False)
+    return _by_itself(image, colours, alpha)
+
+
+def _by_itself(
+    image: Image.Image,
+    colours: Float[np.ndarray, "height width 3"],
+    alpha: Float[np.ndarray, "height width 1"],
+) -> CutOut:
+    if (alpha < 0.5).mean() > 0.001:
+        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0] > 0.5, white=True)
+    try:
+        ground, white = _ground(colours)
+        cut = _on_white(colours, ~ground, white)
+    except NoGroundError:
+        found = _by_rembg(image)
+        if found is None:
+            raise
+        return _on_white(colours, found, white=False)
+    return cut
+
+
+def _on_white(
+    pixels: Float[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "height width"], white: bool
+) -> CutOut:
+    mask = _without_specks(mask)
+    rows, columns = np.nonzero(mask)
+    if len(rows) < 12 or max(np.ptp(rows), np.ptp(columns)) + 1 < SMALLEST / 2:
+        raise ValueError("no object found: the picture shows nothing but ground")
+    if mask.mean() > 0.97:
+        raise NoGroundError(_NO_GROUND)
+    # On white, half-covered pixels around the object are right as they are; on a colour they are left out.
+    kept = binary_dilation(mask, iterations=2) if white else _eroded(mask)
+    return CutOut(np.where(kept[..., None], pixels, np.float32(1)), mask, white)
+
+
+_NO_GROUND = "the picture has no plain ground: draw a box around the object, or cut it out first (a clear ground)"
+
+
+# By what a person points at
+
+
+def _grabbed(
+    image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints
+) -> Bool[np.ndarray, "height width"]:
+    """GrabCut around the box, at a size at which it is quick; the rest of the picture is ground."""
+    import cv2  # costs a fifth of a second, and few pictures need it
+
+    height, width = colours.shape[:2]
+    labels = _labelled(image, hints, (height, width))
+    left, top, right, bottom = _around(hints.box, width, height)
+    part = np.ascontiguousarray((colours[top:bottom, left:right] * 255 + 0.5).astype(np.uint8))
+    labels = np.ascontiguousarray(labels[top:bottom, left:right])
+    scale = min(1.0, _GRAB_SIDE / max(part.shape[:2]))
+    size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
+    small = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+    marks = cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST)
+    if not np.isin(marks, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
+        raise ValueError("no object found: nothing is left inside the box")
+    if not np.isin(marks, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
+        raise NoGroundError("the box holds the whole picture: leave some of the ground outside")
+    cv2.setRNGSeed(0)
+    memory = np.zeros((1, 65)), np.zeros((1, 65))
+    decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _ROUNDS, cv2.GC_INIT_WITH_MASK)
+    found = np.isin(decided, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
+    mask = np.zeros((height, width), dtype=bool)
+    mask[top:bottom, left:right] = cv2.resize(found, part.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0.5
+    return _stroked(mask, hints.strokes, True, False).astype(bool)
+
+
+def _labelled(image: Image.Image, hints: Hints, size: tuple[int, int]) -> UInt8[np.ndarray, "height width"]:
+    """Every pixel as GrabCut takes it: surely ground or object, or probably."""
+    import cv2
+
+    height, width = size
+    if hints.box is None:
+        known = cut_out(image).mask
+        labels = np.where(known, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    else:
+        labels = np.full(size, cv2.GC_BGD, np.uint8)
+        left, top, right, bottom = _in_pixels(hints.box, width, height)
+        labels[top:bottom, left:right] = cv2.GC_PR_FGD
+    return _stroked(labels, hints.strokes, cv2.GC_FGD, cv2.GC_BGD)
+
+
+def _stroked(
+    values: np.ndarray, strokes: tuple[Stroke, ...], adding: int, removing: int
+) -> UInt8[np.ndarray, "height width"]:
+    """With the strokes drawn over it, the later over the earlier."""
+    import cv2
+
+    drawn = values.astype(np.uint8)
+    height, width = drawn.shape
+    for stroke in strokes:
+        points = (np.array(stroke.points) * (width, height)).round().astype(np.int32)
+        thickness = max(1, round(2 * stroke.radius * max(width, height)))
+        value = adding if stroke.adds else removing
+        cv2.polylines(drawn, [points[:, None]], False, int(value), thickness)
+        for x, y in points[[0, -1]].tolist():
+            cv2.circle(drawn, (x, y), thickness // 2, int(value), -1)
+    return drawn
+
+
+def _in_pixels(box: tuple[float, float, float, float], width: int, height: int) -> tuple[int, int, int, int]:
+    left, top, right, bottom = box
+    across, down = round(left * width), round(top * height)
+    return across, down, max(across + 1, round(right * width)), max(down + 1, round(bottom * height))
+
+
+def _around(box: tuple[float, float, float, float] | None, width: int, height: int) -> tuple[int, int, int, int]:
+    """The box with a margin of ground, in px; the whole picture where there is none."""
+    if box is None:
+        return 0, 0, width, height
+    left, top, right, bottom = _in_pixels(box, width, height)
+    margin = max(4, round(_MARGIN * max(right - left, bottom - top)))
+    return max(0, left - margin), max(0, top - margin), min(width, right + margin), min(height, bottom + margin)
+
+
+def _by_rembg(image: Image.Image) -> Bool[np.ndarray, "height width"] | None:
+    """By a network made for it; None where that is not installed, or cannot work (it fetches its weights once)."""
+    if importlib.util.find_spec("rembg") is None:
+        return None
+    try:
+        from rembg import remove
+
+        return np.asarray(remove(image, only_mask=True).convert("L")) > 127
+    except Exception:  # whatever ails it, there is another way
+        return None
+
+
+# By a plain ground
+
+
+def _ground(colours: Float[np.ndarray, "height width 3"]) -> tuple[Bool[np.ndarray, "height width"], bool]:
+    """Where the ground is, and whether it is white. Raises ``ValueError`` where no plain ground surrounds anything.
+
+    The ground's colour may change slowly over the picture (a lit wall). It spreads from the border over what is
+    alike, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the object's
+    unless they cannot be told from the ground (the gaps in the back of a chair).
+    """
+    lab = rgb2lab(colours).astype(np.float32)
+    model, noise = _ground_colour(lab)
+    distance = np.linalg.norm(lab - model, axis=-1)
+    alike = distance < np.clip(4 * noise + 2, 2.5, _ALIKE)
+    outside = _reached(alike | _shaded(lab, model))
+    gaps = (distance < np.clip(2 * noise, 1.0, 3.0)) & ~outside
+    pieces, count = label(gaps)
+    areas = np.bincount(pieces.ravel(), minlength=count + 1)
+    areas[0] = 0
+    outside |= (areas > 4e-4 * outside.size)[pieces]
+    lightness, chroma = model[..., 0].min(), np.abs(model[..., 1:]).max()
+    return outside, bool(lightness > 96 and chroma < 3)
+
+
+def _ground_colour(lab: Float[np.ndarray, "height width 3"]) -> tuple[Float[np.ndarray, "height width 3"], float]:
+    """A smooth ground fitted to the border, robust to an object that touches it, and how much it wavers (CIE76)."""
+    height, width = lab.shape[:2]
+    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
+    terms = np.stack((np.ones_like(x), x, y, x * x, y * y, x * y), -1)
+    ring = np.ones((height, width), dtype=bool)
+    thick = max(1, round(0.015 * min(height, width)))
+    ring[thick:-thick, thick:-thick] = False
+    colours, places = lab[ring], terms[ring]
+    centre = np.median(colours, axis=0)
+    kept = np.linalg.norm(colours - centre, axis=1) < 3 * _ALIKE
+    for count in (1, 3, 6, 6):
+        if kept.sum() < 2 * count:
+            raise NoGroundError(_NO_GROUND)
+        factors = np.linalg.lstsq(places[kept, :count], colours[kept], rcond=None)[0]
+        away = np.linalg.norm(colours - places[:, :count] @ factors, axis=1)
+        kept = away < (2 if count == 1 else 1) * _ALIKE
+    if kept.mean() < 0.6:
+        raise NoGroundError(_NO_GROUND)
+    return terms @ factors, float(np.quantile(away[kept], 0.9))
+
+
+def _shaded(
+    lab: Float[np.ndarray, "height width 3"], model: Float[np.ndarray, "height width 3"]
+) -> Bool[np.ndarray, "height width"]:
+    """Pixels that soft light or shadow on the ground may have made: of about its hue, and without an edge."""
+    longer = max(lab.shape)
+    if longer < 200:  # no room for soft shadows: a render
+        return np.zeros(lab.shape[:2], dtype=bool)
+    slope = np.linalg.norm([gaussian_gradient_magnitude(lab[..., axis], 1.0) for axis in range(3)], axis=0)
+    apart, chroma = lab - model, np.linalg.norm(model[..., 1:], axis=-1)
+    same_hue = np.linalg.norm(apart[..., 1:], axis=-1) < 5 + 0.5 * chroma
+    return (np.abs(apart[..., 0]) < _SHADED) & same_hue & (slope < _SMOOTH / longer)
+
+
+def _reached(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """What can be reached from the border over passable pixels (not diagonally)."""
+    pieces, _ = label(np.pad(passable, 1, constant_values=True))
+    return (pieces == pieces[0, 0])[1:-1, 1:-1]
+
+
+def _without_specks(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """The largest piece and those of at least a hundredth of it."""
+    pieces, count = label(mask, np.ones((3, 3)))
+    areas = np.bincount(pieces.ravel(), minlength=count + 1)
+    areas[0] = 0
+    return (areas >= max(2, 0.01 * areas.max(initial=0)))[pieces]
+
+
+def _eroded(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """Less the pixels that the object shares with the ground, where there are enough of its own."""
+    return binary_erosion(mask, iterations=1, border_value=1) if min(mask.shape) >= 200 else mask
