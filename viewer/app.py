@@ -85,6 +85,7 @@ class App:
             hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.36),
             hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
             hello_imgui.DockingSplit("Upper", "Top", up, 0.31),
+            hello_imgui.DockingSplit("MainDockSpace", "Strip", down, 0.23),
         ]
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
@@ -139,7 +140,7 @@ class App:
         self.desk.images.release()
 
     def _before_frame(self) -> None:
-        self.session.worker.deliver()
+        self.session.tick()
         if self.desk.dark != self._themed:
             self._themed = self.desk.dark
             theme.apply(self.desk.palette)

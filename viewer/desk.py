@@ -15,7 +15,7 @@ from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-VIDEOS = (".mp4", ".gif", ".webp")
+VIDEOS = (".mp4", ".gif", ".webp", ".frames")
 SCENES = (".json", ".png")
 MESHES = (".glb", ".ply", ".obj")
 
@@ -80,7 +80,7 @@ class Panel(Protocol):
 
     title: str
     dock: str
-    """View, Top, Upper or Lower"""
+    """View, Top, Upper, Lower or Strip"""
 
     def draw(self, desk: Desk) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""
@@ -105,7 +105,8 @@ def draw_progress(desk: Desk, kind: Kind) -> bool:
     exporting = desk.session.exporting
     if exporting.path is None or exporting.kind != kind:
         return False
-    told = f"{exporting.path.name}   {exporting.progress:.0%}"
+    left = exporting.remaining
+    told = f"{exporting.path.name}   {exporting.progress:.0%}" + (f"   {left:.0f} s left" if left is not None else "")
     imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), told)
     imgui.same_line()
     if button("Cancel###cancel export", "Give it up; no half-written file stays"):

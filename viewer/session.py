@@ -19,14 +19,17 @@ from core.photos import Photo, load_photo
 from core.pictures import open_scene
 from core.scene import Scene
 from core.starts import preparing
+from core.timeline import Timeline
 from viewer import orbit
-from viewer.exporting import Exporting, mesh, turntable
+from viewer.exporting import Exporting, film, mesh
+from viewer.film import Film
 from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
 from viewer.quality import Speed
 from viewer.sheet import Sheet
+from viewer.stills import Stills
 from viewer.worker import Job, Worker
 
 Part = Literal["shape", "texture"]
@@ -44,7 +47,7 @@ class Streams:
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     preparing: Callable[[Model], Iterator[None]] = preparing
-    turntable: Callable[..., Iterator[int]] = turntable
+    film: Callable[..., Iterator[int]] = film
     mesh: Callable[..., Iterator[float]] = mesh
 
 
@@ -76,6 +79,8 @@ class Session:
         self.sheet = Sheet(self)
         self.fitting = Fitting(self)
         self.exporting = Exporting(self)
+        self.film = Film(self)
+        self.stills = Stills(self)
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
         """for each kind the code that was last asked for, and the answer"""
         self._random = torch.Generator()
@@ -130,6 +135,12 @@ class Session:
             known = self._nearest[part] = (code, self._search_nearest(self.model.codes, part, code))
         return known[1]
 
+    def tick(self) -> None:
+        """Once a frame: what came from the worker, and what goes on by itself."""
+        self.worker.deliver()
+        self.film.tick()
+        self.stills.tick()
+
     # The model
 
     def open_model(self, name: str) -> None:
@@ -153,6 +164,8 @@ class Session:
         self.model, self.frame, self.locked = model, None, frozenset()
         self.gallery.open(model)
         self.sheet.clear()
+        self.stills.clear()
+        self.film.rewind()
         first, second = self.gallery.names[0], self.gallery.names[min(1, len(self.gallery.names) - 1)]
         scene = Scene(model.fingerprint, self.gallery[first].codes, orbit.home(model))
         self.history = History(State(scene, Mix(Pair(first, first), second)))
@@ -253,6 +266,15 @@ class Session:
         else:
             self.say(f"Opened {path.name}")
 
+    def change(self, scene: Scene, gesture: str = "") -> None:
+        """Show another scene of this model."""
+        self._edit(scene, gesture=gesture)
+
+    def retime(self, timeline: Timeline, gesture: str = "") -> None:
+        """Change the film; what is shown stays."""
+        assert self.history is not None, "no model yet"
+        self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
+
     def settle(self) -> None:
         """The hand has let go: the next edit is a step of its own."""
         if self.history and self.history.gesture:
@@ -267,6 +289,11 @@ class Session:
         """One edit forward again."""
         if self.history:
             self._go(self.history.redone())
+
+    def visit(self, index: int) -> None:
+        """Back, or forward, to one of the states that undo remembers."""
+        if self.history:
+            self._go(self.history.gone(index))
 
     # Nothing to undo
 
@@ -310,8 +337,8 @@ class Session:
         self.messages = [other for other in self.messages if other is not message]
 
     def render(self) -> None:
-        """Ask for a picture of the scene, coarse to fine; the newest wish wins."""
-        if self.model is None or self.history is None:
+        """Ask for a picture of the scene, coarse to fine; the newest wish wins. While the film plays, it draws."""
+        if self.model is None or self.history is None or self.film.playing:
             return
         model = self.model
         camera = orbit.filling(self.scene.camera, *self.panel, self.detail)
@@ -357,7 +384,7 @@ class Session:
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
         assert self.history is not None, "no model yet"
-        self._go(self.history.changed(State(scene, mix or self.state.mix), gesture))
+        self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix), gesture))
 
     def _go(self, history: History) -> None:
         seen = self.scene

@@ -24,8 +24,10 @@ from core.fit import FitJob, FitStep
 from core.model import Model
 from core.pictures import save_picture
 from core.scene import Scene
+from core.timeline import Shot
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit
 from viewer import app, orbit
+from viewer.exporting import VideoChoice, film
 from viewer.files import Wish
 from viewer.panels import all_panels
 from viewer.panels.fit import in_words
@@ -473,7 +475,7 @@ def test_a_webp_turntable_under_way_is_no_sheet(drive: Drive, tmp_path: Path, st
         window.click("Export/###cancel export")
         assert not session.exporting.running
 
-    drive(act, replace(streams, turntable=endless))
+    drive(act, replace(streams, film=endless))
 
 
 @pytest.mark.parametrize(("kind", "name"), [("turntable", "turn.mp4"), ("mesh", "chair.glb")])
@@ -497,7 +499,7 @@ def test_an_export_is_cancelled_and_leaves_nothing(
         assert not window.session.exporting.running
         assert window.session.errors == []
 
-    drive(act, replace(streams, turntable=slow, mesh=slow))
+    drive(act, replace(streams, film=slow, mesh=slow))
 
 
 def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
@@ -556,6 +558,100 @@ def test_a_dropped_picture_of_this_program_restores_its_scene(drive: Drive, tmp_
         assert not session.fitting.running
         assert session.gallery.names == [f"object {number}" for number in range(6)]
         testing.capture(window.ctx, str(tmp_path / "told.png"))
+
+    drive(act)
+
+
+def test_a_film_is_made_and_exported(drive: Drive, streams: Streams, tmp_path: Path) -> None:
+    def small(model: Model, shots: list[Shot], path: Path, choice: VideoChoice) -> Iterator[int]:
+        return film(model, shots, path, replace(choice, size=choice.size // 16))
+
+    def act(window: Driver) -> None:
+        session, made = window.session, window.session.film
+        window.show("Timeline")
+        window.click("Timeline/###add key")
+        first = session.scene
+        made.seek(2.0)
+        window.click("Objects/**/show object 3")
+        window.drag("View/orbit", 120, 30)
+        window.press(imgui.Key.k)
+        second = session.scene
+        assert [key.seconds for key in made.timeline.keys] == [0.0, 2.0]
+        window.wait()  # for its small pictures
+        window.drag("Timeline/key 2", 60)
+        moved = made.timeline.keys[1].seconds
+        assert moved > 2.2
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert made.timeline.keys[1].seconds == 2.0
+        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        window.click("Timeline/key 1")
+        assert session.scene == first
+        window.click("Timeline/key 2")
+        assert session.scene == second
+        window.click("Timeline/time")  # the middle
+        assert made.seconds == pytest.approx(2.0, abs=0.1)
+        assert session.scene not in (first, second)
+        window.drag("View/orbit", 50)
+        window.click("Timeline/###add key")
+        assert len(made.timeline.keys) == 3
+        window.click("Timeline/###add key")  # in its own place
+        window.click("Timeline/###remove key")
+        assert len(made.timeline.keys) == 2
+        window.click("Timeline/key 2", 1)
+        window.click("**/Remove")
+        assert len(made.timeline.keys) == 1
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.click("Timeline/Loop")
+        window.click("Timeline/Smooth")
+        assert not (made.timeline.loop or made.timeline.smooth)
+        window.ctx.item_input_value("//Timeline/##turns", 1)
+        window.ctx.item_input_value("//Timeline/##length", 1.0)
+        window.ctx.yield_(2)
+        assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
+        testing.capture(window.ctx, str(tmp_path / "timeline.png"))
+        window.click("Timeline/###film form")
+        window.click("$FOCUSED/##format")
+        window.click("**/webp")
+        window.click("$FOCUSED/##rate")
+        window.click("**/12 fps")
+        window.click("$FOCUSED/###transparent")
+        window.click("$FOCUSED/###export film")
+        window.type(str(tmp_path / "mine"))
+        window.wait(lambda: not session.exporting.running)
+        assert session.errors == []
+        with Image.open(tmp_path / "mine.webp") as video:
+            assert (video.size, video.mode) == ((16, 16), "RGBA")
+            assert 3 < video.n_frames <= 12  # pictures that are alike are one
+
+    drive(act, replace(streams, film=small))
+
+
+def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session, film = window.session, window.session.film
+        window.show("Timeline")
+        window.press(imgui.Key.k)
+        film.seek(2.0)
+        window.click("Objects/**/show object 3")
+        window.press(imgui.Key.k)
+        before, past = session.state, len(session.history.past)
+        window.click("Timeline/###play")
+        assert film.playing
+        seen = set[int]()
+        window.wait(lambda: bool(seen.add(id(session.frame))) or len(seen) > 6)
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.space)
+        assert not film.playing
+        window.wait()
+        assert session.frame.final
+        assert len(session.history.past) == past + 1
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == before
+        window.press(imgui.Key.space)
+        assert film.playing
+        window.drag("View/orbit", 60)
+        assert not film.playing
+        window.wait()
 
     drive(act)
 

@@ -74,7 +74,7 @@ def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: 
     """Deliver until nothing is under way and ``until`` holds."""
     end = time.monotonic() + longest
     while session.worker.busy() or not until():
-        session.worker.deliver()
+        session.tick()
         assert time.monotonic() < end, "the worker does not come to an end"
         time.sleep(0.002)
 

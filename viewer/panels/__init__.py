@@ -8,9 +8,11 @@ from viewer.panels.mix import MixPanel
 from viewer.panels.objects import Objects
 from viewer.panels.plausibility import Plausibility
 from viewer.panels.sheet import SheetPanel
+from viewer.panels.timeline import TimelinePanel
 from viewer.panels.view import View
 
 
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
-    return [View(), MixPanel(), Objects(), CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()]
+    lower = CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()
+    return [View(), MixPanel(), Objects(), *lower, TimelinePanel()]
