@@ -212,6 +212,11 @@ class Session:
         assert self.model is not None, "no model yet"
         self.set_code(part, getattr(self.model.codes.drawn(self._random), part))
 
+    def randomise_all(self) -> None:
+        """Shape and texture drawn at random; what is locked stays."""
+        assert self.model is not None, "no model yet"
+        self._recode(self.model.codes.drawn(self._random), self.state.mix)
+
     def show(self, name: str) -> None:
         """Make an object current; it becomes A, and both sliders go to A."""
         self.show_pair(Pair(name, name))

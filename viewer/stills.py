@@ -20,7 +20,7 @@ _KEPT = 600
 """pictures: of 64 px they take 45 kB each"""
 _AT_ONCE = 6
 """pictures drawn before it is looked again at which are wanted"""
-_SHARE = 0.2
+_SHARE = 0.5
 """of the worker's time"""
 
 
@@ -48,6 +48,11 @@ class Stills:
             return self._pictures[still]
         self._wanted[still] = RenderJob(codes, camera, _SETTINGS)
         return None
+
+    @property
+    def drawn(self) -> int:
+        """Pictures that are kept."""
+        return len(self._pictures)
 
     def clear(self) -> None:
         """Keep no picture: they are of another model."""

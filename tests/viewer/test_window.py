@@ -656,6 +656,66 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
     drive(act)
 
 
+def test_strips_show_where_sliders_lead(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Codes")
+        window.wait(lambda: session.stills.drawn >= 6 and not session.worker.busy())
+        testing.capture(window.ctx, str(tmp_path / "codes.png"))
+        before = session.scene.codes
+        window.click("Codes/**/shape 1 at 2")
+        assert session.space("shape").coordinates(session.code("shape"))[0] == pytest.approx(2.0, abs=1e-3)
+        assert session.scene.codes.texture is before.texture
+        window.click("Codes/**/shape 1 at 0")
+        assert session.space("shape").coordinates(session.code("shape"))[0] == pytest.approx(0.0, abs=1e-3)
+        window.click("Codes/###strips")
+        window.ctx.yield_(2)
+        assert not window.ctx.item_exists("//Codes/**/shape 1 at 2")
+
+    drive(act)
+
+
+def test_a_random_object_keeps_what_is_locked(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        before = session.scene.codes
+        window.click("Mix/###lock texture")
+        window.click("Codes/###random all")
+        assert not torch.equal(session.code("shape"), before.shape)
+        assert torch.equal(session.code("texture"), before.texture)
+        window.click("Mix/###lock texture")
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.r)
+        assert not torch.equal(session.code("texture"), before.texture)
+        assert len(session.history.past) == 2
+
+    drive(act)
+
+
+def test_a_click_in_the_filmstrip_restores_a_state(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Visited")
+        first = session.state
+        window.drag("View/orbit", 60)
+        second = session.state
+        window.click("Objects/**/show object 3")
+        third = session.state
+        window.wait()
+        window.click("Visited/**/state 1")
+        assert session.state == first
+        assert len(session.history.future) == 2
+        testing.capture(window.ctx, str(tmp_path / "visited.png"))
+        window.click("Visited/**/state 3")
+        assert session.state == third
+        window.click("Visited/**/state 2")
+        assert session.state == second
+        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        assert session.state == third
+
+    drive(act)
+
+
 def test_menus_help_and_theme(drive: Drive) -> None:
     def act(window: Driver) -> None:
         ctx, desk = window.ctx, window.desk

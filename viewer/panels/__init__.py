@@ -10,9 +10,10 @@ from viewer.panels.plausibility import Plausibility
 from viewer.panels.sheet import SheetPanel
 from viewer.panels.timeline import TimelinePanel
 from viewer.panels.view import View
+from viewer.panels.visited import Visited
 
 
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
     lower = CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()
-    return [View(), MixPanel(), Objects(), *lower, TimelinePanel()]
+    return [View(), MixPanel(), Objects(), *lower, Visited(), TimelinePanel()]

@@ -52,7 +52,7 @@ def keys(desk: Desk) -> None:
     ]
     if session.ready:
         chords += [(mod.mod_ctrl | key.s, desk.save_scene), (mod.mod_ctrl | key.o, desk.open_scene)]
-        chords += [(key.space, session.film.toggle), (key.k, session.film.add_key)]
+        chords += [(key.space, session.film.toggle), (key.k, session.film.add_key), (key.r, session.randomise_all)]
         if not session.fitting.running:
             chords.append((mod.mod_ctrl | key.i, desk.fit_image))
     for chord, act in chords:
