@@ -1,9 +1,9 @@
 """What panels share: the session, and the window's own things around it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -11,6 +11,7 @@ from core.pictures import held_scene
 from viewer.canvas import Canvas, Images
 from viewer.exporting import Kind
 from viewer.files import Files, Wish
+from viewer.preferences import Preferences
 from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
 
@@ -26,11 +27,7 @@ class Desk:
 
     session: Session
     files: Files
-    dark: bool = True
-    smooth: bool = True
-    """the finished picture, enlarged, without visible pixels; previews show theirs, so that they are known as such"""
-    newcomer: bool = True
-    """nobody has turned the object yet"""
+    likes: Preferences = field(default_factory=Preferences)
     help_open: bool = False
     canvas: Canvas | None = None
     images: Images | None = None
@@ -41,11 +38,20 @@ class Desk:
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
     """two corners of the picture on screen"""
     quit: Callable[[], None] = lambda: None
+    reset_layout: Callable[[], None] = lambda: None
 
     @property
     def palette(self) -> Palette:
         """The colours of the theme."""
-        return DARK if self.dark else LIGHT
+        return DARK if self.likes.dark else LIGHT
+
+    def chose(self, **values: Any) -> None:
+        """Take in a preference, by its name."""
+        self.likes = replace(self.likes, **values)
+
+    def size_text(self, steps: int) -> None:
+        """A larger text, or a smaller one."""
+        self.likes = self.likes.sized(self.likes.text * 1.1**steps)
 
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""

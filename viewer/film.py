@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from core.camera import Camera
 from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
 from core.scene import Scene
@@ -45,7 +44,7 @@ class Film:
         """what it showed while it plays; another scene is another edit"""
         self._pictures: dict[int, Frame] = {}
         """by their number, of :attr:`_drawn_of`"""
-        self._drawn_of: tuple[Timeline, tuple[int, int]] | None = None
+        self._drawn_of: tuple[Timeline, object] | None = None
 
     @property
     def timeline(self) -> Timeline:
@@ -181,20 +180,19 @@ class Film:
         """Draw the pictures that are not there, from this moment on and once round."""
         session, timeline, model = self._session, self.timeline, self._session.model
         assert model is not None, "no model yet"
-        if self._drawn_of != (timeline, session.panel):
-            self._drawn_of = timeline, session.panel
+        place = *session.panel, _DETAIL, session.pan
+        if self._drawn_of != (timeline, place):
+            self._drawn_of = timeline, place
             self._pictures.clear()
         count, now = timeline.count(_RATE), int(self.seconds * _RATE)
         order = [index for index in (*range(now, count), *range(now)) if index not in self._pictures][:_KEPT]
 
-        def camera(shot: Shot) -> Camera:
-            return orbit.filling(shot.camera, *session.panel, _DETAIL)
-
         def drawn(model: Model) -> Iterator[tuple[int, Frame] | None]:
             for index in order:
                 shot = timeline.at(index / _RATE)
-                for frame in session.streams.frames(model, RenderJob(shot.codes, camera(shot), _SETTINGS)):
-                    yield (index, replace(frame, stages=2)) if frame else None  # a preview
+                framing = orbit.filling(shot.camera, *place)
+                for frame in session.streams.frames(model, RenderJob(shot.codes, framing.camera, _SETTINGS)):
+                    yield (index, replace(framing.cropped(frame), stages=2)) if frame else None  # a preview
 
         session.worker.submit(Job("film", lambda: drawn(model), self._keep, self._ended))
 

@@ -69,6 +69,8 @@ class Session:
         """the newest picture of the scene"""
         self.panel = (512, 512)
         """px, the size of the view"""
+        self.pan = (0.0, 0.0)
+        """how far the object is moved right and down in the view, in shares of its shorter side; nothing to undo"""
         self.detail = 256
         """px along the shorter side of the finished picture"""
         self.locked: frozenset[Part] = frozenset()
@@ -183,7 +185,18 @@ class Session:
     def reset_view(self) -> None:
         """Back to where a model is first seen from."""
         assert self.model is not None, "no model yet"
+        if self.pan != (0.0, 0.0):
+            self.push(-self.pan[0], -self.pan[1])
         self.look(orbit.home(self.model))
+
+    def see_from(self, view: str) -> None:
+        """One of :data:`viewer.orbit.VIEWS`, the first view (home), or the last photo's camera, if there is one."""
+        if view == "home":
+            self.reset_view()
+        elif view == "photo" and self.fitting.course.last:
+            self.look(self.fitting.camera)
+        elif view in orbit.VIEWS:
+            self.look(orbit.seen_from(self.scene.camera, view))
 
     def set_code(self, part: Part, code: Tensor, gesture: str = "") -> None:
         """Give the object another shape, or another texture."""
@@ -321,6 +334,11 @@ class Session:
             self.panel = width, height
             self.render()
 
+    def push(self, across: float, down: float) -> None:
+        """Move the object aside in the view."""
+        self.pan = orbit.pushed(self.pan, across, down)
+        self.render()
+
     def set_detail(self, detail: int) -> None:
         """Finish pictures at another size (px along the shorter side)."""
         self.detail = detail
@@ -346,15 +364,18 @@ class Session:
         if self.model is None or self.history is None or self.film.playing:
             return
         model = self.model
-        camera = orbit.filling(self.scene.camera, *self.panel, self.detail)
+        framing = orbit.filling(self.scene.camera, *self.panel, self.detail, self.pan)
+        camera = framing.camera
         settings = RenderSettings(stages=self.speed.stages(camera.width * camera.height))
         job = RenderJob(self.scene.codes, camera, settings)
-        self.worker.submit(
-            Job("view", lambda: self.streams.frames(model, job), self._drawn, self._undrawn, urgent=True)
-        )
 
-    def _drawn(self, frame: Frame) -> None:
-        before, self.frame = self.frame, frame
+        def drawn(frame: Frame) -> None:
+            self._drawn(frame, framing)
+
+        self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, self._undrawn, urgent=True))
+
+    def _drawn(self, frame: Frame, framing: orbit.Framing) -> None:
+        before, self.frame = self.frame, framing.cropped(frame)
         # What comes before the first picture does not grow with its size, and the last one is drawn more carefully.
         if before and 0 < frame.stage == before.stage + 1 and not frame.final:
             self.speed.seen(frame.image.shape[0] * frame.image.shape[1], frame.seconds - before.seconds)

@@ -103,10 +103,11 @@ def drive(streams: Streams, opengl: None) -> Callable[..., None]:
         streams: Streams = ours,
         size: tuple[int, int] = (1280, 800),
         strict: bool = True,
+        folder: Path | None = None,
     ) -> None:
         session = Session(Worker(), streams, seed=0)
         session.detail = 32
-        app = App(session, size, remember=False, headless=True, native_dialogs=False)
+        app = App(session, size, folder, headless=True, native_dialogs=False)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict

@@ -31,6 +31,7 @@ from viewer.exporting import VideoChoice, film
 from viewer.files import Wish
 from viewer.panels import all_panels
 from viewer.panels.fit import in_words
+from viewer.preferences import Preferences
 from viewer.session import Streams
 
 Drive = Callable[..., None]
@@ -39,13 +40,13 @@ Drive = Callable[..., None]
 def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
     def act(window: Driver) -> None:
         session, before = window.session, window.session.scene
-        assert window.desk.newcomer
+        assert window.desk.likes.newcomer
         window.drag("View/orbit", 150, 40)
         turned = session.scene.camera
         assert turned.azimuth < before.camera.azimuth
         assert turned.elevation > before.camera.elevation
         assert turned.distance == before.camera.distance
-        assert not window.desk.newcomer
+        assert not window.desk.likes.newcomer
         window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         assert session.scene == before
         assert not session.history.past
@@ -89,7 +90,7 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
 def test_the_picture_on_screen_is_the_newest_frame_over_the_ground(drive: Drive, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
 
-        window.desk.smooth = False
+        window.desk.chose(smooth=False)
         window.drag("View/orbit", 60)
         window.wait()
         testing.capture(window.ctx, str(tmp_path / "window.png"))
@@ -716,6 +717,108 @@ def test_a_click_in_the_filmstrip_restores_a_state(drive: Drive, tmp_path: Path)
     drive(act)
 
 
+def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Camera")
+        window.ctx.mouse_move("//View/orbit")
+        for key, view in ((imgui.Key._1, "front"), (imgui.Key._2, "side"), (imgui.Key.keypad3, "top")):
+            window.press(key)
+            assert (session.scene.camera.azimuth, session.scene.camera.elevation) == orbit.VIEWS[view]
+        window.click("Camera/###see front")
+        past = len(session.history.past)
+        window.ctx.item_input_value("//Camera/##azimuth", 30.0)
+        window.ctx.item_input_value("//Camera/##elevation", -12.5)
+        window.ctx.item_input_value("//Camera/##distance", 2.5)
+        window.ctx.yield_(2)
+        camera = session.scene.camera
+        assert (math.degrees(camera.azimuth), math.degrees(camera.elevation)) == pytest.approx((30.0, -12.5))
+        assert camera.distance == pytest.approx(2.5)
+        assert len(session.history.past) == past + 3
+        window.press(imgui.Key._4)  # no photo yet
+        assert session.scene.camera == camera
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not session.fitting.running)
+        window.wait()
+        found = session.scene.camera
+        window.click("Camera/###see side")
+        window.press(imgui.Key._4)
+        assert session.scene.camera == found
+        testing.capture(window.ctx, str(tmp_path / "camera.png"))
+
+    drive(act)
+
+
+@pytest.mark.parametrize("button", [1, 2])
+def test_the_other_buttons_push_the_object_aside(drive: Drive, button: int) -> None:
+    def act(window: Driver) -> None:
+        session, ctx, before = window.session, window.ctx, window.session.scene
+        middle = session.frame.opacity.nonzero()[1].mean() / session.frame.resolution[0]
+        ctx.mouse_move("//View/orbit")
+        ctx.mouse_down(button)
+        place = imgui.get_mouse_pos()
+        ctx.mouse_move_to_pos((place.x + 100, place.y))
+        ctx.mouse_up(button)
+        window.wait()
+        assert session.scene == before
+        assert session.pan[0] > 0.1
+        assert session.frame.opacity.nonzero()[1].mean() / session.frame.resolution[0] > middle + 0.05
+        window.press(imgui.Key.home)
+        window.wait()
+        assert session.pan == (0.0, 0.0)
+
+    drive(act)
+
+
+def test_shift_turns_finely(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session, before = window.session, window.session.scene.camera
+        window.drag("View/orbit", 100)
+        coarse = before.azimuth - session.scene.camera.azimuth
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.ctx.key_down(imgui.Key.mod_shift)
+        window.drag("View/orbit", 100)
+        window.ctx.key_up(imgui.Key.mod_shift)
+        assert 0 < before.azimuth - session.scene.camera.azimuth < 0.3 * coarse
+
+    drive(act)
+
+
+def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        assert window.desk.likes == Preferences()
+        window.drag("View/orbit", 30)
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("Look/Dark")
+        window.ctx.menu_click("Look/Larger text")
+        window.ctx.yield_(2)
+        window.press(imgui.Key.mod_ctrl | imgui.Key.equal)
+        before = hello_imgui.em_size()
+        window.press(imgui.Key.mod_ctrl | imgui.Key.minus)
+        assert hello_imgui.em_size() < before
+        window.click("View/##detail")
+        window.click("**/192 px")
+        kept.append(window.desk.likes)
+        window.ctx.yield_(2)
+        assert Preferences.load(folder) == kept[0]
+        testing.capture(window.ctx, str(tmp_path / "light.png"))
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("Look/Reset layout")
+        window.ctx.yield_(5)
+        window.drag("View/orbit", 30)
+
+    def second(window: Driver) -> None:
+        assert window.desk.likes == kept[0]
+        assert (window.desk.likes.dark, window.desk.likes.newcomer, window.session.detail) == (False, False, 192)
+
+    kept: list[Preferences] = []
+    drive(first, folder=folder)
+    assert (folder / "window.ini").is_file()
+    drive(second, folder=folder)
+
+
 def test_menus_help_and_theme(drive: Drive) -> None:
     def act(window: Driver) -> None:
         ctx, desk = window.ctx, window.desk
@@ -731,8 +834,8 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         ctx.menu_click("Look/Dark")
         ctx.menu_click("Look/###smooth")
         ctx.yield_(2)
-        assert not desk.dark
-        assert not desk.smooth
+        assert not desk.likes.dark
+        assert not desk.likes.smooth
         window.drag("View/orbit", 30)
         ctx.menu_click("Edit/Undo")
         ctx.yield_(2)

@@ -1,6 +1,7 @@
 """One subject per file; each panel reads the session and calls its named edits."""
 
 from viewer.desk import Panel
+from viewer.panels.camera import CameraPanel
 from viewer.panels.codes import CodesPanel
 from viewer.panels.export import Export
 from viewer.panels.fit import Fit
@@ -16,4 +17,4 @@ from viewer.panels.visited import Visited
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
     lower = CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()
-    return [View(), MixPanel(), Objects(), *lower, Visited(), TimelinePanel()]
+    return [View(), MixPanel(), Objects(), *lower, Visited(), TimelinePanel(), CameraPanel()]

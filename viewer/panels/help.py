@@ -9,7 +9,9 @@ LINES = (
     ("Drag, or arrow keys", "turn the object"),
     ("Wheel, or + and -", "zoom"),
     ("Shift", "with drag or arrows: finer"),
-    ("Double click, or Home", "back to the first view"),
+    ("1, 2, 3, 4", "front, side, top, the photo's camera"),
+    ("Middle or right drag", "push the object aside in the view"),
+    ("Double click, or Home", "back to the first view, the object in the middle"),
     ("The badge", "amber: a preview, being refined; green: the finished picture"),
     ("Objects", ""),
     ("Click", "show the object; it is A"),
@@ -41,6 +43,7 @@ LINES = (
     ("Ctrl+Z", "undo; a drag is one step"),
     ("Ctrl+Y, Ctrl+Shift+Z", "redo"),
     ("F1", "this help"),
+    ("Ctrl++, Ctrl+-", "larger text, smaller text"),
     ("Ctrl+Q", "quit"),
 )
 

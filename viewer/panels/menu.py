@@ -7,6 +7,7 @@ from imgui_bundle import hello_imgui, imgui
 
 from core.library import samples, shipped_models
 from viewer.desk import Desk
+from viewer.preferences import LARGEST, SMALLEST
 
 
 def draw(desk: Desk) -> None:
@@ -32,8 +33,14 @@ def draw(desk: Desk) -> None:
         imgui.end_menu()
     hello_imgui.show_view_menu(hello_imgui.get_runner_params())  # panels, and the layout's reset
     if imgui.begin_menu("Look"):
-        _, desk.dark = imgui.menu_item("Dark", "", desk.dark)
-        _, desk.smooth = imgui.menu_item("Smooth the finished picture###smooth", "", desk.smooth)
+        likes = desk.likes
+        desk.chose(dark=imgui.menu_item("Dark", "", likes.dark)[1])
+        desk.chose(smooth=imgui.menu_item("Smooth the finished picture###smooth", "", likes.smooth)[1])
+        imgui.separator()
+        _item("Larger text", "Ctrl++", partial(desk.size_text, 1), likes.text < LARGEST)
+        _item("Smaller text", "Ctrl+-", partial(desk.size_text, -1), likes.text > SMALLEST)
+        imgui.separator()
+        _item("Reset layout", "", desk.reset_layout)
         imgui.end_menu()
     if imgui.begin_menu("Help"):
         _, desk.help_open = imgui.menu_item("Keys and mouse", "F1", desk.help_open)
@@ -50,7 +57,15 @@ def keys(desk: Desk) -> None:
         (mod.mod_ctrl | key.y, session.redo),
         (mod.mod_ctrl | key.q, desk.quit),
     ]
+    for plus, minus in ((key.equal, key.minus), (key.keypad_add, key.keypad_subtract)):
+        chords += [
+            (mod.mod_ctrl | plus, partial(desk.size_text, 1)),
+            (mod.mod_ctrl | minus, partial(desk.size_text, -1)),
+        ]
     if session.ready:
+        for digit, view in enumerate(("front", "side", "top", "photo"), 1):
+            for pressed in (getattr(key, f"_{digit}"), getattr(key, f"keypad{digit}")):
+                chords.append((pressed, partial(session.see_from, view)))
         chords += [(mod.mod_ctrl | key.s, desk.save_scene), (mod.mod_ctrl | key.o, desk.open_scene)]
         chords += [(key.space, session.film.toggle), (key.k, session.film.add_key), (key.r, session.randomise_all)]
         if not session.fitting.running:

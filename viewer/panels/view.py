@@ -39,25 +39,30 @@ class View:
             self._draw_waiting(desk, corner, size)
             return
         assert desk.canvas is not None
-        texture = desk.canvas.draw(session.frame, pixels, desk.palette, desk.smooth and session.frame.final)
+        texture = desk.canvas.draw(session.frame, pixels, desk.palette, desk.likes.smooth and session.frame.final)
         imgui.get_window_draw_list().add_image_rounded(
             texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
         )
         imgui.set_next_item_allow_overlap()
-        imgui.invisible_button("orbit", size)
+        buttons = imgui.ButtonFlags_
+        every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
+        imgui.invisible_button("orbit", size, every)
         self._hand(desk, size)
         self._draw_badge(desk, session.frame, corner, size)
         self._draw_buttons(desk, corner, size)
-        if desk.newcomer:
+        if desk.likes.newcomer:
             _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
 
     def _hand(self, desk: Desk, size: ImVec2) -> None:
         session, io = desk.session, imgui.get_io()
         if imgui.is_item_active() and (io.mouse_delta.x or io.mouse_delta.y):
             share = (_FINE if io.key_shift else 1.0) / min(size.x, size.y)
-            camera = orbit.dragged(session.scene.camera, io.mouse_delta.x * share, io.mouse_delta.y * share)
-            session.look(camera, gesture="orbit")
-            desk.newcomer = False
+            across, down = io.mouse_delta.x * share, io.mouse_delta.y * share
+            if imgui.is_mouse_down(imgui.MouseButton_.left):
+                session.look(orbit.dragged(session.scene.camera, across, down), gesture="orbit")
+                desk.chose(newcomer=False)
+            else:
+                session.push(across, down)
         if imgui.is_item_deactivated():
             session.settle()
         if imgui.is_item_hovered():
@@ -73,7 +78,7 @@ class View:
 
     def _keys(self, desk: Desk) -> None:
         session, step = desk.session, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
-        if imgui.get_io().want_text_input or session.model is None:
+        if imgui.get_io().want_text_input or imgui.get_io().key_ctrl or session.model is None:
             return
         turns = {"left_arrow": (-step, 0), "right_arrow": (step, 0), "up_arrow": (0, step), "down_arrow": (0, -step)}
         for key, (azimuth, elevation) in turns.items():
@@ -87,7 +92,7 @@ class View:
 
     def _nudge(self, desk: Desk, camera: orbit.Camera, gesture: str) -> None:
         self._nudged = time.monotonic()
-        desk.newcomer = False
+        desk.chose(newcomer=False)
         desk.session.look(camera, gesture)
 
     def _draw_waiting(self, desk: Desk, corner: ImVec2, size: ImVec2) -> None:
@@ -121,7 +126,10 @@ class View:
         if button(f"{icons_fontawesome_4.ICON_FA_REDO}###redo", "Redo (Ctrl+Y)", enabled=bool(history.future)):
             session.redo()
         imgui.same_line(0, 0.3 * em)
-        if button(f"{icons_fontawesome_4.ICON_FA_HOME}###home", "Back to the first view (double click, or Home)"):
+        if button(
+            f"{icons_fontawesome_4.ICON_FA_HOME}###home",
+            "Back to the first view, the object in the middle (double click, or Home)",
+        ):
             session.reset_view()
         imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 6.7 * em, 0.7 * em))
         imgui.set_next_item_width(6 * em)
@@ -129,6 +137,7 @@ class View:
             for detail in _DETAILS:
                 if imgui.selectable(f"{detail} px", detail == session.detail)[0]:
                     session.set_detail(detail)
+                    desk.chose(detail=detail)
             imgui.end_combo()
         tip("Size of the finished picture: larger is sharper, and takes longer")
 
