@@ -7,11 +7,12 @@ import moderngl
 from imgui_bundle import hello_imgui, imgui
 
 from viewer import theme, window
+from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.desk import Desk, Panel
 from viewer.files import Files
 from viewer.messages import explain
-from viewer.panels import all_panels, help, menu, messages
+from viewer.panels import all_panels, help, menu, messages, recovery
 from viewer.preferences import Preferences
 from viewer.session import Session
 
@@ -47,6 +48,7 @@ class App:
         if folder:
             self.desk.likes = Preferences.load(folder)
             session.detail = self.desk.likes.detail
+            self.desk.autosave = Autosave(session, folder)
         self._kept = self.desk.likes
         self._context: moderngl.Context | None = None
         self._software = False
@@ -135,6 +137,8 @@ class App:
 
     def _closing(self) -> None:
         self.session.worker.close()
+        if self.desk.autosave:
+            self.desk.autosave.close()
         self._keep()
         assert self.desk.canvas and self.desk.images
         self.desk.canvas.release()
@@ -142,6 +146,8 @@ class App:
 
     def _before_frame(self) -> None:
         self.session.tick()
+        if self.desk.autosave:
+            self.desk.autosave.tick()
         likes = self.desk.likes
         if likes.dark != self._themed:
             self._themed = likes.dark
@@ -156,6 +162,7 @@ class App:
         menu.keys(self.desk)
         messages.draw(self.desk)
         help.draw(self.desk)
+        recovery.draw(self.desk)
         self.desk.files.draw()
         if self.desk.focus:
             self.params.docking_params.focus_dockable_window(self.desk.focus)

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.pictures import held_scene
+from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.exporting import Kind
 from viewer.files import Files, Wish
@@ -39,6 +40,8 @@ class Desk:
     """two corners of the picture on screen"""
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
+    autosave: Autosave | None = None
+    """none where nothing is kept"""
 
     @property
     def palette(self) -> Palette:
@@ -60,11 +63,17 @@ class Desk:
     def fit(self, path: Path) -> None:
         """Fit an image and show how it goes."""
         self.focus = "Fit"
+        self._remember(path)
         self.session.fitting.start(path)
 
     def open_scene(self) -> None:
         """Ask for a scene, or a picture that holds one, and open it."""
-        self.files.ask(Wish("Scene to open", self.session.load_scene, SCENES))
+        self.files.ask(Wish("Scene to open", self.load_scene, SCENES))
+
+    def load_scene(self, path: Path) -> None:
+        """Open a scene, or a picture that holds one."""
+        self._remember(path)
+        self.session.load_scene(path)
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
@@ -76,9 +85,13 @@ class Desk:
             return
         path = Path(paths[0])
         if path.suffix.lower() == ".json" or held_scene(path):
-            self.session.load_scene(path)
+            self.load_scene(path)
         else:
             self.fit(path)
+
+    def _remember(self, path: Path) -> None:
+        if path.is_file():
+            self.likes = self.likes.opened(path)
 
 
 class Panel(Protocol):

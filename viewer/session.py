@@ -28,6 +28,7 @@ from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
 from viewer.quality import Speed
+from viewer.saved import Saved
 from viewer.sheet import Sheet
 from viewer.stills import Stills
 from viewer.worker import Job, Worker
@@ -152,6 +153,7 @@ class Session:
         def ended(error: Exception | None) -> None:
             self.loading = ""
             if error:
+                self.when_ready = lambda: None
                 self.report(f"Cannot open the model {name}", error)
 
         def opened(model: Model) -> None:
@@ -292,6 +294,33 @@ class Session:
         """Change the film; what is shown stays."""
         assert self.history is not None, "no model yet"
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
+
+    def restore(self, saved: Saved, done: Callable[[], None] = lambda: None) -> None:
+        """Go on with a session that was put away, its model first; what cannot be read changes nothing.
+
+        Args:
+            done: called once all of it is back.
+        """
+        if self.model is None or self.opened != saved.model:
+            self.when_ready = lambda: self.restore(saved, done)
+            if self.loading != saved.model:
+                self.open_model(saved.model)
+            return
+        try:
+            state, things = saved.restored(self.model)
+            here = {*self.gallery.names, *(thing.name for thing in things)}
+            if not here.issuperset((*state.mix.a, state.mix.b)):
+                raise ValueError("it mixes objects that are not here")
+        except ValueError as error:
+            self.report("Cannot restore the session", error)
+            return
+        for thing in things:
+            if thing.name not in self.gallery.names:
+                self.gallery.add(thing)
+        assert self.history is not None
+        self._go(self.history.changed(state))
+        self.say("Restored the session")
+        done()
 
     def settle(self) -> None:
         """The hand has let go: the next edit is a step of its own."""

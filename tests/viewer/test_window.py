@@ -819,6 +819,61 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
     drive(second, folder=folder)
 
 
+def test_a_session_that_ended_badly_is_offered_back(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        assert not window.ctx.window_info("//###Recovery").window
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not window.session.fitting.running)
+        window.wait()
+        window.press(imgui.Key.k)
+        window.drag("View/orbit", 80)
+        window.desk.autosave._when = 0.0
+        window.wait(lambda: any(folder.glob("session-*.json")))
+        (written,) = folder.glob("session-*.json")
+        (folder / "session-999999999.json").write_text(written.read_text())  # of a run that is no more
+        made.append(window.session.state)
+
+    def second(window: Driver) -> None:
+        session = window.session
+        testing.capture(window.ctx, str(tmp_path / "offer.png"))
+        window.click("###Recovery/###restore")
+        window.wait()
+        assert session.errors == []
+        assert session.state == made[0]
+        assert session.gallery.names[0] == "block"
+        assert session.gallery["block"].photo is not None
+        assert not window.desk.autosave.left
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert not session.history.past
+
+    made: list[object] = []
+    drive(first, folder=folder)
+    assert [path.name for path in folder.glob("session-*.json")] == ["session-999999999.json"]
+    drive(second, folder=folder)
+    assert not list(folder.glob("session-*.json"))
+
+
+def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.drag("View/orbit", 80)
+        scene = session.scene
+        session.save_scene(tmp_path / "mine.json")
+        window.desk.drop([str(tmp_path / "mine.json")])
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not session.fitting.running)
+        window.wait()
+        assert [Path(name).name for name in window.desk.likes.recent] == ["block.png", "mine.json"]
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("File/Open recent/###recent 2")
+        window.ctx.yield_(2)
+        assert session.scene == scene
+
+    drive(act)
+
+
 def test_menus_help_and_theme(drive: Drive) -> None:
     def act(window: Driver) -> None:
         ctx, desk = window.ctx, window.desk

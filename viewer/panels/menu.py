@@ -2,11 +2,12 @@
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui
 
 from core.library import samples, shipped_models
-from viewer.desk import Desk
+from viewer.desk import Desk, tip
 from viewer.preferences import LARGEST, SMALLEST
 
 
@@ -20,6 +21,7 @@ def draw(desk: Desk) -> None:
         imgui.separator()
         _item("Open scene…###open scene", "Ctrl+O", desk.open_scene, ready)
         _item("Save scene…###save scene", "Ctrl+S", desk.save_scene, ready)
+        _draw_recent(desk, ready)
         imgui.separator()
         _item("Quit", "Ctrl+Q", desk.quit)
         imgui.end_menu()
@@ -96,6 +98,14 @@ def _draw_samples(desk: Desk, enabled: bool) -> None:
     if imgui.begin_menu("Fit a sample", enabled):
         for path in samples(model.category) if model else ():
             _item(path.stem, "", partial(desk.fit, path))
+        imgui.end_menu()
+
+
+def _draw_recent(desk: Desk, enabled: bool) -> None:
+    if imgui.begin_menu("Open recent", enabled and bool(desk.likes.recent)):
+        for number, name in enumerate(desk.likes.recent):
+            _item(f"{Path(name).name}###recent {number + 1}", "", partial(desk.drop, [name]))
+            tip(name)
         imgui.end_menu()
 
 
