@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32, Int32, UInt8
 
 from core.camera import Camera
 from core.codes import Codes
@@ -52,6 +52,8 @@ class Frame:
     """along a ray"""
     seconds: float
     """since the job began"""
+    asked: Int32[np.ndarray, "height width"] | None = None
+    """samples of each ray that were evaluated, where that is known"""
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -77,7 +79,8 @@ def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         image = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
         depth, opacity = seen.depth.cpu().numpy(), seen.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
-        yield Frame(image, depth, opacity, stage, len(plan), plan[stage][1], seconds)
+        asked = None if seen.asked is None else seen.asked.int().cpu().numpy()
+        yield Frame(image, depth, opacity, stage, len(plan), plan[stage][1], seconds, asked)
 
 
 def _plan(job: RenderJob) -> list[tuple[Camera, int]]:

@@ -14,6 +14,7 @@ from viewer.files import Files
 from viewer.messages import explain
 from viewer.panels import all_panels, help, menu, messages, recovery
 from viewer.preferences import Preferences
+from viewer.quality import QUALITIES
 from viewer.session import Session
 
 _RATE, _RATE_BESIDE_WORKER = 60.0, 30.0
@@ -47,7 +48,7 @@ class App:
         self._size, self._folder, self._headless = size, folder, headless
         if folder:
             self.desk.likes = Preferences.load(folder)
-            session.detail = self.desk.likes.detail
+            session.quality = QUALITIES[self.desk.likes.quality]
             self.desk.autosave = Autosave(session, folder)
         self._kept = self.desk.likes
         self._context: moderngl.Context | None = None

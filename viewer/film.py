@@ -42,7 +42,7 @@ class Film:
         """s on the clock when it stood at 0, while it plays"""
         self._last: Scene | None = None
         """what it showed while it plays; another scene is another edit"""
-        self._pictures: dict[int, Frame] = {}
+        self._pictures: dict[int, tuple[Frame, orbit.Framing]] = {}
         """by their number, of :attr:`_drawn_of`"""
         self._drawn_of: tuple[Timeline, object] | None = None
 
@@ -96,7 +96,8 @@ class Film:
         passed = self._clock() - self._began
         self.seconds = passed % length if self.timeline.loop else min(passed, length)
         self._show()
-        self._session.frame = self._picture() or self._session.frame
+        if picture := self._picture():
+            self._session.put(*picture)
         if passed >= length and not self.timeline.loop:
             self.pause()
         self._session.worker.wake()
@@ -171,7 +172,7 @@ class Film:
             self._session.worker.cancel("film")
             self._session.render()
 
-    def _picture(self) -> Frame | None:
+    def _picture(self) -> tuple[Frame, orbit.Framing] | None:
         """The newest picture that is there, of this moment or before."""
         now = int(self.seconds * _RATE)
         return next((self._pictures[index] for index in range(now, -1, -1) if index in self._pictures), None)
@@ -187,17 +188,18 @@ class Film:
         count, now = timeline.count(_RATE), int(self.seconds * _RATE)
         order = [index for index in (*range(now, count), *range(now)) if index not in self._pictures][:_KEPT]
 
-        def drawn(model: Model) -> Iterator[tuple[int, Frame] | None]:
+        def drawn(model: Model) -> Iterator[tuple[int, Frame, orbit.Framing] | None]:
             for index in order:
                 shot = timeline.at(index / _RATE)
                 framing = orbit.filling(shot.camera, *place)
                 for frame in session.streams.frames(model, RenderJob(shot.codes, framing.camera, _SETTINGS)):
-                    yield (index, replace(framing.cropped(frame), stages=2)) if frame else None  # a preview
+                    yield (index, replace(frame, stages=2), framing) if frame else None  # a preview
 
         session.worker.submit(Job("film", lambda: drawn(model), self._keep, self._ended))
 
-    def _keep(self, drawn: tuple[int, Frame]) -> None:
-        self._pictures[drawn[0]] = drawn[1]
+    def _keep(self, drawn: tuple[int, Frame, orbit.Framing]) -> None:
+        index, frame, framing = drawn
+        self._pictures[index] = frame, framing
 
     def _ended(self, error: Exception | None) -> None:
         if error:

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 from core.files import write_json
+from viewer.quality import QUALITIES, USUAL
 
 _FILE = "preferences.json"
 _RECENT = 8
@@ -23,8 +24,8 @@ class Preferences:
     """the finished picture, enlarged, without visible pixels; previews show theirs, so that they are known as such"""
     text: float = 1.0
     """size of the text, against its usual one"""
-    detail: int = 256
-    """px along the shorter side of the finished picture"""
+    quality: int = USUAL
+    """which of :data:`viewer.quality.QUALITIES`"""
     newcomer: bool = True
     """nobody has turned the object yet"""
     recent: tuple[str, ...] = ()
@@ -62,7 +63,7 @@ class Preferences:
         recent = told.get("recent")
         names = tuple(name for name in recent if isinstance(name, str)) if isinstance(recent, list) else ()
         found = cls(**kept, recent=names[:_RECENT]).sized(kept.get("text", usual.text))
-        return found if 32 <= found.detail <= 2048 else replace(found, detail=usual.detail)
+        return found if 0 <= found.quality < len(QUALITIES) else replace(found, quality=usual.quality)
 
 
 def _alike(value: object, usual: object) -> bool:

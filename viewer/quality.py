@@ -1,9 +1,33 @@
-"""How coarse a first picture must be so that it follows the hand."""
+"""How coarse a first picture must be so that it follows the hand, and how fine the last one is wanted."""
+
+from typing import NamedTuple
 
 _FIRST_WITHIN = 0.05
 """s: what still feels like following."""
 _COARSEST, _FINEST = 16, 4
 """What the size of the first picture is divided by."""
+
+
+class Quality(NamedTuple):
+    """Of the finished picture."""
+
+    detail: int
+    """px along its shorter side"""
+    samples: int
+    """intervals along the longest side of the scene's box"""
+
+
+QUALITIES = (
+    Quality(96, 64),
+    Quality(128, 96),
+    Quality(192, 128),
+    Quality(256, 192),
+    Quality(384, 192),
+    Quality(512, 192),
+    Quality(768, 256),
+)
+"""From faster to finer; each takes about twice as long as the one before."""
+USUAL = 3
 
 
 class Speed:

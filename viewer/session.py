@@ -27,7 +27,7 @@ from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
-from viewer.quality import Speed
+from viewer.quality import QUALITIES, USUAL, Quality, Speed
 from viewer.saved import Saved
 from viewer.sheet import Sheet
 from viewer.stills import Stills
@@ -68,12 +68,15 @@ class Session:
         self.history: History | None = None
         self.frame: Frame | None = None
         """the newest picture of the scene"""
+        self.drawn: tuple[Frame, orbit.Framing] | None = None
+        """the whole picture that it is cut from"""
         self.panel = (512, 512)
         """px, the size of the view"""
         self.pan = (0.0, 0.0)
         """how far the object is moved right and down in the view, in shares of its shorter side; nothing to undo"""
-        self.detail = 256
-        """px along the shorter side of the finished picture"""
+        self.quality = QUALITIES[USUAL]
+        self.times: tuple[tuple[tuple[int, int], float], ...] = ()
+        """of the picture on screen: size (px) of each stage so far, and s from the wish to it"""
         self.locked: frozenset[Part] = frozenset()
         """what no edit of codes changes; opening a scene or a fit does, and undo"""
         self.messages: list[Message] = []
@@ -165,7 +168,7 @@ class Session:
     def _opened(self, model: Model) -> None:
         self.fitting.reset()
         self.exporting.cancel()
-        self.model, self.frame, self.locked = model, None, frozenset()
+        self.model, self.frame, self.drawn, self.locked = model, None, None, frozenset()
         self.gallery.open(model)
         self.sheet.clear()
         self.stills.clear()
@@ -337,7 +340,7 @@ class Session:
         if self.history:
             self._go(self.history.redone())
 
-    def visit(self, index: int) -> None:
+    def return_to(self, index: int) -> None:
         """Back, or forward, to one of the states that undo remembers."""
         if self.history:
             self._go(self.history.gone(index))
@@ -368,9 +371,9 @@ class Session:
         self.pan = orbit.pushed(self.pan, across, down)
         self.render()
 
-    def set_detail(self, detail: int) -> None:
-        """Finish pictures at another size (px along the shorter side)."""
-        self.detail = detail
+    def set_quality(self, quality: Quality) -> None:
+        """Finish pictures faster, or finer."""
+        self.quality = quality
         self.render()
 
     def say(self, text: str, kind: Kind = Kind.INFO) -> None:
@@ -393,9 +396,9 @@ class Session:
         if self.model is None or self.history is None or self.film.playing:
             return
         model = self.model
-        framing = orbit.filling(self.scene.camera, *self.panel, self.detail, self.pan)
+        framing = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
         camera = framing.camera
-        settings = RenderSettings(stages=self.speed.stages(camera.width * camera.height))
+        settings = RenderSettings(self.quality.samples, self.speed.stages(camera.width * camera.height))
         job = RenderJob(self.scene.codes, camera, settings)
 
         def drawn(frame: Frame) -> None:
@@ -403,8 +406,15 @@ class Session:
 
         self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, self._undrawn, urgent=True))
 
+    def put(self, frame: Frame, framing: orbit.Framing) -> None:
+        """Show a picture."""
+        self.drawn, self.frame = (frame, framing), framing.cropped(frame)
+
     def _drawn(self, frame: Frame, framing: orbit.Framing) -> None:
-        before, self.frame = self.frame, framing.cropped(frame)
+        before = self.frame
+        earlier = self.times if self.drawn and self.drawn[1] is framing else ()
+        self.times = (*earlier, (frame.resolution, frame.seconds))
+        self.put(frame, framing)
         # What comes before the first picture does not grow with its size, and the last one is drawn more carefully.
         if before and 0 < frame.stage == before.stage + 1 and not frame.final:
             self.speed.seen(frame.image.shape[0] * frame.image.shape[1], frame.seconds - before.seconds)

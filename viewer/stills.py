@@ -20,7 +20,7 @@ _KEPT = 600
 """pictures: of 64 px they take 45 kB each"""
 _AT_ONCE = 6
 """pictures drawn before it is looked again at which are wanted"""
-_SHARE = 0.5
+_SHARE = 0.3
 """of the worker's time"""
 
 

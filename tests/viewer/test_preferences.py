@@ -7,7 +7,7 @@ from viewer.preferences import LARGEST, SMALLEST, Preferences
 
 
 def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
-    chosen = replace(Preferences(), dark=False, text=1.25, detail=384, newcomer=False).opened(tmp_path / "a.png")
+    chosen = replace(Preferences(), dark=False, text=1.25, quality=5, newcomer=False).opened(tmp_path / "a.png")
     chosen.save(tmp_path / "deep" / "folder")
     assert Preferences.load(tmp_path / "deep" / "folder") == chosen
 
@@ -18,8 +18,8 @@ def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
         "",
         "[]",
         "nonsense",
-        '{"dark": 3, "detail": "large", "text": null, "recent": 7}',
-        '{"detail": -5, "text": NaN, "recent": [1, {}], "other": 1}',
+        '{"dark": 3, "quality": "large", "text": null, "recent": 7}',
+        '{"quality": -5, "text": NaN, "recent": [1, {}], "other": 1}',
     ],
 )
 def test_what_makes_no_sense_is_as_on_the_first_launch(text: str, tmp_path: Path) -> None:

@@ -2,7 +2,7 @@ from itertools import pairwise
 
 import pytest
 
-from viewer.quality import Speed
+from viewer.quality import QUALITIES, Speed
 
 
 @pytest.mark.parametrize(("rate", "first"), [(1e2, 16), (3e4, 8), (1e5, 4), (1e9, 4)])
@@ -21,3 +21,8 @@ def test_the_rate_follows_what_is_seen() -> None:
     assert speed.rate == pytest.approx(1e5, rel=1e-3)
     speed.seen(1000, 0.0)  # a clock that has not moved
     assert speed.rate < float("inf")
+
+
+def test_finer_is_more_work_every_time() -> None:
+    work = [quality.detail**2 * quality.samples for quality in QUALITIES]
+    assert all(1.3 < after / before < 4 for before, after in pairwise(work))

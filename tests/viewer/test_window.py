@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import av
@@ -29,9 +30,11 @@ from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fi
 from viewer import app, orbit
 from viewer.exporting import VideoChoice, film
 from viewer.files import Wish
+from viewer.modes import MODES
 from viewer.panels import all_panels
 from viewer.panels.fit import in_words
 from viewer.preferences import Preferences
+from viewer.quality import QUALITIES
 from viewer.session import Streams
 
 Drive = Callable[..., None]
@@ -798,8 +801,7 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         before = hello_imgui.em_size()
         window.press(imgui.Key.mod_ctrl | imgui.Key.minus)
         assert hello_imgui.em_size() < before
-        window.click("View/##detail")
-        window.click("**/192 px")
+        window.ctx.item_input_value("//View/##quality", 2)
         kept.append(window.desk.likes)
         window.ctx.yield_(2)
         assert Preferences.load(folder) == kept[0]
@@ -811,7 +813,11 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
 
     def second(window: Driver) -> None:
         assert window.desk.likes == kept[0]
-        assert (window.desk.likes.dark, window.desk.likes.newcomer, window.session.detail) == (False, False, 192)
+        assert (window.desk.likes.dark, window.desk.likes.newcomer, window.session.quality) == (
+            False,
+            False,
+            QUALITIES[2],
+        )
 
     kept: list[Preferences] = []
     drive(first, folder=folder)
@@ -874,6 +880,41 @@ def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path
     drive(act)
 
 
+def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_streams: Streams, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        seen = []
+        for number in range(len(MODES)):
+            testing.capture(window.ctx, str(tmp_path / f"{number}.png"))
+            low, high = window.desk.view
+            whole = np.asarray(Image.open(tmp_path / f"{number}.png").convert("RGB")).astype(int)
+            seen.append(whole[int(low.y) + 60 : int(high.y) - 60, int(low.x) : int(high.x)])
+            window.ctx.mouse_move("//View/orbit")
+            window.press(imgui.Key.v)
+        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(seen, 2))
+        window.click("View/##mode")
+        window.click("**/Normals")
+        window.click("View/##mode")
+        window.click("**/Colour")
+        assert window.session.errors == []
+
+    drive(act, real_streams)
+
+
+def test_the_speed_panel_tells_of_the_picture_on_screen(drive: Drive, real_streams: Streams, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Speed")
+        window.drag("View/orbit", 40)
+        window.wait(lambda: session.frame.final and not session.worker.busy("view"))
+        sizes, seconds = zip(*session.times, strict=True)
+        assert sizes[-1] == session.frame.resolution
+        assert list(seconds) == sorted(seconds)
+        testing.capture(window.ctx, str(tmp_path / "speed.png"))
+        assert session.errors == []
+
+    drive(act, real_streams)
+
+
 def test_menus_help_and_theme(drive: Drive) -> None:
     def act(window: Driver) -> None:
         ctx, desk = window.ctx, window.desk
@@ -926,9 +967,8 @@ def test_models_and_samples_are_in_the_menus(drive: Drive, monkeypatch: pytest.M
 
 def test_the_size_of_the_finished_picture_can_be_chosen(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        window.click("View/##detail")
-        window.click("**/192 px")
-        window.wait()
+        window.ctx.item_input_value("//View/##quality", 2)
+        window.wait(lambda: window.session.frame.final and window.session.frame.samples == 128)
         frame = window.session.frame
         assert frame is not None
         assert min(frame.resolution) == 192

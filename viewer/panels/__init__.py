@@ -9,6 +9,7 @@ from viewer.panels.mix import MixPanel
 from viewer.panels.objects import Objects
 from viewer.panels.plausibility import Plausibility
 from viewer.panels.sheet import SheetPanel
+from viewer.panels.speed import SpeedPanel
 from viewer.panels.timeline import TimelinePanel
 from viewer.panels.view import View
 from viewer.panels.visited import Visited
@@ -17,4 +18,4 @@ from viewer.panels.visited import Visited
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
     lower = CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()
-    return [View(), MixPanel(), Objects(), *lower, Visited(), TimelinePanel(), CameraPanel()]
+    return [View(), MixPanel(), Objects(), *lower, Visited(), TimelinePanel(), CameraPanel(), SpeedPanel()]

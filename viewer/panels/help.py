@@ -12,6 +12,7 @@ LINES = (
     ("1, 2, 3, 4", "front, side, top, the photo's camera"),
     ("Middle or right drag", "push the object aside in the view"),
     ("Double click, or Home", "back to the first view, the object in the middle"),
+    ("V", "colour, depth, normals, opacity, samples of each ray"),
     ("The badge", "amber: a preview, being refined; green: the finished picture"),
     ("Objects", ""),
     ("Click", "show the object; it is A"),

@@ -46,7 +46,7 @@ class Visited:
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
         elif imgui.invisible_button(f"state {index + 1}", (side, side)):
-            desk.session.visit(index)
+            desk.session.return_to(index)
         if index == now and self._shown != now:
             imgui.set_scroll_here_x()
             self._shown = now
