@@ -40,13 +40,18 @@ class Stills:
         self._pictures: OrderedDict[_Still, Frame] = OrderedDict()
         self._wanted: dict[_Still, RenderJob] = {}
 
-    def picture(self, codes: Codes, camera: Camera) -> Frame | None:
-        """The picture at the camera's size; None until it is drawn. To be asked for in every frame that shows it."""
+    def picture(self, codes: Codes, camera: Camera, soon: bool = False) -> Frame | None:
+        """The picture at the camera's size; None until it is drawn. To be asked for in every frame that shows it.
+
+        Args:
+            soon: before the others, as someone waits for it.
+        """
         still = _Still(codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes(), camera)
         if still in self._pictures:
             self._pictures.move_to_end(still)
             return self._pictures[still]
-        self._wanted[still] = RenderJob(codes, camera, _SETTINGS)
+        wanted = {still: RenderJob(codes, camera, _SETTINGS)}
+        self._wanted = wanted | self._wanted if soon else self._wanted | wanted
         return None
 
     @property

@@ -35,7 +35,7 @@ from viewer.panels import all_panels
 from viewer.panels.fit import in_words
 from viewer.preferences import Preferences
 from viewer.quality import QUALITIES
-from viewer.session import Streams
+from viewer.session import PARTS, Streams
 
 Drive = Callable[..., None]
 
@@ -911,6 +911,26 @@ def test_the_speed_panel_tells_of_the_picture_on_screen(drive: Drive, real_strea
         assert list(seconds) == sorted(seconds)
         testing.capture(window.ctx, str(tmp_path / "speed.png"))
         assert session.errors == []
+
+    drive(act, real_streams)
+
+
+def test_the_slider_under_the_mouse_tells_what_it_changes(drive: Drive, real_streams: Streams, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        panel = next(panel for panel in window.app.panels if panel.title == "Codes")
+        window.click("Codes/###strips")
+        found = {}
+        for part in PARTS:
+            window.ctx.mouse_move(f"//Codes/**/##{part} 1")
+            window.ctx.yield_(2)
+            panel._influence = None
+            window.wait(lambda: panel._influence is not None)
+            testing.capture(window.ctx, str(tmp_path / f"{part}.png"))
+            found[part] = panel._influence[2]
+        assert found["texture"].leak == 0.0
+        assert found["texture"].picture.std() > 0
+        assert found["shape"].leak > 0
+        assert not window.session.history.past
 
     drive(act, real_streams)
 

@@ -8,6 +8,7 @@ from core.codes import Codes
 from core.frames import Frame
 from viewer import faces, orbit
 from viewer.desk import Desk, button, tip
+from viewer.influence import Influence
 from viewer.session import PARTS, Part
 
 _DICE = icons_fontawesome_4.ICON_FA_RANDOM
@@ -26,6 +27,10 @@ _HELP = (
 _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
 
 
+_INFLUENCE = 96
+"""px"""
+
+
 class CodesPanel:
     """Two columns of sliders. A slider changes its coordinate and nothing else."""
 
@@ -37,6 +42,8 @@ class CodesPanel:
         self._strips = True
         self._basis: Codes | None = None
         """what the strips lead away from: the object before the hand took hold of it"""
+        self._influence: tuple[Frame, Frame, Influence] | None = None
+        """of the slider under the mouse: at less, at more, and between them"""
         self._seen: dict[tuple[Part, int, int], Frame] = {}
         """the last picture of every place, until there is a newer one"""
 
@@ -101,7 +108,30 @@ class CodesPanel:
             session.settle()
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             session.move_along(part, index, 0.0)
-        tip(_HELP.format(number=index + 1, share=share, part=part))
+        if imgui.begin_item_tooltip():
+            imgui.text(_HELP.format(number=index + 1, share=share, part=part))
+            self._draw_influence(desk, part, index, value)
+            imgui.end_tooltip()
+
+    def _draw_influence(self, desk: Desk, part: Part, index: int, value: float) -> None:
+        """Where the view changes between a standard deviation less and one more."""
+        session = desk.session
+        camera = session.scene.camera.resized(_INFLUENCE, _INFLUENCE)
+        space, code = session.space(part), session.code(part)
+        ends = (space.moved(code, index, value + step) for step in (-1.0, 1.0))
+        codes = (replace(session.scene.codes, **{part: end}) for end in ends)
+        low, high = (session.stills.picture(one, camera, soon=True) for one in codes)
+        if low is None or high is None:
+            imgui.text_disabled("Looking for what it changes …")
+            return
+        if self._influence is None or self._influence[:2] != (low, high):
+            self._influence = low, high, Influence.between(low, high)
+        found = self._influence[2]
+        assert desk.images is not None
+        side = 10 * hello_imgui.em_size()
+        imgui.image(desk.images.texture(found.picture, desk.palette), (side, side))
+        imgui.text(f"Changes {found.changed:.0%} of the object's pixels")
+        imgui.text(_leak(part, found.leak))
 
     def _draw_strip(self, desk: Desk, part: Part, index: int) -> None:
         """Each picture stands below its value on the slider."""
@@ -127,3 +157,11 @@ class CodesPanel:
         if found:
             self._seen[part, index, to] = found
         return self._seen.get((part, index, to))
+
+
+def _leak(part: Part, leak: float) -> str:
+    if part == "shape":
+        return f"Moves the silhouette: opacity changes by {leak:.2f} at the most"
+    return (
+        "Does not move the silhouette: opacity changes by exactly 0" if leak == 0 else f"Leaks into opacity by {leak:g}"
+    )

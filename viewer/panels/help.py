@@ -26,6 +26,7 @@ LINES = (
     ("Codes", ""),
     ("R", "a random shape and texture; what is locked stays"),
     ("Click a picture", "under a slider: go to -2, 0 or +2"),
+    ("Hover over a slider", "which pixels it changes, and whether the silhouette moves"),
     ("Ctrl+click", "type a value"),
     ("Right click", "set the direction to 0"),
     ("Timeline", ""),
