@@ -80,9 +80,15 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = _command(commands, "turntable", "turntable_command", "film one turn around an object")
     _add_scene_options(command)
+    command.add_argument("--morph-to", type=int, metavar="J", help="become this object halfway round, and turn back")
     command.add_argument("--frames", type=_count, default=72)
+    command.add_argument("--fps", type=_count, default=24, help="frames per second")
     command.add_argument("--size", type=_count, default=256, metavar="PX", help="width and height")
-    command.add_argument("--out", type=Path, required=True, metavar="X.mp4|.gif|.webp")
+    command.add_argument("--quality", type=_count, default=85, help="1 to 100")
+    command.add_argument("--transparent", action="store_true", help="leave the white ground out (not in mp4)")
+    command.add_argument(
+        "--out", type=Path, required=True, metavar="X.mp4|.gif|.webp|.frames", help="or a folder of png"
+    )
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:

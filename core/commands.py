@@ -40,8 +40,9 @@ from core.render import render_exact
 from core.report import swap_told, told, write_report, write_swap_report
 from core.scene import Scene
 from core.swap import CellScore, swap, table
+from core.timeline import Key, Shot, Timeline, turntable
 from core.train import RECIPES, Trainer, held_out_psnr, hold_out
-from core.video import turntable
+from core.video import VideoSettings, film
 
 _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
@@ -65,10 +66,16 @@ def render(chosen: argparse.Namespace) -> None:
 
 
 def turntable_command(chosen: argparse.Namespace) -> None:
-    """``turntable``: a video of one turn."""
+    """``turntable``: a video of one turn, into another object and back if told."""
     model, codes, camera = _viewed(chosen)
-    written = turntable(model, codes, camera, chosen.out, chosen.frames, chosen.size)
-    _drive((count for before, count in pairwise(chain((0,), written)) if count > before), chosen.frames, "frame")
+    settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, chosen.transparent)
+    shots = turntable(codes, camera, chosen.frames)
+    if chosen.morph_to is not None:
+        there, length = Shot(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
+        keys = Key(0.0, Shot(codes, camera)), Key(length / 2, there)
+        shots = Timeline(keys, length, turns=1).shots(chosen.fps)
+    written = film(model, shots, chosen.out, settings)
+    _drive((count for before, count in pairwise(chain((0,), written)) if count > before), len(shots), "frame")
 
 
 def mesh(chosen: argparse.Namespace) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,26 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise ValueError(f"cannot write {path}: {error.strerror or error}") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A new folder beside ``path`` to write to, as :func:`whole_file`; what is at ``path`` is never replaced.
+
+    Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already.
+    """
+    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
+    if path.exists():
+        raise ValueError(f"cannot write {path}: it is there already")
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        yield partial
+        partial.rename(path)
+    except OSError as error:
+        raise ValueError(f"cannot write {path}: {error.strerror or error}") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
 
 
 def write_json(path: Path, content: dict) -> None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32, Int32, UInt8
 from torch import Tensor
 
 from core.camera import Camera
@@ -59,6 +59,8 @@ class Frame:
     """along a ray"""
     seconds: float
     """since the job began"""
+    asked: Int32[np.ndarray, "height width"] | None = None
+    """samples of each ray that were evaluated, where that is known"""
     across: int = 1
     """pixels drawn across each pixel, and as many down"""
 
@@ -87,7 +89,8 @@ def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         image = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
         depth, opacity = seen.depth.cpu().numpy(), seen.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
-        yield Frame(image, depth, opacity, at, len(plan), stage.view.samples, seconds, stage.across)
+        asked = None if seen.asked is None else seen.asked.int().cpu().numpy()
+        yield Frame(image, depth, opacity, at, len(plan), stage.view.samples, seconds, asked, stage.across)
 
 
 class _View(NamedTuple):
@@ -125,7 +128,8 @@ def _joined(seen: Rendered, across: int) -> Rendered:
         return seen
     colour, opacity = (_means(part, across) for part in (seen.colour, seen.opacity[..., None]))
     depth = _means((seen.depth * seen.opacity)[..., None], across) / opacity.clamp_min(1e-6)
-    return Rendered(colour, depth[..., 0], opacity[..., 0])
+    asked = None if seen.asked is None else _means(across**2 * seen.asked[..., None].float(), across)[..., 0].long()
+    return Rendered(colour, depth[..., 0], opacity[..., 0], asked)
 
 
 def _means(image: Float[Tensor, "rows columns channels"], across: int) -> Float[Tensor, "height width channels"]:

@@ -79,6 +79,8 @@ class Chunk:
     directions: Float[Tensor, "rays 3"]
     depth: Float[Tensor, "rays"]
     opacity: Float[Tensor, "rays"]
+    asked: Int[Tensor, "rays"]
+    """intervals of each whose density was evaluated"""
     ray: Int[Tensor, "seen"]
     share: Float[Tensor, "seen"]
     """of its ray's light"""
@@ -194,7 +196,8 @@ def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step
     depth = depth / opacity.clamp_min(1e-6)
     seen = (share > _UNSEEN * opacity.index_select(0, whose)).nonzero()[:, 0]
     kept = (part.index_select(0, seen) for part in (whose, share, y))
-    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, *kept)
+    evaluated = torch.bincount(whose, minlength=len(counts))
+    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluated, *kept)
 
 
 def _rounds(
@@ -230,7 +233,9 @@ def _picture(camera: Camera, chunks: list[Chunk], colours: list[Tensor], device:
     count = camera.height * camera.width
     colour = torch.ones(count, 3, device=device)
     depth, opacity = torch.zeros(count, device=device), torch.zeros(count, device=device)
+    asked = torch.zeros(count, dtype=torch.long, device=device)
     for chunk, seen in zip(chunks, colours, strict=True):
         colour[chunk.pixel], depth[chunk.pixel], opacity[chunk.pixel] = seen, chunk.depth, chunk.opacity
+        asked[chunk.pixel] = chunk.asked
     size = camera.height, camera.width
-    return Rendered(colour.reshape(*size, 3), depth.reshape(size), opacity.reshape(size))
+    return Rendered(colour.reshape(*size, 3), depth.reshape(size), opacity.reshape(size), asked.reshape(size))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from core.camera import Camera
@@ -27,6 +27,8 @@ class Rendered:
     """scene units along the ray to the middle of the light's share that the object gave; 0 where it gave none"""
     opacity: Float[Tensor, "*batch"]
     """0..1, one less the light left over"""
+    asked: Int[Tensor, "*batch"] | None = None
+    """samples whose density was evaluated, where that differs from ray to ray"""
 
 
 def intervals(

@@ -16,14 +16,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from viewer.app import App
     from viewer.screenshot import Screenshot
     from viewer.session import Session
-    from viewer.window import NoDisplayError
+    from viewer.window import NoDisplayError, config_folder
     from viewer.worker import Worker
 
     worker = Worker()
     try:
         session = Session(worker)
         headless = chosen.screenshot is not None
-        app = App(session, chosen.size, remember=not headless, headless=headless)
+        app = App(session, chosen.size, None if headless else config_folder(), headless)
         session.open_model(chosen.model)
         if chosen.image:
             app.desk.fit(chosen.image)

@@ -2,17 +2,21 @@
 
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import moderngl
 from imgui_bundle import hello_imgui, imgui
 
 from viewer import theme, window
+from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.desk import Desk, Panel
 from viewer.files import Files
 from viewer.messages import explain
-from viewer.panels import all_panels, help, menu, messages
+from viewer.panels import all_panels, help, menu, messages, recovery
 from viewer.panels.cutting import CuttingDialog
+from viewer.preferences import Preferences
+from viewer.quality import QUALITIES
 from viewer.session import Session
 
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
@@ -29,25 +33,30 @@ class App:
         self,
         session: Session,
         size: tuple[int, int] = (1280, 800),
-        remember: bool = True,
+        folder: Path | None = None,
         headless: bool = False,
         native_dialogs: bool | None = None,
     ) -> None:
         """Nothing opens yet.
 
         Args:
-            remember: keep layout and preferences for the next time.
+            folder: where layout and preferences are kept for the next time; None keeps nothing.
             headless: draw a window that nobody sees.
             native_dialogs: None asks the system whether it has them.
         """
         window.prepare(headless)
         self.session = session
-        self.desk = Desk(session, Files(native_dialogs), quit=self._quit)
+        self.desk = Desk(session, Files(native_dialogs), quit=self._quit, reset_layout=self._reset_layout)
         self.panels: list[Panel] = all_panels()
         self._cutting = CuttingDialog()
-        self.params = window.parameters(size, remember)
+        self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
-        self._size, self._remember, self._headless = size, remember, headless
+        self._size, self._folder, self._headless = size, folder, headless
+        if folder:
+            self.desk.likes = Preferences.load(folder)
+            session.quality = QUALITIES[self.desk.likes.quality]
+            self.desk.autosave = Autosave(session, folder)
+        self._kept = self.desk.likes
         self._context: moderngl.Context | None = None
         self._software, self._touched = False, 0.0
         self._themed: bool | None = None
@@ -91,6 +100,7 @@ class App:
             hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.36),
             hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
             hello_imgui.DockingSplit("Upper", "Top", up, 0.31),
+            hello_imgui.DockingSplit("MainDockSpace", "Strip", down, 0.23),
         ]
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
@@ -125,9 +135,6 @@ class App:
         window.on_drop(self._dropped)
         if self._headless:
             window.resize(*self._size)
-        if self._remember:
-            self.desk.dark = hello_imgui.load_user_pref("theme") != "light"
-            self.desk.newcomer = not hello_imgui.load_user_pref("turned")
 
     def _dropped(self, paths: list[str]) -> None:
         try:
@@ -137,18 +144,22 @@ class App:
 
     def _closing(self) -> None:
         self.session.worker.close()
-        if self._remember:
-            hello_imgui.save_user_pref("theme", "dark" if self.desk.dark else "light")
-            hello_imgui.save_user_pref("turned", "" if self.desk.newcomer else "yes")
+        if self.desk.autosave:
+            self.desk.autosave.close()
+        self._keep()
         assert self.desk.canvas and self.desk.images
         self.desk.canvas.release()
         self.desk.images.release()
 
     def _before_frame(self) -> None:
-        self.session.worker.deliver()
-        if self.desk.dark != self._themed:
-            self._themed = self.desk.dark
+        self.session.tick()
+        if self.desk.autosave:
+            self.desk.autosave.tick()
+        likes = self.desk.likes
+        if likes.dark != self._themed:
+            self._themed = likes.dark
             theme.apply(self.desk.palette)
+        imgui.get_style().font_scale_main = likes.text
         if not self._headless:
             self.params.fps_idling.fps_max = self._rate()
         self.each_frame()
@@ -165,6 +176,7 @@ class App:
         menu.keys(self.desk)
         messages.draw(self.desk)
         help.draw(self.desk)
+        recovery.draw(self.desk)
         self.desk.files.draw()
         self._cutting.draw(self.desk)
         for title in filter(None, (self.desk.beside, self.desk.focus)):
@@ -172,3 +184,17 @@ class App:
         self.desk.beside = self.desk.focus = ""
         assert self.desk.images is not None
         self.desk.images.sweep()
+        if self._folder and self.desk.likes != self._kept and not imgui.is_any_mouse_down():
+            self._keep()
+
+    def _keep(self) -> None:
+        """Preferences are kept as soon as they change, so that a crash does not lose them."""
+        if self._folder and self.desk.likes != self._kept:
+            self._kept = self.desk.likes
+            try:
+                self._kept.save(self._folder)
+            except (ValueError, OSError) as error:
+                self.session.report("Cannot keep the preferences", error)
+
+    def _reset_layout(self) -> None:
+        self.params.docking_params.layout_reset = True

@@ -1,22 +1,24 @@
 """What panels share: the session, and the window's own things around it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.pictures import held_scene
+from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.exporting import Kind
 from viewer.files import Files, Wish
+from viewer.preferences import Preferences
 from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
 from viewer.worker import Job
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-VIDEOS = (".mp4", ".gif", ".webp")
+VIDEOS = (".mp4", ".gif", ".webp", ".frames")
 SCENES = (".json", ".png")
 MESHES = (".glb", ".ply", ".obj")
 
@@ -27,11 +29,7 @@ class Desk:
 
     session: Session
     files: Files
-    dark: bool = True
-    smooth: bool = True
-    """the finished picture, enlarged, without visible pixels; previews show theirs, so that they are known as such"""
-    newcomer: bool = True
-    """nobody has turned the object yet"""
+    likes: Preferences = field(default_factory=Preferences)
     help_open: bool = False
     canvas: Canvas | None = None
     images: Images | None = None
@@ -44,11 +42,22 @@ class Desk:
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
     """two corners of the picture on screen"""
     quit: Callable[[], None] = lambda: None
+    reset_layout: Callable[[], None] = lambda: None
+    autosave: Autosave | None = None
+    """none where nothing is kept"""
 
     @property
     def palette(self) -> Palette:
         """The colours of the theme."""
-        return DARK if self.dark else LIGHT
+        return DARK if self.likes.dark else LIGHT
+
+    def chose(self, **values: Any) -> None:
+        """Take in a preference, by its name."""
+        self.likes = replace(self.likes, **values)
+
+    def size_text(self, steps: int) -> None:
+        """A larger text, or a smaller one."""
+        self.likes = self.likes.sized(self.likes.text * 1.1**steps)
 
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""
@@ -57,6 +66,8 @@ class Desk:
     def fit(self, *paths: Path) -> None:
         """Fit images of one object and show how it goes."""
         self.focus, self.beside = "Fit", "Race"
+        for path in paths:
+            self._remember(path)
         self.session.fitting.start(*paths)
 
     def paste(self) -> None:
@@ -72,7 +83,12 @@ class Desk:
 
     def open_scene(self) -> None:
         """Ask for a scene, or a picture that holds one, and open it."""
-        self.files.ask(Wish("Scene to open", self.session.load_scene, SCENES))
+        self.files.ask(Wish("Scene to open", self.load_scene, SCENES))
+
+    def load_scene(self, path: Path) -> None:
+        """Open a scene, or a picture that holds one."""
+        self._remember(path)
+        self.session.load_scene(path)
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
@@ -85,9 +101,13 @@ class Desk:
         self.session.cutting.close()
         path = Path(paths[0])
         if path.suffix.lower() == ".json" or held_scene(path):
-            self.session.load_scene(path)
+            self.load_scene(path)
         else:
             self.fit(*map(Path, paths))
+
+    def _remember(self, path: Path) -> None:
+        if path.is_file():
+            self.likes = self.likes.opened(path)
 
 
 class Panel(Protocol):
@@ -95,7 +115,7 @@ class Panel(Protocol):
 
     title: str
     dock: str
-    """View, Top, Upper or Lower"""
+    """View, Top, Upper, Lower or Strip"""
 
     def draw(self, desk: Desk) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""
@@ -120,7 +140,8 @@ def draw_progress(desk: Desk, kind: Kind) -> bool:
     exporting = desk.session.exporting
     if exporting.path is None or exporting.kind != kind:
         return False
-    told = f"{exporting.path.name}   {exporting.progress:.0%}"
+    left = exporting.remaining
+    told = f"{exporting.path.name}   {exporting.progress:.0%}" + (f"   {left:.0f} s left" if left is not None else "")
     imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), told)
     imgui.same_line()
     if button("Cancel###cancel export", "Give it up; no half-written file stays"):

@@ -1,17 +1,19 @@
-"""Turntables, meshes, sheets and pictures on their way into files."""
+"""Films, meshes, sheets and pictures on their way into files."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from core.camera import Camera
 from core.codes import Codes
 from core.frames import Frame, RenderJob, RenderSettings
 from core.model import Model
 from core.pictures import save_picture
 from core.scene import Scene
+from core.timeline import Shot, turntable
 from viewer import orbit
 from viewer.sheet import write_sheet
 from viewer.worker import Job
@@ -19,16 +21,25 @@ from viewer.worker import Job
 if TYPE_CHECKING:
     from viewer.session import Session
 
-Kind = Literal["turntable", "mesh", "sheet"]
+Kind = Literal["turntable", "film", "mesh", "sheet"]
 
 
-def turntable(
-    model: Model, codes: Codes, camera: Camera, path: Path, frames: int = 72, size: int = 256
-) -> Iterator[int]:
-    """core.video.turntable; imported on the worker, as the video library takes its time."""
-    from core.video import turntable as stream
+@dataclass(frozen=True)
+class VideoChoice:
+    """What core.video.VideoSettings holds; the video library is imported on the worker, as it takes its time."""
 
-    return stream(model, codes, camera, path, frames, size)
+    size: int = 256
+    rate: int = 24
+    quality: int = 85
+    transparent: bool = False
+
+
+def film(model: Model, shots: Sequence[Shot], path: Path, choice: VideoChoice) -> Iterator[int]:
+    """core.video.film."""
+    from core.video import VideoSettings
+    from core.video import film as stream
+
+    return stream(model, shots, path, VideoSettings(**asdict(choice)))
 
 
 def mesh(model: Model, codes: Codes, path: Path, resolution: int = 256) -> Iterator[float]:
@@ -39,30 +50,41 @@ def mesh(model: Model, codes: Codes, path: Path, resolution: int = 256) -> Itera
 
 
 class Exporting:
-    """At most one turntable, mesh or sheet, and one picture, at a time."""
+    """At most one film, mesh or sheet, and one picture, at a time."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self.path: Path | None = None
-        """the turntable, mesh or sheet under way"""
+        """the film, mesh or sheet under way"""
         self.kind: Kind | None = None
         """which of them it is, or was last: endings do not tell, as .webp is both a video and a picture"""
         self.progress = 0.0
         """of it, 0..1"""
+        self._began = 0.0
+        """s on the monotonic clock"""
 
     @property
     def running(self) -> bool:
-        """A turntable, a mesh or a sheet is under way."""
+        """A film, a mesh or a sheet is under way."""
         return self.path is not None
 
-    def turntable(self, path: Path, frames: int = 72, size: int = 256) -> None:
-        """Write the object turning once round as mp4, gif or webp, by the file's name."""
-        self._begin(
-            "turntable",
-            path,
-            lambda model, scene: self._session.streams.turntable(model, scene.codes, scene.camera, path, frames, size),
-            frames,
-        )
+    @property
+    def remaining(self) -> float | None:
+        """s that it will take still if it goes on as so far; None until that can be told."""
+        if not self.running or self.progress <= 0:
+            return None
+        return (time.monotonic() - self._began) * (1 / self.progress - 1)
+
+    def turntable(self, path: Path, frames: int = 72, choice: VideoChoice | None = None) -> None:
+        """Write the object turning once round as mp4, gif, webp or a folder of pictures, by the name's ending."""
+        self._film("turntable", path, lambda scene: turntable(scene.codes, scene.camera, frames), frames, choice)
+
+    def film(self, path: Path, choice: VideoChoice | None = None) -> None:
+        """Write the timeline as mp4, gif, webp or a folder of pictures, by the name's ending."""
+        if self._session.model is None or not self._session.state.timeline.keys:
+            return
+        timeline, rate = self._session.state.timeline, (choice or VideoChoice()).rate
+        self._film("film", path, lambda _: timeline.shots(rate), timeline.count(rate), choice)
 
     def mesh(self, path: Path, resolution: int = 256) -> None:
         """Write the object as a coloured mesh, glb, ply or obj by the file's name.
@@ -111,6 +133,17 @@ class Exporting:
         stream = self._session.streams.frames(model, job)
         self._session.worker.submit(Job("picture", lambda: _written(stream, path, scene), lambda _: None, ended))
 
+    def _film(
+        self,
+        kind: Kind,
+        path: Path,
+        shots: Callable[[Scene], list[Shot]],
+        count: int,
+        choice: VideoChoice | None,
+    ) -> None:
+        write, chosen = self._session.streams.film, choice or VideoChoice()
+        self._begin(kind, path, lambda model, scene: write(model, shots(scene), path, chosen), count)
+
     def _begin(
         self, kind: Kind, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
     ) -> None:
@@ -118,7 +151,7 @@ class Exporting:
         model = self._session.model
         if self.running or model is None:
             return
-        self.kind, self.path, self.progress = kind, path, 0.0
+        self.kind, self.path, self.progress, self._began = kind, path, 0.0, time.monotonic()
         scene = self._session.scene
 
         def advanced(done: float) -> None:

@@ -1,9 +1,10 @@
 """What undo remembers: states before and after this one, a drag counted once."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from core.scene import Scene
+from core.timeline import Timeline
 
 _DEPTH = 500
 """States kept; a state is a few hundred numbers."""
@@ -32,10 +33,11 @@ class Mix:
 
 @dataclass(frozen=True)
 class State:
-    """What a person edits: the scene, and where the mixing sliders stand."""
+    """What a person edits: the scene, where the mixing sliders stand, and the film."""
 
     scene: Scene
     mix: Mix
+    timeline: Timeline = field(default_factory=Timeline)
 
 
 @dataclass(frozen=True)
@@ -71,3 +73,13 @@ class History:
         if not self.future:
             return self
         return History(self.future[0], (*self.past, self.now), self.future[1:])
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """All there are, the oldest first; that of now has the index ``len(past)``."""
+        return (*self.past, self.now, *self.future)
+
+    def gone(self, index: int) -> "History":
+        """At another of the states; the others stay, before and after it."""
+        states = self.states
+        return History(states[index], states[:index], states[index + 1 :])

@@ -1,16 +1,21 @@
 """From the hand to a new camera: drag, wheel, keys. Pure."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from core.camera import Camera
+from core.frames import Frame
 from core.model import Model
 
-_HIGHEST = math.radians(89.0)
+HIGHEST = math.radians(89.0)
 """Short of the pole, where the picture would spin."""
 _ZOOM_STEP = 1.1
-_NEAREST, _FARTHEST = 0.4, 3.0
-"""Shares of the distance the model was trained at."""
+REACH = 0.4, 3.0
+"""Nearest and farthest, in shares of the distance the model was trained at."""
+VIEWS = {"front": (math.pi / 2, 0.0), "side": (0.0, 0.0), "top": (math.pi / 2, HIGHEST)}
+"""Azimuth and elevation (rad) of the usual views."""
+_ASIDE = 1.0
+"""How far the object can be pushed aside, in shares of the view's shorter side."""
 
 
 def home(model: Model) -> Camera:
@@ -33,23 +38,65 @@ def dragged(camera: Camera, across: float, down: float) -> Camera:
 def turned(camera: Camera, azimuth: float, elevation: float) -> Camera:
     """The camera moved by these angles (rad), kept off the poles."""
     around = math.remainder(camera.azimuth + azimuth, 2 * math.pi)
-    up = max(-_HIGHEST, min(_HIGHEST, camera.elevation + elevation))
+    up = max(-HIGHEST, min(HIGHEST, camera.elevation + elevation))
     return replace(camera, azimuth=around, elevation=up)
 
 
 def zoomed(camera: Camera, steps: float, model: Model) -> Camera:
     """Nearer by so many clicks of the wheel, neither into the object nor out of sight."""
-    distance = camera.distance * _ZOOM_STEP**-steps
-    return replace(camera, distance=max(_NEAREST * model.distance, min(_FARTHEST * model.distance, distance)))
+    nearest, farthest = (share * model.distance for share in REACH)
+    return replace(camera, distance=max(nearest, min(farthest, camera.distance * _ZOOM_STEP**-steps)))
 
 
-def filling(camera: Camera, width: int, height: int, detail: int) -> Camera:
+def seen_from(camera: Camera, view: str) -> Camera:
+    """One of :data:`VIEWS`, from as far away as now."""
+    azimuth, elevation = VIEWS[view]
+    return replace(camera, azimuth=azimuth, elevation=elevation)
+
+
+def pushed(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
+    """The object moved aside in the view, with the hand; shares of the view's shorter side."""
+    x, y = (max(-_ASIDE, min(_ASIDE, value)) for value in (pan[0] + across, pan[1] + down))
+    return x, y
+
+
+@dataclass(frozen=True)
+class Framing:
+    """A picture to be drawn, and what of it is shown: a camera looks at the middle of the object and nowhere else."""
+
+    camera: Camera
+    width: int
+    height: int
+    """px that are shown"""
+    left: int = 0
+    top: int = 0
+    """px before them"""
+
+    def cropped(self, frame: Frame) -> Frame:
+        """What is shown of the picture, at the size of any of its stages."""
+        if (self.width, self.height) == (self.camera.width, self.camera.height):
+            return frame
+        scale = frame.image.shape[0] / self.camera.height
+        height, width = (max(1, round(scale * size)) for size in (self.height, self.width))
+        top = min(round(scale * self.top), frame.image.shape[0] - height)
+        left = min(round(scale * self.left), frame.image.shape[1] - width)
+        rows, columns = slice(top, top + height), slice(left, left + width)
+        image, depth, opacity = (part[rows, columns] for part in (frame.image, frame.depth, frame.opacity))
+        asked = None if frame.asked is None else frame.asked[rows, columns]
+        return replace(frame, image=image, depth=depth, opacity=opacity, asked=asked)
+
+
+def filling(camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)) -> Framing:
     """The view for a panel of any shape: its shorter side shows what the camera's height shows.
 
     Args:
         width, height: of the panel, px.
-        detail: px along the shorter side of the picture.
+        detail: px along the shorter side of what is shown.
+        pan: how far the object is moved right and down, in shares of the shorter side.
     """
     shorter = max(1, min(width, height))
     across, down = (max(1, round(detail * side / shorter)) for side in (width, height))
-    return replace(camera, focal=camera.focal * detail / camera.height, width=across, height=down)
+    right, below = (round(detail * share) for share in pan)
+    full = across + 2 * abs(right), down + 2 * abs(below)
+    drawn = replace(camera, focal=camera.focal * detail / camera.height, width=full[0], height=full[1])
+    return Framing(drawn, across, down, abs(right) - right, abs(below) - below)

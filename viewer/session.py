@@ -3,7 +3,6 @@
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -21,15 +20,20 @@ from core.photos import Photo, load_photo
 from core.pictures import open_scene
 from core.scene import Scene
 from core.starts import preparing
+from core.timeline import Timeline
 from viewer import orbit
 from viewer.clipboard import Clipboard
 from viewer.cutting import Cutting
-from viewer.exporting import Exporting, mesh, turntable
+from viewer.exporting import Exporting, film, mesh
+from viewer.film import Film
 from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
+from viewer.quality import QUALITIES, USUAL, Quality
+from viewer.saved import Saved
 from viewer.sheet import Sheet
+from viewer.stills import Stills
 from viewer.worker import Job, Worker
 
 Part = Literal["shape", "texture"]
@@ -49,7 +53,7 @@ class Streams:
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     preparing: Callable[[Model], Iterator[None]] = preparing
-    turntable: Callable[..., Iterator[int]] = turntable
+    film: Callable[..., Iterator[int]] = film
     mesh: Callable[..., Iterator[float]] = mesh
 
 
@@ -69,10 +73,15 @@ class Session:
         self.history: History | None = None
         self.frame: Frame | None = None
         """the newest picture of the scene"""
+        self.drawn: tuple[Frame, orbit.Framing] | None = None
+        """the whole picture that it is cut from"""
         self.panel = (512, 512)
         """px, the size of the view"""
-        self.detail = 256
-        """px along the shorter side of the finished picture"""
+        self.pan = (0.0, 0.0)
+        """how far the object is moved right and down in the view, in shares of its shorter side; nothing to undo"""
+        self.quality = QUALITIES[USUAL]
+        self.times: tuple[tuple[tuple[int, int], float], ...] = ()
+        """of the picture on screen: size (px) of each stage so far, and s from the wish to it"""
         self.locked: frozenset[Part] = frozenset()
         """what no edit of codes changes; opening a scene or a fit does, and undo"""
         self.messages: list[Message] = []
@@ -83,6 +92,8 @@ class Session:
         self.cutting = Cutting(self)
         self.exporting = Exporting(self)
         self.clipboard = Clipboard()
+        self.film = Film(self)
+        self.stills = Stills(self)
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
         """for each kind the code that was last asked for, and the answer"""
         self._random = torch.Generator()
@@ -137,6 +148,12 @@ class Session:
             known = self._nearest[part] = (code, self._search_nearest(self.model.codes, part, code))
         return known[1]
 
+    def tick(self) -> None:
+        """Once a frame: what came from the worker, and what goes on by itself."""
+        self.worker.deliver()
+        self.film.tick()
+        self.stills.tick()
+
     # The model
 
     def open_model(self, name: str) -> None:
@@ -146,6 +163,7 @@ class Session:
         def ended(error: Exception | None) -> None:
             self.loading = ""
             if error:
+                self.when_ready = lambda: None
                 self.report(f"Cannot open the model {name}", error)
 
         def opened(model: Model) -> None:
@@ -158,9 +176,11 @@ class Session:
         self.fitting.reset()
         self.cutting.close()
         self.exporting.cancel()
-        self.model, self.frame, self.locked = model, None, frozenset()
+        self.model, self.frame, self.drawn, self.locked = model, None, None, frozenset()
         self.gallery.open(model)
         self.sheet.clear()
+        self.stills.clear()
+        self.film.rewind()
         first, second = self.gallery.names[0], self.gallery.names[min(1, len(self.gallery.names) - 1)]
         scene = Scene(model.fingerprint, self.gallery[first].codes, orbit.home(model))
         self.history = History(State(scene, Mix(Pair(first, first), second)))
@@ -178,7 +198,18 @@ class Session:
     def reset_view(self) -> None:
         """Back to where a model is first seen from."""
         assert self.model is not None, "no model yet"
+        if self.pan != (0.0, 0.0):
+            self.push(-self.pan[0], -self.pan[1])
         self.look(orbit.home(self.model))
+
+    def see_from(self, view: str) -> None:
+        """One of :data:`viewer.orbit.VIEWS`, the first view (home), or the last photo's camera, if there is one."""
+        if view == "home":
+            self.reset_view()
+        elif view == "photo" and self.fitting.course.last:
+            self.look(self.fitting.camera)
+        elif view in orbit.VIEWS:
+            self.look(orbit.seen_from(self.scene.camera, view))
 
     def set_code(self, part: Part, code: Tensor, gesture: str = "") -> None:
         """Give the object another shape, or another texture."""
@@ -206,6 +237,11 @@ class Session:
         """A code drawn from the cloud of the trained ones, taken as normal."""
         assert self.model is not None, "no model yet"
         self.set_code(part, getattr(self.model.codes.drawn(self._random), part))
+
+    def randomise_all(self) -> None:
+        """Shape and texture drawn at random; what is locked stays."""
+        assert self.model is not None, "no model yet"
+        self._recode(self.model.codes.drawn(self._random), self.state.mix)
 
     def show(self, name: str) -> None:
         """Make an object current; it becomes A, and both sliders go to A."""
@@ -265,6 +301,42 @@ class Session:
         else:
             self.say(f"Opened {path.name}")
 
+    def change(self, scene: Scene, gesture: str = "") -> None:
+        """Show another scene of this model."""
+        self._edit(scene, gesture=gesture)
+
+    def retime(self, timeline: Timeline, gesture: str = "") -> None:
+        """Change the film; what is shown stays."""
+        assert self.history is not None, "no model yet"
+        self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
+
+    def restore(self, saved: Saved, done: Callable[[], None] = lambda: None) -> None:
+        """Go on with a session that was put away, its model first; what cannot be read changes nothing.
+
+        Args:
+            done: called once all of it is back.
+        """
+        if self.model is None or self.opened != saved.model:
+            self.when_ready = lambda: self.restore(saved, done)
+            if self.loading != saved.model:
+                self.open_model(saved.model)
+            return
+        try:
+            state, things = saved.restored(self.model)
+            here = {*self.gallery.names, *(thing.name for thing in things)}
+            if not here.issuperset((*state.mix.a, state.mix.b)):
+                raise ValueError("it mixes objects that are not here")
+        except ValueError as error:
+            self.report("Cannot restore the session", error)
+            return
+        for thing in things:
+            if thing.name not in self.gallery.names:
+                self.gallery.add(thing)
+        assert self.history is not None
+        self._go(self.history.changed(state))
+        self.say("Restored the session")
+        done()
+
     def settle(self) -> None:
         """The hand has let go: the next edit is a step of its own."""
         if self.history and self.history.gesture:
@@ -279,6 +351,11 @@ class Session:
         """One edit forward again."""
         if self.history:
             self._go(self.history.redone())
+
+    def return_to(self, index: int) -> None:
+        """Back, or forward, to one of the states that undo remembers."""
+        if self.history:
+            self._go(self.history.gone(index))
 
     # Nothing to undo
 
@@ -301,9 +378,14 @@ class Session:
             self.panel = width, height
             self.render()
 
-    def set_detail(self, detail: int) -> None:
-        """Finish pictures at another size (px along the shorter side)."""
-        self.detail = detail
+    def push(self, across: float, down: float) -> None:
+        """Move the object aside in the view."""
+        self.pan = orbit.pushed(self.pan, across, down)
+        self.render()
+
+    def set_quality(self, quality: Quality) -> None:
+        """Finish pictures faster, or finer."""
+        self.quality = quality
         self.render()
 
     def say(self, text: str, kind: Kind = Kind.INFO) -> None:
@@ -322,20 +404,30 @@ class Session:
         self.messages = [other for other in self.messages if other is not message]
 
     def render(self) -> None:
-        """Ask for a picture of the scene, coarse to fine; the newest wish wins."""
-        if self.model is None or self.history is None:
+        """Ask for a picture of the scene, coarse to fine; the newest wish wins. While the film plays, it draws."""
+        if self.model is None or self.history is None or self.film.playing:
             return
         model = self.model
-        camera = orbit.filling(self.scene.camera, *self.panel, self.detail)
-        job = RenderJob(self.scene.codes, camera, RenderSettings(stages=self.pace.stages, across=_ACROSS))
-        self.worker.submit(
-            Job("view", lambda: self.streams.frames(model, job), partial(self._drawn, job), self._undrawn, urgent=True)
-        )
+        framing = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
+        stages = self.pace.stages
+        settings = RenderSettings(self.quality.samples, stages, across=_ACROSS)
+        job = RenderJob(self.scene.codes, framing.camera, settings)
 
-    def _drawn(self, job: RenderJob, frame: Frame) -> None:
-        self.frame = frame
-        if frame.stage == 0:
-            self.pace.seen(job.settings.stages[0], frame.seconds)
+        def drawn(frame: Frame) -> None:
+            self._drawn(frame, framing)
+            if frame.stage == 0:
+                self.pace.seen(stages[0], frame.seconds)
+
+        self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, self._undrawn, urgent=True))
+
+    def put(self, frame: Frame, framing: orbit.Framing) -> None:
+        """Show a picture."""
+        self.drawn, self.frame = (frame, framing), framing.cropped(frame)
+
+    def _drawn(self, frame: Frame, framing: orbit.Framing) -> None:
+        earlier = self.times if self.drawn and self.drawn[1] is framing else ()
+        self.times = (*earlier, (frame.resolution, frame.seconds))
+        self.put(frame, framing)
 
     def _undrawn(self, error: Exception | None) -> None:
         if error:
@@ -367,7 +459,7 @@ class Session:
 
     def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
         assert self.history is not None, "no model yet"
-        self._go(self.history.changed(State(scene, mix or self.state.mix), gesture))
+        self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix), gesture))
 
     def _go(self, history: History) -> None:
         seen = self.scene

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 
 from imgui_bundle import glfw_utils, hello_imgui, immapp  # before glfw, so that both use the same library
 
@@ -51,20 +52,27 @@ def _try_opengl() -> None:
     glfw.destroy_window(probe)
 
 
-def parameters(size: tuple[int, int], remember: bool) -> hello_imgui.RunnerParams:
+def config_folder() -> Path:
+    """Where this system keeps what programs remember."""
+    return Path(hello_imgui.ini_folder_location(hello_imgui.IniFolderType.app_user_config_folder)) / "codenerf-viewer"
+
+
+def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.RunnerParams:
     """How the window is run.
 
     Args:
         size: (width, height) in px of a 96 ppi screen.
-        remember: keep layout and preferences for the next time.
+        folder: where the layout is kept for the next time; None keeps nothing.
     """
     params = hello_imgui.RunnerParams()
     params.app_window_params.window_title = NAME
     params.app_window_params.window_geometry.size = size
-    params.app_window_params.restore_previous_geometry = remember
-    params.ini_disable = not remember
-    params.ini_folder_type = hello_imgui.IniFolderType.app_user_config_folder
-    params.ini_filename = "codenerf-viewer/window.ini"
+    params.app_window_params.restore_previous_geometry = folder is not None
+    params.ini_disable = folder is None
+    if folder:
+        folder.mkdir(parents=True, exist_ok=True)
+        params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
+        params.ini_filename = str(folder / "window.ini")
     # The default, 8 samples, costs more than half the frame rate where OpenGL is done in software.
     params.renderer_backend_options.open_gl_options = hello_imgui.OpenGlOptions(anti_aliasing_samples=0)
     params.fps_idling.fps_idle = 1.0

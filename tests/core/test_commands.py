@@ -83,6 +83,18 @@ def test_turntable_writes_a_video(file: str, tmp_path: Path):
         assert video.n_frames == 3
 
 
+def test_a_turntable_becomes_another_object_and_turns_back(file: str, model: Model, tmp_path: Path):
+    words = ("--object", 0, "--morph-to", 1, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
+    run("turntable", "--model", file, *words, "--out", tmp_path / "t.frames")
+    run("render", "--model", file, "--object", 1, "--azimuth", 240, "--size", 24, "--out", tmp_path / "there.png")
+    assert len(list((tmp_path / "t.frames").iterdir())) == 4
+    with Image.open(tmp_path / "t.frames/00002.png") as halfway, Image.open(tmp_path / "there.png") as there:
+        white = Image.new("RGBA", halfway.size, "white")
+        white.alpha_composite(halfway)
+        seen = np.asarray(white.convert("RGB")).astype(int)
+        assert np.abs(seen - np.asarray(there)).max() <= 3
+
+
 def test_mesh_writes_the_object(tmp_path: Path):
     tiny_model().save(tmp_path / "m.safetensors")
     run(*f"mesh --model {tmp_path}/m.safetensors --object 1 --resolution 24 --out {tmp_path}/a.ply".split())

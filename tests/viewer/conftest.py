@@ -14,6 +14,7 @@ from tests.conftest import no_opengl, random_model
 from tests.viewer.window_driver import Driver, finish, quick_fit, quick_frames, quick_photo
 from viewer import window
 from viewer.app import App
+from viewer.quality import Quality
 from viewer.session import Session, Streams
 from viewer.worker import Worker
 
@@ -53,7 +54,7 @@ def worker() -> Iterator[Worker]:
 def session(worker: Worker, streams: Streams) -> Session:
     """A session with its model open and everything drawn, without a window."""
     session = Session(worker, streams, seed=0)
-    session.detail = 32
+    session.quality = Quality(32, 96)
     session.open_model("chairs")
     finish(session)
     return session
@@ -103,10 +104,11 @@ def drive(streams: Streams, opengl: None) -> Callable[..., None]:
         streams: Streams = ours,
         size: tuple[int, int] = (1280, 800),
         strict: bool = True,
+        folder: Path | None = None,
     ) -> None:
         session = Session(Worker(), streams, seed=0)
-        session.detail = 32
-        app = App(session, size, remember=False, headless=True, native_dialogs=False)
+        session.quality = Quality(32, 96)
+        app = App(session, size, folder, headless=True, native_dialogs=False)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict

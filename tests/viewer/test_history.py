@@ -52,3 +52,13 @@ def test_an_edit_that_changes_nothing_is_none(states: list[State]) -> None:
     history = History(states[0]).changed(states[1]).undone()
     same = State(replace(states[0].scene), replace(states[0].mix))
     assert history.changed(same) is history
+
+
+def test_any_state_can_be_gone_to_and_none_is_lost(states: list[State]) -> None:
+    history = History(states[0])
+    for state in states[1:]:
+        history = history.changed(state)
+    history = history.undone()
+    for index, state in enumerate(states):
+        there = history.gone(index)
+        assert (there.now, len(there.past), there.states) == (state, index, tuple(states))

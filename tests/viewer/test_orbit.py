@@ -1,10 +1,13 @@
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from core.camera import Camera
+from core.frames import Frame
 from core.model import Model
 from viewer import orbit
 
@@ -49,11 +52,44 @@ def test_zooming_in_and_out_again_comes_back(model: Model) -> None:
 
 @pytest.mark.parametrize("size", [(800, 600), (600, 800), (700, 700), (1, 1), (3000, 20)])
 def test_the_shorter_side_of_any_panel_shows_the_same(size: tuple[int, int]) -> None:
-    camera = orbit.filling(CAMERA, *size, 256)
+    framing = orbit.filling(CAMERA, *size, 256)
+    camera = framing.camera
+    assert (framing.width, framing.height, framing.left, framing.top) == (camera.width, camera.height, 0, 0)
     assert min(camera.width, camera.height) == 256
     assert camera.width / camera.height == pytest.approx(size[0] / size[1], rel=0.02)
     assert camera.focal / 256 == pytest.approx(CAMERA.focal / CAMERA.height)
     assert (camera.azimuth, camera.elevation, camera.distance) == (0.4, 0.2, 2.0)
+
+
+@pytest.mark.parametrize("pan", [(0.0, 0.0), (0.25, -0.5), (-1.0, 1.0)])
+@pytest.mark.parametrize("divisor", [1, 4, 16])
+def test_a_panned_view_shows_the_object_aside(pan: tuple[float, float], divisor: int) -> None:
+    framing = orbit.filling(CAMERA, 200, 100, 128, pan)
+    camera = framing.camera
+    assert camera.focal == pytest.approx(CAMERA.focal * 128 / CAMERA.height)
+    height, width = max(1, camera.height // divisor), max(1, camera.width // divisor)
+    y, x = np.mgrid[0:height, 0:width] + 0.5
+    opacity = (np.hypot(x - width / 2, y - height / 2) < 10 / divisor + 1).astype(np.float32)
+    frame = Frame(np.zeros((height, width, 3), np.uint8), opacity, opacity, 0, 1, 1, 0.0)
+    shown = framing.cropped(frame)
+    assert shown.resolution == pytest.approx((256 // divisor, 128 // divisor), abs=1)
+    rows, columns = shown.opacity.nonzero()
+    expected = shown.resolution[0] / 2 + pan[0] * 128 / divisor, shown.resolution[1] / 2 + pan[1] * 128 / divisor
+    inside = 0 < expected[0] < shown.resolution[0] and 0 < expected[1] < shown.resolution[1]
+    if inside:
+        assert columns.mean() + 0.5 == pytest.approx(expected[0], abs=1.5)
+        assert rows.mean() + 0.5 == pytest.approx(expected[1], abs=1.5)
+
+
+def test_pushing_goes_no_further_than_a_view() -> None:
+    assert orbit.pushed((0.5, 0.0), 0.25, -3.0) == (0.75, -1.0)
+
+
+@pytest.mark.parametrize("view", orbit.VIEWS)
+def test_usual_views_keep_the_distance(view: str) -> None:
+    seen = orbit.seen_from(CAMERA, view)
+    assert (seen.azimuth, seen.elevation) == orbit.VIEWS[view]
+    assert replace(seen, azimuth=CAMERA.azimuth, elevation=CAMERA.elevation) == CAMERA
 
 
 def test_home_sees_the_whole_object_from_its_front(model: Model) -> None:

@@ -15,6 +15,7 @@ from core.photos import Framing
 from tests.viewer.window_driver import broken_fit, endless_fit, finish
 from viewer import orbit
 from viewer.course import Source
+from viewer.exporting import VideoChoice
 from viewer.messages import Kind
 from viewer.session import PARTS, Session, Streams
 from viewer.worker import Worker
@@ -83,6 +84,8 @@ def test_every_edit_can_be_undone_and_redone(session: Session, tmp_path: Path, m
         lambda: session.to_mean("shape"),
         lambda: session.to_object("texture"),
         lambda: session.reset_view(),
+        lambda: session.film.add_key(),
+        lambda: session.film.set_turns(2),
         lambda: session.load_scene(tmp_path / "saved.json"),
     )
     states = [session.state]
@@ -454,7 +457,7 @@ def test_scenes_that_cannot_be_opened_change_nothing(session: Session, tmp_path:
 
 def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
     seen: list[float] = []
-    session.exporting.turntable(tmp_path / "turn.gif", frames=4, size=16)
+    session.exporting.turntable(tmp_path / "turn.gif", 4, VideoChoice(size=16))
     finish(session, lambda: bool(seen.append(session.exporting.progress)) or not session.exporting.running)
     assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
@@ -463,9 +466,10 @@ def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) 
 
 
 def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) -> None:
-    session.exporting.turntable(tmp_path / "turn.mp4", frames=5000, size=16)
+    session.exporting.turntable(tmp_path / "turn.mp4", 5000, VideoChoice(size=16))
     while session.exporting.progress == 0:
         session.worker.deliver()
+    assert session.exporting.remaining > 0
     session.exporting.cancel()
     finish(session, lambda: not list(tmp_path.iterdir()))
     assert not session.exporting.running
@@ -473,7 +477,7 @@ def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) 
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn", "missing/turn.mp4", "missing/turn.gif"])
 def test_a_turntable_that_cannot_be_written_is_told(session: Session, tmp_path: Path, name: str) -> None:
-    session.exporting.turntable(tmp_path / name, frames=2, size=16)
+    session.exporting.turntable(tmp_path / name, 2, VideoChoice(size=16))
     finish(session)
     assert len(session.errors) == 1
     assert not session.exporting.running

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import combinations, islice
 from pathlib import Path
 
 import av
@@ -26,13 +26,18 @@ from core.model import Model
 from core.photos import Photo
 from core.pictures import save_picture
 from core.scene import Scene
+from core.timeline import Shot
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
 from viewer import app, orbit
+from viewer.exporting import VideoChoice, film
 from viewer.files import Wish
+from viewer.modes import MODES
 from viewer.panels import all_panels
 from viewer.panels.fit import in_words
-from viewer.session import Streams
+from viewer.preferences import Preferences
+from viewer.quality import QUALITIES
+from viewer.session import PARTS, Streams
 
 Drive = Callable[..., None]
 
@@ -40,13 +45,13 @@ Drive = Callable[..., None]
 def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
     def act(window: Driver) -> None:
         session, before = window.session, window.session.scene
-        assert window.desk.newcomer
+        assert window.desk.likes.newcomer
         window.drag("View/orbit", 150, 40)
         turned = session.scene.camera
         assert turned.azimuth < before.camera.azimuth
         assert turned.elevation > before.camera.elevation
         assert turned.distance == before.camera.distance
-        assert not window.desk.newcomer
+        assert not window.desk.likes.newcomer
         window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         assert session.scene == before
         assert not session.history.past
@@ -90,7 +95,7 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
 def test_the_picture_on_screen_is_the_newest_frame_over_the_ground(drive: Drive, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
 
-        window.desk.smooth = False
+        window.desk.chose(smooth=False)
         window.drag("View/orbit", 60)
         window.wait()
         testing.capture(window.ctx, str(tmp_path / "window.png"))
@@ -730,7 +735,7 @@ def test_a_webp_turntable_under_way_is_no_sheet(drive: Drive, tmp_path: Path, st
         window.click("Export/###cancel export")
         assert not session.exporting.running
 
-    drive(act, replace(streams, turntable=endless))
+    drive(act, replace(streams, film=endless))
 
 
 @pytest.mark.parametrize(("kind", "name"), [("turntable", "turn.mp4"), ("mesh", "chair.glb")])
@@ -754,7 +759,7 @@ def test_an_export_is_cancelled_and_leaves_nothing(
         assert not window.session.exporting.running
         assert window.session.errors == []
 
-    drive(act, replace(streams, turntable=slow, mesh=slow))
+    drive(act, replace(streams, film=slow, mesh=slow))
 
 
 def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
@@ -817,6 +822,375 @@ def test_a_dropped_picture_of_this_program_restores_its_scene(drive: Drive, tmp_
     drive(act)
 
 
+def test_a_film_is_made_and_exported(drive: Drive, streams: Streams, tmp_path: Path) -> None:
+    def small(model: Model, shots: list[Shot], path: Path, choice: VideoChoice) -> Iterator[int]:
+        return film(model, shots, path, replace(choice, size=choice.size // 16))
+
+    def act(window: Driver) -> None:
+        session, made = window.session, window.session.film
+        window.show("Timeline")
+        window.click("Timeline/###add key")
+        first = session.scene
+        made.seek(2.0)
+        window.click("Objects/**/show object 3")
+        window.drag("View/orbit", 120, 30)
+        window.press(imgui.Key.k)
+        second = session.scene
+        assert [key.seconds for key in made.timeline.keys] == [0.0, 2.0]
+        window.wait()  # for its small pictures
+        window.drag("Timeline/key 2", 60)
+        moved = made.timeline.keys[1].seconds
+        assert moved > 2.2
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert made.timeline.keys[1].seconds == 2.0
+        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        window.click("Timeline/key 1")
+        assert session.scene == first
+        window.click("Timeline/key 2")
+        assert session.scene == second
+        window.click("Timeline/time")  # the middle
+        assert made.seconds == pytest.approx(2.0, abs=0.1)
+        assert session.scene not in (first, second)
+        window.drag("View/orbit", 50)
+        window.click("Timeline/###add key")
+        assert len(made.timeline.keys) == 3
+        window.click("Timeline/###add key")  # in its own place
+        window.click("Timeline/###remove key")
+        assert len(made.timeline.keys) == 2
+        window.click("Timeline/key 2", 1)
+        window.click("**/Remove")
+        assert len(made.timeline.keys) == 1
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.click("Timeline/Loop")
+        window.click("Timeline/Smooth")
+        assert not (made.timeline.loop or made.timeline.smooth)
+        window.ctx.item_input_value("//Timeline/##turns", 1)
+        window.ctx.item_input_value("//Timeline/##length", 1.0)
+        window.ctx.yield_(2)
+        assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
+        testing.capture(window.ctx, str(tmp_path / "timeline.png"))
+        window.click("Timeline/###film form")
+        window.click("$FOCUSED/##format")
+        window.click("**/webp")
+        window.click("$FOCUSED/##rate")
+        window.click("**/12 fps")
+        window.click("$FOCUSED/###transparent")
+        window.click("$FOCUSED/###export film")
+        window.type(str(tmp_path / "mine"))
+        window.wait(lambda: not session.exporting.running)
+        assert session.errors == []
+        with Image.open(tmp_path / "mine.webp") as video:
+            assert (video.size, video.mode) == ((16, 16), "RGBA")
+            assert 3 < video.n_frames <= 12  # pictures that are alike are one
+
+    drive(act, replace(streams, film=small))
+
+
+def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session, film = window.session, window.session.film
+        window.show("Timeline")
+        window.press(imgui.Key.k)
+        film.seek(2.0)
+        window.click("Objects/**/show object 3")
+        window.press(imgui.Key.k)
+        before, past = session.state, len(session.history.past)
+        window.click("Timeline/###play")
+        assert film.playing
+        seen = set[int]()
+        window.wait(lambda: bool(seen.add(id(session.frame))) or len(seen) > 6)
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.space)
+        assert not film.playing
+        window.wait()
+        assert session.frame.final
+        assert len(session.history.past) == past + 1
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert session.state == before
+        window.press(imgui.Key.space)
+        assert film.playing
+        window.drag("View/orbit", 60)
+        assert not film.playing
+        window.wait()
+
+    drive(act)
+
+
+def test_strips_show_where_sliders_lead(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Codes")
+        window.wait(lambda: session.stills.drawn >= 6 and not session.worker.busy())
+        testing.capture(window.ctx, str(tmp_path / "codes.png"))
+        before = session.scene.codes
+        window.click("Codes/**/shape 1 at 2")
+        assert session.space("shape").coordinates(session.code("shape"))[0] == pytest.approx(2.0, abs=1e-3)
+        assert session.scene.codes.texture is before.texture
+        window.click("Codes/**/shape 1 at 0")
+        assert session.space("shape").coordinates(session.code("shape"))[0] == pytest.approx(0.0, abs=1e-3)
+        window.click("Codes/###strips")
+        window.ctx.yield_(2)
+        assert not window.ctx.item_exists("//Codes/**/shape 1 at 2")
+
+    drive(act)
+
+
+def test_a_random_object_keeps_what_is_locked(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        before = session.scene.codes
+        window.click("Mix/###lock texture")
+        window.click("Codes/###random all")
+        assert not torch.equal(session.code("shape"), before.shape)
+        assert torch.equal(session.code("texture"), before.texture)
+        window.click("Mix/###lock texture")
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.r)
+        assert not torch.equal(session.code("texture"), before.texture)
+        assert len(session.history.past) == 2
+
+    drive(act)
+
+
+def test_a_click_in_the_filmstrip_restores_a_state(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Visited")
+        first = session.state
+        window.drag("View/orbit", 60)
+        second = session.state
+        window.click("Objects/**/show object 3")
+        third = session.state
+        window.wait()
+        window.click("Visited/**/state 1")
+        assert session.state == first
+        assert len(session.history.future) == 2
+        testing.capture(window.ctx, str(tmp_path / "visited.png"))
+        window.click("Visited/**/state 3")
+        assert session.state == third
+        window.click("Visited/**/state 2")
+        assert session.state == second
+        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        assert session.state == third
+
+    drive(act)
+
+
+def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Camera")
+        window.ctx.mouse_move("//View/orbit")
+        for key, view in ((imgui.Key._1, "front"), (imgui.Key._2, "side"), (imgui.Key.keypad3, "top")):
+            window.press(key)
+            assert (session.scene.camera.azimuth, session.scene.camera.elevation) == orbit.VIEWS[view]
+        window.click("Camera/###see front")
+        past = len(session.history.past)
+        window.ctx.item_input_value("//Camera/##azimuth", 30.0)
+        window.ctx.item_input_value("//Camera/##elevation", -12.5)
+        window.ctx.item_input_value("//Camera/##distance", 2.5)
+        window.ctx.yield_(2)
+        camera = session.scene.camera
+        assert (math.degrees(camera.azimuth), math.degrees(camera.elevation)) == pytest.approx((30.0, -12.5))
+        assert camera.distance == pytest.approx(2.5)
+        assert len(session.history.past) == past + 3
+        window.press(imgui.Key._4)  # no photo yet
+        assert session.scene.camera == camera
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not session.fitting.running)
+        window.wait()
+        found = session.scene.camera
+        window.click("Camera/###see side")
+        window.press(imgui.Key._4)
+        assert session.scene.camera == found
+        testing.capture(window.ctx, str(tmp_path / "camera.png"))
+
+    drive(act)
+
+
+@pytest.mark.parametrize("button", [1, 2])
+def test_the_other_buttons_push_the_object_aside(drive: Drive, button: int) -> None:
+    def act(window: Driver) -> None:
+        session, ctx, before = window.session, window.ctx, window.session.scene
+        middle = session.frame.opacity.nonzero()[1].mean() / session.frame.resolution[0]
+        ctx.mouse_move("//View/orbit")
+        ctx.mouse_down(button)
+        place = imgui.get_mouse_pos()
+        ctx.mouse_move_to_pos((place.x + 100, place.y))
+        ctx.mouse_up(button)
+        window.wait()
+        assert session.scene == before
+        assert session.pan[0] > 0.1
+        assert session.frame.opacity.nonzero()[1].mean() / session.frame.resolution[0] > middle + 0.05
+        window.press(imgui.Key.home)
+        window.wait()
+        assert session.pan == (0.0, 0.0)
+
+    drive(act)
+
+
+def test_shift_turns_finely(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session, before = window.session, window.session.scene.camera
+        window.drag("View/orbit", 100)
+        coarse = before.azimuth - session.scene.camera.azimuth
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.ctx.key_down(imgui.Key.mod_shift)
+        window.drag("View/orbit", 100)
+        window.ctx.key_up(imgui.Key.mod_shift)
+        assert 0 < before.azimuth - session.scene.camera.azimuth < 0.3 * coarse
+
+    drive(act)
+
+
+def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        assert window.desk.likes == Preferences()
+        window.drag("View/orbit", 30)
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("Look/Dark")
+        window.ctx.menu_click("Look/Larger text")
+        window.ctx.yield_(2)
+        window.press(imgui.Key.mod_ctrl | imgui.Key.equal)
+        before = hello_imgui.em_size()
+        window.press(imgui.Key.mod_ctrl | imgui.Key.minus)
+        assert hello_imgui.em_size() < before
+        window.ctx.item_input_value("//View/##quality", 2)
+        kept.append(window.desk.likes)
+        window.ctx.yield_(2)
+        assert Preferences.load(folder) == kept[0]
+        testing.capture(window.ctx, str(tmp_path / "light.png"))
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("Look/Reset layout")
+        window.ctx.yield_(5)
+        window.drag("View/orbit", 30)
+
+    def second(window: Driver) -> None:
+        assert window.desk.likes == kept[0]
+        assert (window.desk.likes.dark, window.desk.likes.newcomer, window.session.quality) == (
+            False,
+            False,
+            QUALITIES[2],
+        )
+
+    kept: list[Preferences] = []
+    drive(first, folder=folder)
+    assert (folder / "window.ini").is_file()
+    drive(second, folder=folder)
+
+
+def test_a_session_that_ended_badly_is_offered_back(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        assert not window.ctx.window_info("//###Recovery").window
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not window.session.fitting.running)
+        window.wait()
+        window.press(imgui.Key.k)
+        window.drag("View/orbit", 80)
+        window.desk.autosave._when = 0.0
+        window.wait(lambda: any(folder.glob("session-*.json")))
+        (written,) = folder.glob("session-*.json")
+        (folder / "session-999999999.json").write_text(written.read_text())  # of a run that is no more
+        made.append(window.session.state)
+
+    def second(window: Driver) -> None:
+        session = window.session
+        testing.capture(window.ctx, str(tmp_path / "offer.png"))
+        window.click("###Recovery/###restore")
+        window.wait()
+        assert session.errors == []
+        assert session.state == made[0]
+        assert session.gallery.names[0] == "block"
+        assert session.gallery["block"].photo is not None
+        assert not window.desk.autosave.left
+        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        assert not session.history.past
+
+    made: list[object] = []
+    drive(first, folder=folder)
+    assert [path.name for path in folder.glob("session-*.json")] == ["session-999999999.json"]
+    drive(second, folder=folder)
+    assert not list(folder.glob("session-*.json"))
+
+
+def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.drag("View/orbit", 80)
+        scene = session.scene
+        session.save_scene(tmp_path / "mine.json")
+        window.desk.drop([str(tmp_path / "mine.json")])
+        window.desk.drop([str(photo)])
+        window.wait(lambda: not session.fitting.running)
+        window.wait()
+        assert [Path(name).name for name in window.desk.likes.recent] == ["block.png", "mine.json"]
+        window.ctx.set_ref("##MainMenuBar")
+        window.ctx.menu_click("File/Open recent/###recent 2")
+        window.ctx.yield_(2)
+        assert session.scene == scene
+
+    drive(act)
+
+
+def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_streams: Streams, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        seen = []
+        for number in range(len(MODES)):
+            testing.capture(window.ctx, str(tmp_path / f"{number}.png"))
+            low, high = window.desk.view
+            whole = np.asarray(Image.open(tmp_path / f"{number}.png").convert("RGB")).astype(int)
+            seen.append(whole[int(low.y) + 60 : int(high.y) - 60, int(low.x) : int(high.x)])
+            window.ctx.mouse_move("//View/orbit")
+            window.press(imgui.Key.v)
+        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(seen, 2))
+        window.click("View/##mode")
+        window.click("**/Normals")
+        window.click("View/##mode")
+        window.click("**/Colour")
+        assert window.session.errors == []
+
+    drive(act, real_streams)
+
+
+def test_the_speed_panel_tells_of_the_picture_on_screen(drive: Drive, real_streams: Streams, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        window.show("Speed")
+        window.drag("View/orbit", 40)
+        window.wait(lambda: session.frame.final and not session.worker.busy("view"))
+        sizes, seconds = zip(*session.times, strict=True)
+        assert sizes[-1] == session.frame.resolution
+        assert list(seconds) == sorted(seconds)
+        testing.capture(window.ctx, str(tmp_path / "speed.png"))
+        assert session.errors == []
+
+    drive(act, real_streams)
+
+
+def test_the_slider_under_the_mouse_tells_what_it_changes(drive: Drive, real_streams: Streams, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        panel = next(panel for panel in window.app.panels if panel.title == "Codes")
+        window.click("Codes/###strips")
+        found = {}
+        for part in PARTS:
+            window.ctx.mouse_move(f"//Codes/**/##{part} 1")
+            window.ctx.yield_(2)
+            panel._influence = None
+            window.wait(lambda: panel._influence is not None)
+            testing.capture(window.ctx, str(tmp_path / f"{part}.png"))
+            found[part] = panel._influence[2]
+        assert found["texture"].leak == 0.0
+        assert found["texture"].picture.std() > 0
+        assert found["shape"].leak > 0
+        assert not window.session.history.past
+
+    drive(act, real_streams)
+
+
 def test_menus_help_and_theme(drive: Drive) -> None:
     def act(window: Driver) -> None:
         ctx, desk = window.ctx, window.desk
@@ -832,8 +1206,8 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         ctx.menu_click("Look/Dark")
         ctx.menu_click("Look/###smooth")
         ctx.yield_(2)
-        assert not desk.dark
-        assert not desk.smooth
+        assert not desk.likes.dark
+        assert not desk.likes.smooth
         window.drag("View/orbit", 30)
         ctx.menu_click("Edit/Undo")
         ctx.yield_(2)
@@ -869,9 +1243,8 @@ def test_models_and_samples_are_in_the_menus(drive: Drive, monkeypatch: pytest.M
 
 def test_the_size_of_the_finished_picture_can_be_chosen(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        window.click("View/##detail")
-        window.click("**/192 px")
-        window.wait()
+        window.ctx.item_input_value("//View/##quality", 2)
+        window.wait(lambda: window.session.frame.final and window.session.frame.samples == 128)
         frame = window.session.frame
         assert frame is not None
         assert min(frame.resolution) == 192

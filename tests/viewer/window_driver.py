@@ -89,8 +89,9 @@ def broken_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
     """Deliver until nothing is under way and ``until`` holds."""
     end = time.monotonic() + longest
+    session.tick()
     while session.worker.busy() or not until():
-        session.worker.deliver()
+        session.tick()
         assert time.monotonic() < end, "the worker does not come to an end"
         time.sleep(0.002)
 

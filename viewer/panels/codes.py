@@ -1,8 +1,14 @@
 """Shape and texture along the principal directions of the trained codes, separately."""
 
-from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
+from dataclasses import replace
 
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+
+from core.codes import Codes
+from core.frames import Frame
+from viewer import faces, orbit
 from viewer.desk import Desk, button, tip
+from viewer.influence import Influence
 from viewer.session import PARTS, Part
 
 _DICE = icons_fontawesome_4.ICON_FA_RANDOM
@@ -10,10 +16,19 @@ _FIRST = 8
 """sliders shown at first"""
 _REACH = 3.0
 """standard deviations to either side"""
+_STEPS = (-2, 0, 2)
+"""standard deviations at which a strip shows the object"""
+_STILL = 64
+"""px"""
 _HELP = (
     "Direction {number}, {share:.0%} of how the trained objects differ in {part}.\n"
     "In standard deviations; 0 is the mean. Ctrl+click to type, right click for 0."
 )
+_STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
+
+
+_INFLUENCE = 96
+"""px"""
 
 
 class CodesPanel:
@@ -24,20 +39,42 @@ class CodesPanel:
 
     def __init__(self) -> None:
         self._all = False
+        self._strips = True
+        self._basis: Codes | None = None
+        """what the strips lead away from: the object before the hand took hold of it"""
+        self._influence: tuple[Frame, Frame, Influence] | None = None
+        """of the slider under the mouse: at less, at more, and between them"""
+        self._seen: dict[tuple[Part, int, int], Frame] = {}
+        """the last picture of every place, until there is a newer one"""
 
     def draw(self, desk: Desk) -> None:
         """Both kinds side by side."""
-        if not desk.session.ready:
+        session = desk.session
+        if not session.ready:
             imgui.text_disabled("The sliders come with the model")
             return
-        if imgui.begin_table("kinds", 2, imgui.TableFlags_.sizing_stretch_same):
-            for part in PARTS:
-                imgui.table_next_column()
-                self._draw_part(desk, part)
-            imgui.end_table()
-        most = max(len(desk.session.space(part).spread) for part in PARTS)
-        if most > _FIRST:
-            _, self._all = imgui.checkbox(f"All {most} directions###all", self._all)
+        if session.history and not session.history.gesture:
+            self._basis = session.scene.codes
+        self._draw_top(desk)
+        if imgui.begin_child("sliders"):
+            if imgui.begin_table("kinds", 2, imgui.TableFlags_.sizing_stretch_same):
+                for part in PARTS:
+                    imgui.table_next_column()
+                    self._draw_part(desk, part)
+                imgui.end_table()
+            most = max(len(session.space(part).spread) for part in PARTS)
+            if most > _FIRST:
+                _, self._all = imgui.checkbox(f"All {most} directions###all", self._all)
+        imgui.end_child()
+
+    def _draw_top(self, desk: Desk) -> None:
+        if button(
+            f"{_DICE}  Random###random all", "A new shape and texture, drawn at random; what is locked stays (R)"
+        ):
+            desk.session.randomise_all()
+        imgui.same_line()
+        _, self._strips = imgui.checkbox("Pictures###strips", self._strips)
+        tip(_STRIPS_HELP)
 
     def _draw_part(self, desk: Desk, part: Part) -> None:
         session = desk.session
@@ -56,16 +93,75 @@ class CodesPanel:
         values = space.coordinates(session.code(part)).tolist()
         for index, value in enumerate(values if self._all else values[:_FIRST]):
             self._draw_slider(desk, part, index, value, float(space.explained[index]))
+            if self._strips:
+                self._draw_strip(desk, part, index)
         imgui.end_disabled()
 
     def _draw_slider(self, desk: Desk, part: Part, index: int, value: float, share: float) -> None:
         session = desk.session
         imgui.set_next_item_width(-1)
-        moved, to = imgui.slider_float(f"##{part} {index + 1}", value, -_REACH, _REACH, f"{index + 1}:  %+.2f")
+        label = f"{index + 1}:  %+.2f    {100 * share:.0f} %%"
+        moved, to = imgui.slider_float(f"##{part} {index + 1}", value, -_REACH, _REACH, label)
         if moved and abs(to - value) > 1e-6:
             session.move_along(part, index, to, gesture=f"{part} {index}")
         if imgui.is_item_deactivated():
             session.settle()
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             session.move_along(part, index, 0.0)
-        tip(_HELP.format(number=index + 1, share=share, part=part))
+        if imgui.begin_item_tooltip():
+            imgui.text(_HELP.format(number=index + 1, share=share, part=part))
+            self._draw_influence(desk, part, index, value)
+            imgui.end_tooltip()
+
+    def _draw_influence(self, desk: Desk, part: Part, index: int, value: float) -> None:
+        """Where the view changes between a standard deviation less and one more."""
+        session = desk.session
+        camera = session.scene.camera.resized(_INFLUENCE, _INFLUENCE)
+        space, code = session.space(part), session.code(part)
+        ends = (space.moved(code, index, value + step) for step in (-1.0, 1.0))
+        codes = (replace(session.scene.codes, **{part: end}) for end in ends)
+        low, high = (session.stills.picture(one, camera, soon=True) for one in codes)
+        if low is None or high is None:
+            imgui.text_disabled("Looking for what it changes …")
+            return
+        if self._influence is None or self._influence[:2] != (low, high):
+            self._influence = low, high, Influence.between(low, high)
+        found = self._influence[2]
+        assert desk.images is not None
+        side = 10 * hello_imgui.em_size()
+        imgui.image(desk.images.texture(found.picture, desk.palette), (side, side))
+        imgui.text(f"Changes {found.changed:.0%} of the object's pixels")
+        imgui.text(_leak(part, found.leak))
+
+    def _draw_strip(self, desk: Desk, part: Part, index: int) -> None:
+        """Each picture stands below its value on the slider."""
+        width = imgui.get_content_region_avail().x
+        side = min(3.2 * hello_imgui.em_size(), width / len(_STEPS) - 2)
+        corner = imgui.get_cursor_screen_pos()
+        seen = imgui.is_rect_visible((width, side))
+        for to in _STEPS:
+            place = corner + ImVec2(width * (0.5 + to / (2 * _REACH)) - side / 2, 0)
+            imgui.set_cursor_screen_pos(place)
+            if imgui.invisible_button(f"{part} {index + 1} at {to}", (side, side)):
+                desk.session.move_along(part, index, float(to))
+            tip(f"Direction {index + 1} at {to:+d}" if to else f"Direction {index + 1} at the mean")
+            if seen:
+                faces.paint_frame(desk, self._picture(desk, part, index, to), place, side)
+
+    def _picture(self, desk: Desk, part: Part, index: int, to: int) -> Frame | None:
+        model, basis = desk.session.model, self._basis
+        assert model is not None and basis is not None
+        code = desk.session.space(part).moved(getattr(basis, part), index, float(to))
+        camera = orbit.home(model).resized(_STILL, _STILL)
+        found = desk.session.stills.picture(replace(basis, **{part: code}), camera)
+        if found:
+            self._seen[part, index, to] = found
+        return self._seen.get((part, index, to))
+
+
+def _leak(part: Part, leak: float) -> str:
+    if part == "shape":
+        return f"Moves the silhouette: opacity changes by {leak:.2f} at the most"
+    return (
+        "Does not move the silhouette: opacity changes by exactly 0" if leak == 0 else f"Leaks into opacity by {leak:g}"
+    )

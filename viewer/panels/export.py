@@ -1,23 +1,22 @@
 """Turntables, meshes, pictures and scenes as files."""
 
-from collections.abc import Sequence
 from functools import partial
-from typing import TypeVar
 
-from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
+from imgui_bundle import icons_fontawesome_4, imgui
 
 from core.pictures import FORMATS
-from viewer.desk import MESHES, VIDEOS, Desk, button, draw_progress, tip
+from viewer.desk import MESHES, VIDEOS, Desk, button, draw_progress
 from viewer.files import Wish
+from viewer.forms import VideoForm, choose
 
-T = TypeVar("T")
 _FILM, _CAMERA = icons_fontawesome_4.ICON_FA_FILM, icons_fontawesome_4.ICON_FA_CAMERA
 _CUBE = icons_fontawesome_4.ICON_FA_CUBE
-_SIZES = (128, 256, 384, 512, 768, 1024)
-_COUNTS = (36, 72, 144, 288)
+_SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
+_COUNTS = {count: f"{count} frames" for count in (36, 72, 144, 288)}
+_MESHES = {suffix: suffix for suffix in MESHES}
 _PICTURE_HELP = """The view as a square picture on white.
 A png holds codes and camera: drop it on the window to bring them back."""
-_CELLS = (96, 128, 192, 256, 384, 512)
+_CELLS = {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
 
 
 class Export:
@@ -27,8 +26,7 @@ class Export:
     dock = "Lower"
 
     def __init__(self) -> None:
-        self._video = VIDEOS[0]
-        self._size = 256
+        self._video = VideoForm()
         self._count = 72
         self._mesh = MESHES[0]
         self._cells = 256
@@ -44,7 +42,7 @@ class Export:
         imgui.separator_text("Mesh")
         self._draw_mesh(desk)
         imgui.separator_text("Picture")
-        self._picture = _choice("picture size", self._picture, _SIZES, "{} px", "Width and height of the picture")
+        self._picture = choose("picture size", self._picture, _SIZES, "Width and height of the picture")
         imgui.same_line()
         if button(
             f"{_CAMERA}  Save picture…###save picture",
@@ -62,37 +60,23 @@ class Export:
     def _draw_turntable(self, desk: Desk) -> None:
         if draw_progress(desk, "turntable"):
             return
-        self._video = _choice("format", self._video, VIDEOS, "{}", "mp4 is the smallest, gif plays everywhere")
+        self._video.draw()
+        self._count = choose("frames", self._count, _COUNTS, "For one turn")
         imgui.same_line()
-        self._size = _choice("video size", self._size, _SIZES, "{} px", "Width and height of the video")
-        imgui.same_line()
-        self._count = _choice("frames", self._count, _COUNTS, "{} frames", "For one turn; 24 are a second")
         idle = not desk.session.exporting.running
         about = "The object turning once round, as a video"
         if button(f"{_FILM}  Export turntable…###export turntable", about, enabled=idle):
-            export = partial(desk.session.exporting.turntable, frames=self._count, size=self._size)
-            desk.files.ask(Wish("Export the turntable as", export, VIDEOS, True, f"turntable{self._video}"))
+            export = partial(desk.session.exporting.turntable, frames=self._count, choice=self._video.choice)
+            desk.files.ask(Wish("Export the turntable as", export, VIDEOS, True, f"turntable{self._video.suffix}"))
 
     def _draw_mesh(self, desk: Desk) -> None:
         if draw_progress(desk, "mesh"):
             return
-        self._mesh = _choice("mesh format", self._mesh, MESHES, "{}", "glb opens in most programs")
+        self._mesh = choose("mesh format", self._mesh, _MESHES, "glb opens in most programs")
         imgui.same_line()
-        self._cells = _choice("cells", self._cells, _CELLS, "{} cells", "Along the object: more are finer, and slower")
+        self._cells = choose("cells", self._cells, _CELLS, "Along the object: more are finer, and slower")
         idle = not desk.session.exporting.running
         about = "The object as a closed surface with coloured vertices"
         if button(f"{_CUBE}  Export mesh…###export mesh", about, enabled=idle):
             export = partial(desk.session.exporting.mesh, resolution=self._cells)
             desk.files.ask(Wish("Export the mesh as", export, MESHES, True, f"mesh{self._mesh}"))
-
-
-def _choice(name: str, chosen: T, choices: Sequence[T], label: str, text: str) -> T:
-    """A drop-down list of few values."""
-    imgui.set_next_item_width(hello_imgui.em_size(7))
-    if imgui.begin_combo(f"##{name}", label.format(chosen)):
-        for value in choices:
-            if imgui.selectable(label.format(value), value == chosen)[0]:
-                chosen = value
-        imgui.end_combo()
-    tip(text)
-    return chosen

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui
 
 from core.library import samples, shipped_models
-from viewer.desk import Desk
+from viewer.desk import Desk, tip
+from viewer.preferences import LARGEST, SMALLEST
 
 
 def draw(desk: Desk) -> None:
@@ -20,6 +22,7 @@ def draw(desk: Desk) -> None:
         imgui.separator()
         _item("Open scene…###open scene", "Ctrl+O", desk.open_scene, ready)
         _item("Save scene…###save scene", "Ctrl+S", desk.save_scene, ready)
+        _draw_recent(desk, ready)
         imgui.separator()
         _item("Quit", "Ctrl+Q", desk.quit)
         imgui.end_menu()
@@ -33,8 +36,14 @@ def draw(desk: Desk) -> None:
         imgui.end_menu()
     hello_imgui.show_view_menu(hello_imgui.get_runner_params())  # panels, and the layout's reset
     if imgui.begin_menu("Look"):
-        _, desk.dark = imgui.menu_item("Dark", "", desk.dark)
-        _, desk.smooth = imgui.menu_item("Smooth the finished picture###smooth", "", desk.smooth)
+        likes = desk.likes
+        desk.chose(dark=imgui.menu_item("Dark", "", likes.dark)[1])
+        desk.chose(smooth=imgui.menu_item("Smooth the finished picture###smooth", "", likes.smooth)[1])
+        imgui.separator()
+        _item("Larger text", "Ctrl++", partial(desk.size_text, 1), likes.text < LARGEST)
+        _item("Smaller text", "Ctrl+-", partial(desk.size_text, -1), likes.text > SMALLEST)
+        imgui.separator()
+        _item("Reset layout", "", desk.reset_layout)
         imgui.end_menu()
     if imgui.begin_menu("Help"):
         _, desk.help_open = imgui.menu_item("Keys and mouse", "F1", desk.help_open)
@@ -52,8 +61,17 @@ def keys(desk: Desk) -> None:
             (mod.mod_ctrl | mod.mod_shift | key.z, session.redo),
             (mod.mod_ctrl | key.y, session.redo),
         ]
+    for plus, minus in ((key.equal, key.minus), (key.keypad_add, key.keypad_subtract)):
+        chords += [
+            (mod.mod_ctrl | plus, partial(desk.size_text, 1)),
+            (mod.mod_ctrl | minus, partial(desk.size_text, -1)),
+        ]
     if session.ready and not session.cutting.active:
+        for digit, view in enumerate(("front", "side", "top", "photo"), 1):
+            for pressed in (getattr(key, f"_{digit}"), getattr(key, f"keypad{digit}")):
+                chords.append((pressed, partial(session.see_from, view)))
         chords += [(mod.mod_ctrl | key.s, desk.save_scene), (mod.mod_ctrl | key.o, desk.open_scene)]
+        chords += [(key.space, session.film.toggle), (key.k, session.film.add_key), (key.r, session.randomise_all)]
         if not session.fitting.running:
             chords += [(mod.mod_ctrl | key.i, desk.fit_image), (mod.mod_ctrl | key.v, desk.paste)]
     for chord, act in chords:
@@ -82,6 +100,14 @@ def _draw_samples(desk: Desk, enabled: bool) -> None:
     if imgui.begin_menu("Fit a sample", enabled):
         for path in samples(model.category) if model else ():
             _item(path.stem, "", partial(desk.fit, path))
+        imgui.end_menu()
+
+
+def _draw_recent(desk: Desk, enabled: bool) -> None:
+    if imgui.begin_menu("Open recent", enabled and bool(desk.likes.recent)):
+        for number, name in enumerate(desk.likes.recent):
+            _item(f"{Path(name).name}###recent {number + 1}", "", partial(desk.drop, [name]))
+            tip(name)
         imgui.end_menu()
 
 

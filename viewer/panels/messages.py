@@ -4,7 +4,7 @@ import textwrap
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.desk import Desk
+from viewer.desk import Desk, tip
 from viewer.messages import Kind, Message
 
 _WIDTH = 24
@@ -49,3 +49,4 @@ def _draw(desk: Desk, message: Message, number: int) -> None:
         imgui.same_line()
         if imgui.small_button(f"{icons.ICON_FA_TIMES}###dismiss {number}"):
             desk.session.dismiss(message)
+        tip("Put this message away")

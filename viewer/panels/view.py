@@ -7,14 +7,17 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.frames import Frame
 from viewer import orbit
 from viewer.desk import Desk, button, tip
+from viewer.forms import choose
+from viewer.modes import MODES, seen_as
+from viewer.quality import QUALITIES
 from viewer.theme import packed
 
 _KEY_TURN = 0.12
 """rad a key press"""
 _REST = 0.6
 """s without wheel or keys after which the next nudge is a new edit"""
-_DETAILS = (128, 192, 256, 384, 512)
 _FINE = 0.2
+_MODES = {mode: mode.capitalize() for mode in MODES}
 
 
 class View:
@@ -25,6 +28,9 @@ class View:
 
     def __init__(self) -> None:
         self._nudged = 0.0
+        self._mode = "colour"
+        self._made: tuple[Frame, str, Frame] | None = None
+        """of which frame what was made, in which mode"""
 
     def draw(self, desk: Desk) -> None:
         """The picture, and over it the badge and a few buttons."""
@@ -39,25 +45,40 @@ class View:
             self._draw_waiting(desk, corner, size)
             return
         assert desk.canvas is not None
-        texture = desk.canvas.draw(session.frame, pixels, desk.palette, desk.smooth and session.frame.final)
+        texture = desk.canvas.draw(self._looked(desk), pixels, desk.palette, desk.likes.smooth and session.frame.final)
         imgui.get_window_draw_list().add_image_rounded(
             texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
         )
         imgui.set_next_item_allow_overlap()
-        imgui.invisible_button("orbit", size)
+        buttons = imgui.ButtonFlags_
+        every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
+        imgui.invisible_button("orbit", size, every)
         self._hand(desk, size)
         self._draw_badge(desk, session.frame, corner, size)
         self._draw_buttons(desk, corner, size)
-        if desk.newcomer:
+        if desk.likes.newcomer:
             _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
+
+    def _looked(self, desk: Desk) -> Frame:
+        """The frame as it is to be seen, made once."""
+        session = desk.session
+        assert session.frame is not None
+        if session.drawn and (self._made is None or self._made[:2] != (session.frame, self._mode)):
+            frame, framing = session.drawn
+            self._made = session.frame, self._mode, framing.cropped(seen_as(frame, framing.camera, self._mode))
+        assert self._made is not None
+        return self._made[2]
 
     def _hand(self, desk: Desk, size: ImVec2) -> None:
         session, io = desk.session, imgui.get_io()
         if imgui.is_item_active() and (io.mouse_delta.x or io.mouse_delta.y):
             share = (_FINE if io.key_shift else 1.0) / min(size.x, size.y)
-            camera = orbit.dragged(session.scene.camera, io.mouse_delta.x * share, io.mouse_delta.y * share)
-            session.look(camera, gesture="orbit")
-            desk.newcomer = False
+            across, down = io.mouse_delta.x * share, io.mouse_delta.y * share
+            if imgui.is_mouse_down(imgui.MouseButton_.left):
+                session.look(orbit.dragged(session.scene.camera, across, down), gesture="orbit")
+                desk.chose(newcomer=False)
+            else:
+                session.push(across, down)
         if imgui.is_item_deactivated():
             session.settle()
         if imgui.is_item_hovered():
@@ -73,7 +94,7 @@ class View:
 
     def _keys(self, desk: Desk) -> None:
         session, step = desk.session, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
-        if imgui.get_io().want_text_input or session.model is None:
+        if imgui.get_io().want_text_input or imgui.get_io().key_ctrl or session.model is None:
             return
         turns = {"left_arrow": (-step, 0), "right_arrow": (step, 0), "up_arrow": (0, step), "down_arrow": (0, -step)}
         for key, (azimuth, elevation) in turns.items():
@@ -87,7 +108,7 @@ class View:
 
     def _nudge(self, desk: Desk, camera: orbit.Camera, gesture: str) -> None:
         self._nudged = time.monotonic()
-        desk.newcomer = False
+        desk.chose(newcomer=False)
         desk.session.look(camera, gesture)
 
     def _draw_waiting(self, desk: Desk, corner: ImVec2, size: ImVec2) -> None:
@@ -123,16 +144,28 @@ class View:
         if button(f"{icons_fontawesome_4.ICON_FA_REDO}###redo", "Redo (Ctrl+Y)", enabled=bool(history.future)):
             session.redo()
         imgui.same_line(0, 0.3 * em)
-        if button(f"{icons_fontawesome_4.ICON_FA_HOME}###home", "Back to the first view (double click, or Home)"):
+        if button(
+            f"{icons_fontawesome_4.ICON_FA_HOME}###home",
+            "Back to the first view, the object in the middle (double click, or Home)",
+        ):
             session.reset_view()
-        imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 6.7 * em, 0.7 * em))
-        imgui.set_next_item_width(6 * em)
-        if imgui.begin_combo("##detail", f"{session.detail} px"):
-            for detail in _DETAILS:
-                if imgui.selectable(f"{detail} px", detail == session.detail)[0]:
-                    session.set_detail(detail)
-            imgui.end_combo()
-        tip("Size of the finished picture: larger is sharper, and takes longer")
+        imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 17.2 * em, 0.7 * em))
+        self._mode = choose("mode", self._mode, _MODES, "What is shown of the object, and of how it was drawn (V)", 7)
+        if imgui.is_key_pressed(imgui.Key.v, False) and not imgui.get_io().want_text_input:
+            self._mode = _next(self._mode)
+        imgui.same_line(0, 0.3 * em)
+        imgui.set_next_item_width(9 * em)
+        level, last = desk.likes.quality, len(QUALITIES) - 1
+        moved, to = imgui.slider_int("##quality", level, 0, last, "faster – finer", imgui.SliderFlags_.always_clamp)
+        if moved and to != level:
+            desk.chose(quality=to)
+            session.set_quality(QUALITIES[to])
+        tip(f"The finished picture: {session.quality.detail} px, {session.quality.samples} samples; finer takes longer")
+
+
+def _next(mode: str) -> str:
+    names = list(_MODES)
+    return names[(names.index(mode) + 1) % len(names)]
 
 
 _HINT = "Drag to turn    Wheel to zoom    Drop a photo to fit it    F1 for help"

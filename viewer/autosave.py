@@ -1,0 +1,86 @@
+"""The session written down while it goes on, and what a run that ended badly has left."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from core.files import whole_file
+from viewer.saved import Saved
+
+if TYPE_CHECKING:
+    from viewer.session import Session
+
+_EVERY = 5.0
+"""s between two writings at the least"""
+
+
+class Autosave:
+    """A file for every run, which goes when the run ends well; one that is left belongs to a run that did not."""
+
+    def __init__(self, session: Session, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        self._session, self._clock = session, clock
+        self._file = folder / f"session-{os.getpid()}.json"
+        self._written: object = None
+        """the state in the file, or the first one, which is worth no file"""
+        self._when = clock()
+        found = [path for path in folder.glob("session-*.json") if path != self._file and not _runs(path)]
+        self.left: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
+        """what was left, the last one at the end; nothing once it was restored or put away"""
+        self.when = self.left[-1].stat().st_mtime if self.left else 0.0
+        """s since the epoch, when that was written"""
+
+    def tick(self) -> None:
+        """Once a frame: write, if there is something new and the hand rests."""
+        history = self._session.history
+        if history is None or history.gesture or not history.past or history.now is self._written:
+            return
+        if self._clock() - self._when >= _EVERY:
+            self._write()
+
+    def restore(self) -> None:
+        """Go on with what was left. Where that cannot be, it stays until it is put away."""
+        try:
+            saved = Saved.read(self.left[-1].read_text())
+        except (ValueError, OSError) as error:
+            self._session.report("Cannot restore the session", error)
+        else:
+            self._session.restore(saved, self.discard)
+
+    def discard(self) -> None:
+        """Put away what was left."""
+        for path in self.left:
+            path.unlink(missing_ok=True)
+        self.left = ()
+
+    def close(self) -> None:
+        """The run ends well; what an earlier one left stays until someone has decided."""
+        self._file.unlink(missing_ok=True)
+
+    def _write(self) -> None:
+        session, self._when = self._session, self._clock()
+        self._written = session.state
+        things = tuple(session.gallery[name] for name in session.gallery.names[::-1] if session.gallery[name].photo)
+        try:
+            with whole_file(self._file) as partial:
+                partial.write_text(Saved.of(session.opened, session.state, things).text)
+        except ValueError as error:
+            self._session.report("Cannot save the session as it goes on", error)
+
+
+def _runs(path: Path) -> bool:
+    """Whether the program that writes this file is still there. Windows cannot be asked."""
+    number = path.stem.removeprefix("session-")
+    if not number.isdigit() or sys.platform == "win32":
+        return False
+    try:
+        os.kill(int(number), 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
