@@ -24,6 +24,8 @@ _GRAB_SIDE = 320
 """px: the longer side at which GrabCut works, twice what a model sees"""
 _ROUNDS = 4
 """of GrabCut"""
+_REACH = 2.0
+"""Radii from a stroke up to which it changes what was found: who wipes a shadow away wants to keep the wheels."""
 
 
 class NoGroundError(ValueError):
@@ -129,44 +131,65 @@ _NO_GROUND = "the picture has no plain ground: draw a box around the object, or 
 def _grabbed(
     image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints
 ) -> Bool[np.ndarray, "height width"]:
-    """GrabCut around the box, at a size at which it is quick; the rest of the picture is ground."""
+    """GrabCut from the box, or what is found without one; then once more where strokes correct it."""
+    height, width = colours.shape[:2]
+    window = _around(hints.box, width, height)
+    mask = cut_out(image).mask if hints.box is None else _grab(colours, _in_box(hints.box, (height, width)), window)
+    if not hints.strokes:
+        return mask
+    mask = _grab(colours, _corrected(mask, hints.strokes), window)
+    return _stroked(mask, hints.strokes, True, False).astype(bool)
+
+
+def _grab(
+    colours: Float[np.ndarray, "height width 3"],
+    labels: UInt8[np.ndarray, "height width"],
+    window: tuple[int, int, int, int],
+) -> Bool[np.ndarray, "height width"]:
+    """GrabCut within a window, at a size at which it is quick; the rest of the picture is ground."""
     import cv2  # costs a fifth of a second, and few pictures need it
 
-    height, width = colours.shape[:2]
-    labels = _labelled(image, hints, (height, width))
-    left, top, right, bottom = _around(hints.box, width, height)
+    left, top, right, bottom = window
     part = np.ascontiguousarray((colours[top:bottom, left:right] * 255 + 0.5).astype(np.uint8))
-    labels = np.ascontiguousarray(labels[top:bottom, left:right])
     scale = min(1.0, _GRAB_SIDE / max(part.shape[:2]))
     size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
     small = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-    marks = cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST)
+    whole = np.ascontiguousarray(labels[top:bottom, left:right])
+    marks = cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST)
     if not np.isin(marks, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
-        raise ValueError("no object found: nothing is left inside the box")
+        raise ValueError("no object found: nothing is left of it")
     if not np.isin(marks, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
         raise NoGroundError("the box holds the whole picture: leave some of the ground outside")
     cv2.setRNGSeed(0)
     memory = np.zeros((1, 65)), np.zeros((1, 65))
     decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _ROUNDS, cv2.GC_INIT_WITH_MASK)
     found = np.isin(decided, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
-    mask = np.zeros((height, width), dtype=bool)
+    mask = np.zeros(colours.shape[:2], dtype=bool)
     mask[top:bottom, left:right] = cv2.resize(found, part.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0.5
-    return _stroked(mask, hints.strokes, True, False).astype(bool)
+    return mask
 
 
-def _labelled(image: Image.Image, hints: Hints, size: tuple[int, int]) -> UInt8[np.ndarray, "height width"]:
-    """Every pixel as GrabCut takes it: surely ground or object, or probably."""
+def _in_box(box: tuple[float, float, float, float], size: tuple[int, int]) -> UInt8[np.ndarray, "height width"]:
+    """Labels of GrabCut: the object is somewhere in the box."""
     import cv2
 
-    height, width = size
-    if hints.box is None:
-        known = cut_out(image).mask
-        labels = np.where(known, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    else:
-        labels = np.full(size, cv2.GC_BGD, np.uint8)
-        left, top, right, bottom = _in_pixels(hints.box, width, height)
-        labels[top:bottom, left:right] = cv2.GC_PR_FGD
-    return _stroked(labels, hints.strokes, cv2.GC_FGD, cv2.GC_BGD)
+    labels = np.full(size, cv2.GC_BGD, np.uint8)
+    left, top, right, bottom = _in_pixels(box, size[1], size[0])
+    labels[top:bottom, left:right] = cv2.GC_PR_FGD
+    return labels
+
+
+def _corrected(
+    mask: Bool[np.ndarray, "height width"], strokes: tuple[Stroke, ...]
+) -> UInt8[np.ndarray, "height width"]:
+    """Labels of GrabCut: what is under strokes is sure, what is near them in doubt, the rest stays as it was."""
+    import cv2
+
+    wide = tuple(stroke._replace(radius=_REACH * stroke.radius, adds=True) for stroke in strokes)
+    doubtful = _stroked(np.zeros_like(mask), wide, True, False).astype(bool)
+    sure = np.where(mask, cv2.GC_FGD, cv2.GC_BGD)
+    labels = np.where(doubtful, np.where(mask, cv2.GC_PR_FGD, cv2.GC_PR_BGD), sure).astype(np.uint8)
+    return _stroked(labels, strokes, cv2.GC_FGD, cv2.GC_BGD)
 
 
 def _stroked(

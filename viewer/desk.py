@@ -65,7 +65,7 @@ class Desk:
 
     def fit(self, *paths: Path) -> None:
         """Fit images of one object and show how it goes."""
-        self.focus, self.beside = "Fit", "Race"
+        self.focus = "Fit"
         for path in paths:
             self._remember(path)
         self.session.fitting.start(*paths)
@@ -133,6 +133,14 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> b
     imgui.end_disabled()
     tip(text)
     return pressed
+
+
+def flow(label: str) -> None:
+    """Go on in this line where a button of this label has room, else in the next."""
+    width = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
+    imgui.same_line()
+    if imgui.get_content_region_avail().x < width:
+        imgui.new_line()
 
 
 def draw_progress(desk: Desk, kind: Kind) -> bool:

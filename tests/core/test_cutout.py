@@ -54,6 +54,14 @@ def test_strokes_add_and_remove_the_later_over_the_earlier():
     assert again.mask[120, 90:150].all()
 
 
+def test_a_stroke_changes_nothing_far_away():
+    before = cut_out(busy(), Hints(BOX)).mask
+    after = cut_out(busy(), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),))).mask
+    assert before[175, 175]
+    assert not after[170:181, 170:181].any()
+    np.testing.assert_array_equal(before[:140, :140], after[:140, :140])
+
+
 def test_strokes_alone_correct_what_is_found_by_itself():
     image = Image.new("RGBA", (240, 240), "white")
     pen = ImageDraw.Draw(image)

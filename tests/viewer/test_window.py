@@ -628,6 +628,28 @@ def test_several_photos_are_fitted_together_with_known_poses(
     drive(act, Streams(lambda name: model, posed, quick_frames, quick_fit))
 
 
+def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, streams: Streams, photo: Path) -> None:
+    begin = threading.Event()
+
+    def late_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        begin.wait(30)
+        yield from quick_fit(model, job)
+
+    def act(window: Driver) -> None:
+        session, fitting = window.session, window.session.fitting
+        window.desk.drop([str(photo)])
+        window.wait(lambda: fitting.course.shot is not None)
+        window.click("Fit/###stop fit")
+        window.click("Fit/###photo camera")
+        begin.set()
+        window.click("Fit/###again")
+        window.wait(lambda: not fitting.running)
+        assert session.gallery.names[0] == "block"
+        assert session.errors == []
+
+    drive(act, replace(streams, fit=late_fit))
+
+
 def test_a_fit_that_fails_is_told_and_put_away(drive: Drive, streams: Streams, photo: Path) -> None:
     def act(window: Driver) -> None:
         before = window.session.history

@@ -17,7 +17,7 @@ _TIPS = (
     "Paint over what belongs to the object and was left out",
     "Paint over what does not belong to the object",
 )
-_COLUMN = 13.5
+_COLUMN = 14.5
 """em, of tools and preview"""
 _LEAST = 0.01
 """of the picture: a smaller box is a slip of the hand"""
@@ -62,7 +62,7 @@ class CuttingDialog:
         if imgui.begin_child("tools", (0, 0)):
             self._draw_tools(cutting)
             _draw_frame(desk, cutting)
-            _draw_end(cutting)
+            _draw_end(desk, cutting)
         imgui.end_child()
 
     def _draw_photo(self, desk: Desk, cutting: Cutting) -> None:
@@ -109,7 +109,7 @@ class CuttingDialog:
     def _draw_tools(self, cutting: Cutting) -> None:
         for number, (tool, told) in enumerate(zip(_TOOLS, _TIPS, strict=True)):
             if number:
-                imgui.same_line()
+                imgui.same_line(0, 0.3 * hello_imgui.em_size())
             if imgui.radio_button(tool, self._tool == tool):
                 self._tool = tool
             tip(told)
@@ -128,7 +128,7 @@ class CuttingDialog:
 
 def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     """The photo as it will be fitted, and where the object stands in it."""
-    side, corner = hello_imgui.em_size(_COLUMN - 1), imgui.get_cursor_screen_pos()
+    side, corner = hello_imgui.em_size(_COLUMN - 2), imgui.get_cursor_screen_pos()
     imgui.dummy((side, side))
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(desk.palette.raised))
@@ -148,8 +148,9 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
         imgui.text_wrapped(f"{cutting.problem[0].upper()}{cutting.problem[1:]}")
 
 
-def _draw_end(cutting: Cutting) -> None:
+def _draw_end(desk: Desk, cutting: Cutting) -> None:
     if button("Fit###fit cut", "Find this object", 6, cutting.cut is not None):
+        desk.focus = "Fit"
         cutting.fit()
         return
     imgui.same_line()

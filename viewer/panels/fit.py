@@ -5,7 +5,7 @@ from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 from core.confidence import DOUBTFUL, RIGHT_DEGREES
 from viewer.comparison import Comparison
 from viewer.curve import Curve
-from viewer.desk import IMAGES, Desk, button, tip
+from viewer.desk import IMAGES, Desk, button, flow, tip
 from viewer.files import Wish
 from viewer.fitting import EFFORTS, Fitting
 
@@ -33,10 +33,14 @@ class Fit:
     def __init__(self) -> None:
         self._comparison = Comparison()
         self._curve = Curve()
+        self._running = False
 
     def draw(self, desk: Desk) -> None:
         """Buttons, the comparison, and the curve."""
         fitting = desk.session.fitting
+        if fitting.running and not self._running:
+            desk.beside = "Race"
+        self._running = fitting.running
         if fitting.running:
             _draw_progress(fitting)
         else:
@@ -78,34 +82,36 @@ def _draw_start(desk: Desk, fitting: Fitting) -> None:
                 fitting.effort = effort
         imgui.end_combo()
     tip(_EFFORT_HELP)
-    imgui.same_line()
+    flow(_ADD)
     if button(f"{_ADD}###add photo", "Fit again with another photo of the same object beside this one", enabled=fitted):
         desk.files.ask(Wish("Another photo of the same object", fitting.add, IMAGES))
-    imgui.same_line()
+    flow(_SCISSORS)
     if button(f"{_SCISSORS}###cut out", _CUT_HELP, enabled=fitted):
         fitting.cut_out()
-    imgui.same_line()
+    flow(_PLACE)
     if button(f"{_PLACE}###pose", "Fit again with the known camera of this photo (an SRN pose file)", enabled=fitted):
         desk.files.ask(Wish("Pose of this photo", fitting.pose, (".txt",)))
 
 
 def _draw_more(desk: Desk, fitting: Fitting) -> None:
-    """What can be done with a fit that is over."""
+    """What can be done with a fit that is over, be it that it was stopped before its first step."""
     _draw_trust(fitting)
-    if button(f"{_CAMERA}###photo camera", "Jump to the camera that the photo was found to be taken from"):
+    fitted = bool(fitting.course.steps)
+    told = "Jump to the camera that the photo was found to be taken from"
+    if button(f"{_CAMERA}###photo camera", told, enabled=fitted):
         desk.session.look(fitting.camera)
-    imgui.same_line()
     if (other := fitting.alternative) is not None:
+        flow("Other camera")
         if button("Other camera###other camera", _OTHER_HELP):
             desk.session.look(other)
-        imgui.same_line()
     can = fitting.going_on is not None
+    flow("Go on")
     if button("Go on###go on", _ON_HELP, enabled=can):
         fitting.go_on()
-    imgui.same_line()
+    flow("From the view")
     if button("From the view###from view", _VIEW_HELP, enabled=can):
         fitting.go_on_from_view()
-    imgui.same_line()
+    flow("Again")
     if button("Again###again", "Fit again from the beginning, with the work chosen above"):
         fitting.again()
 
@@ -115,8 +121,9 @@ def _draw_trust(fitting: Fitting) -> None:
     step = fitting.course.step
     if step is None or step.confidence is None:
         return
-    imgui.same_line()
-    imgui.text(f"Camera: {in_words(step.confidence)}")
+    told = f"Camera: {in_words(step.confidence)}"
+    flow(told)
+    imgui.text(told)
     tip(
         f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees. A doubtful one may "
         "be seen from the object's other side"
