@@ -4,8 +4,10 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.camera import Camera
 from core.codes import Codes
 from core.frames import Frame
+from core.model import Model
 from viewer import faces, orbit
 from viewer.desk import Desk, button, tip
 from viewer.influence import Influence
@@ -40,8 +42,12 @@ class CodesPanel:
     def __init__(self) -> None:
         self._all = False
         self._strips = True
+        self._model: Model | None = None
+        """whose pictures these are"""
         self._basis: Codes | None = None
         """what the strips lead away from: the object before the hand took hold of it"""
+        self._led: dict[tuple[Part, int, int], tuple[Codes, Camera]] = {}
+        """what is to be seen at every place"""
         self._influence: tuple[Frame, Frame, Influence] | None = None
         """of the slider under the mouse: at less, at more, and between them"""
         self._seen: dict[tuple[Part, int, int], Frame] = {}
@@ -53,8 +59,10 @@ class CodesPanel:
         if not session.ready:
             imgui.text_disabled("The sliders come with the model")
             return
-        if session.history and not session.history.gesture:
-            self._basis = session.scene.codes
+        if session.history and not session.history.gesture and self._basis is not session.scene.codes:
+            self._basis, self._led = session.scene.codes, {}
+        if self._model is not session.model:
+            self._model, self._seen = session.model, {}
         self._draw_top(desk)
         if imgui.begin_child("sliders"):
             if imgui.begin_table("kinds", 2, imgui.TableFlags_.sizing_stretch_same):
@@ -65,6 +73,7 @@ class CodesPanel:
             most = max(len(session.space(part).spread) for part in PARTS)
             if most > _FIRST:
                 _, self._all = imgui.checkbox(f"All {most} directions###all", self._all)
+                tip("Those that explain less, too")
         imgui.end_child()
 
     def _draw_top(self, desk: Desk) -> None:
@@ -149,14 +158,15 @@ class CodesPanel:
                 faces.paint_frame(desk, self._picture(desk, part, index, to), place, side)
 
     def _picture(self, desk: Desk, part: Part, index: int, to: int) -> Frame | None:
-        model, basis = desk.session.model, self._basis
+        model, basis, place = desk.session.model, self._basis, (part, index, to)
         assert model is not None and basis is not None
-        code = desk.session.space(part).moved(getattr(basis, part), index, float(to))
-        camera = orbit.home(model).resized(_STILL, _STILL)
-        found = desk.session.stills.picture(replace(basis, **{part: code}), camera)
+        if place not in self._led:
+            code = desk.session.space(part).moved(getattr(basis, part), index, float(to))
+            self._led[place] = replace(basis, **{part: code}), orbit.home(model).resized(_STILL, _STILL)
+        found = desk.session.stills.picture(*self._led[place])
         if found:
-            self._seen[part, index, to] = found
-        return self._seen.get((part, index, to))
+            self._seen[place] = found
+        return self._seen.get(place)
 
 
 def _leak(part: Part, leak: float) -> str:
