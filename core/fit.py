@@ -243,9 +243,9 @@ class _Race:
 
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured."""
-        began, descended = pool, self._descended_as_in_the_paper if self.settings.paper else self.descended
-        for done, pool in enumerate(descended(pool), 1):
-            yield _Standing(pool) if done < self.steps else self._ended(pool, began)
+        descended = self._descended_as_in_the_paper if self.settings.paper else self.descended
+        for done, left in enumerate(descended(pool), 1):
+            yield _Standing(left) if done < self.steps else self._ended(left, pool)
 
     def descended(self, pool: Pool) -> Iterator[Pool]:
         """What is left of the hypotheses after every step."""
@@ -253,7 +253,8 @@ class _Race:
             drawn = draw(self.targets, stage.rays, self.generator)
             jitter = torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
             by = self.by._replace(prior=stage.prior)
-            for pool in descent(self.model, self.cut(pool, stage), drawn, jitter, stage, by, self._free):
+            entering = self.cut(pool, stage)
+            for pool in descent(self.model, entering, drawn, jitter, stage, by, self._free):
                 yield pool
 
     def _descended_as_in_the_paper(self, pool: Pool) -> Iterator[Pool]:

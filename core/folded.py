@@ -104,6 +104,7 @@ def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Te
 @lru_cache(maxsize=4)
 @torch.no_grad()
 def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
+    """The layers of a model's field, the feature layer multiplied into those that follow."""
     field: Field = model.field
     width, features = field.config.width, field.feature_layer
     entry = field.direction_layer

@@ -23,7 +23,6 @@ from core.hypotheses import (
     Objective,
     Pool,
     aimed,
-    judged,
     within_bounds,
 )
 from core.model import Model
@@ -72,13 +71,9 @@ def descent(
     movable = torch.cat((free.flatten(), torch.ones(sum(ranks), dtype=torch.bool)))
     pool = replace(pool, cost=around.objective.nan_to_num(math.inf, math.inf), squared=around.squared)
     damping = torch.full((len(pool),), _DAMPING)
-    for step in range(stage.steps):
+    for _ in range(stage.steps):
         guess = _moved(pool.numbers, _step(around, damping, movable, free.numel()), ranks)
-        if step + 1 < stage.steps:
-            found = quadratic(model, guess, drawn, jitter, stage, by)
-        else:
-            with torch.no_grad():
-                found = around._replace(**judged(model, guess, drawn, stage.samples, by, jitter)._asdict())
+        found = quadratic(model, guess, drawn, jitter, stage, by)
         better = found.objective < around.objective
         numbers = Numbers(*(_chosen(better, *pair) for pair in zip(guess, pool.numbers, strict=True)))
         around = Quadratic(*(_chosen(better, *pair) for pair in zip(found, around, strict=True)))

@@ -42,16 +42,14 @@ def descent(
 ) -> Iterator[Pool]:
     """The pool after every step of AdamW, each on pixels of its own; of infinite cost once it has diverged."""
     searched = Numbers(*(part.clone().requires_grad_() for part in pool.numbers))
-    free = float(unknown.any())
     rates = {
-        "angles": _RATES["angles"] * free,
-        "distance": _RATES["distance"] / model.distance * free,
+        "angles": _RATES["angles"],
+        "distance": _RATES["distance"] / model.distance,
         "shape": _RATES["codes"],
         "texture": _RATES["codes"],
     }
     optimizer = torch.optim.AdamW([{"params": [getattr(searched, name)], "lr": rate} for name, rate in rates.items()])
     halving = torch.optim.lr_scheduler.StepLR(optimizer, _HALVED_EVERY, 0.5)
-    known = (~unknown).nonzero()[:, 0]
     for _ in range(stage.steps):
         drawn = draw(targets, stage.rays, generator)
         jitter = torch.rand(drawn.opaque.shape, generator=generator) - 0.5
@@ -61,17 +59,16 @@ def descent(
         optimizer.step()
         halving.step()
         with torch.no_grad():
-            # AdamW lets no number of a group alone, but a known camera stays where it is.
-            searched.angles[:, known], searched.distance[:, known] = (
-                pool.numbers.angles[:, known],
-                pool.numbers.distance[:, known],
-            )
-            bounded = within_bounds(searched)
-            for number, value in zip(searched, bounded, strict=True):
-                number.copy_(value)
-        cost = found.objective.detach().nan_to_num(math.inf, math.inf)
-        finite = all(bool(part.isfinite().all()) for part in searched)
-        cost = cost if finite else torch.full_like(cost, math.inf)
-        yield replace(
-            pool, numbers=Numbers(*(part.detach().clone() for part in searched)), cost=cost, squared=found.squared
-        )
+            _settle(searched, pool.numbers, unknown)
+        cost = found.objective.detach()
+        if not all(bool(part.isfinite().all()) for part in (cost, *searched)):
+            cost = torch.full_like(cost, math.inf)
+        numbers = Numbers(*(part.detach().clone() for part in searched))
+        yield replace(pool, numbers=numbers, cost=cost, squared=found.squared)
+
+
+def _settle(searched: Numbers, before: Numbers, unknown: Bool[Tensor, "views"]) -> None:
+    """Unknown cameras within what they can be, known ones back where they stood: AdamW moves them all."""
+    bounded = within_bounds(searched)
+    searched.angles.copy_(torch.where(unknown[:, None], bounded.angles, before.angles))
+    searched.distance.copy_(torch.where(unknown, bounded.distance, before.distance))

@@ -1,4 +1,4 @@
-"""How every pixel changes with every number of a hypothesis: the Jacobian of rendered rays, as Gauss and Newton need it.
+"""How every pixel changes with every number of a hypothesis: the Jacobian of rendered rays.
 
 A ray depends on no other ray, so one pass back through the field gives the slopes of all rays in one channel at once:
 red, green, blue and opacity go back together. While they are still per sample they are taken to the numbers that are
@@ -208,8 +208,8 @@ def _back(
     g = torch.cat((g @ weights.direction, torch.zeros_like(g[:, :, :1])), 2)
     g = g.add_((by_density * steep[..., None]).to(dtype)[..., None] * weights.density[0])
     shape = 0
-    blocks = zip(passed.shape[:0:-1], reversed(weights.shape_blocks), reversed(entries.shape.unbind(1)), strict=True)
-    for y, weight, entry in blocks:
+    ends = reversed(entries.shape.unbind(1))
+    for y, weight, entry in zip(passed.shape[:0:-1], reversed(weights.shape_blocks), ends, strict=True):
         g = g.mul_(y.sign()[:, :, None])
         shape = shape + (g.flatten(1, 2) @ entry)
         g = g @ weight
