@@ -35,7 +35,7 @@ from core.hypotheses import (
 )
 from core.metrics import psnr_of
 from core.model import Model
-from core.newton import descent
+from core.newton import descent, stride
 from core.photos import Photo
 from core.plan import PRESETS, FitSettings, Stage, plan
 from core.starts import bank_of, ranked
@@ -124,6 +124,8 @@ _LEAST = 1e-6
 """An objective below this counts as this: nobody tells a perfect picture from a more perfect one."""
 _MEASURED_RAYS = 2048
 """per picture, always the same ones"""
+_NEWS = 0.4
+"""What a step's cost counts in the running mean by which hypotheses are cut."""
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
 _SIZES = 0.25
@@ -249,13 +251,24 @@ class _Race:
 
     def descended(self, pool: Pool) -> Iterator[Pool]:
         """What is left of the hypotheses after every step."""
-        for stage in self.plan:
-            drawn = draw(self.targets, stage.rays, self.generator)
-            jitter = torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
-            by = self.by._replace(prior=stage.prior)
-            entering = self.cut(pool, stage)
-            for pool in descent(self.model, entering, drawn, jitter, stage, by, self._free):
+        *stages, last = self.plan
+        for stage in stages:
+            pool = self.cut(pool, stage)
+            for step in range(stage.steps):
+                after = stride(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
+                smooth = torch.lerp(pool.cost, after.cost, _NEWS if step else 1.0).nan_to_num(math.inf, math.inf)
+                pool = replace(after, cost=smooth)
                 yield pool
+        pool = self.cut(pool, last)
+        yield from descent(self.model, pool, *self._pixels(last), last, self._during(last), self._free)
+
+    def _pixels(self, stage: Stage) -> tuple[Drawn, Tensor]:
+        """Some of every picture, and by how much the samples of their rays are moved."""
+        drawn = draw(self.targets, stage.rays, self.generator)
+        return drawn, torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
+
+    def _during(self, stage: Stage) -> Objective:
+        return self.by._replace(prior=stage.prior)
 
     def _descended_as_in_the_paper(self, pool: Pool) -> Iterator[Pool]:
         """The one hypothesis after every step, in the end the best of those that were measured."""

@@ -37,8 +37,10 @@ _LONGEST = (0.35, 0.35, 0.15, 0.05, 0.05)
 """A step moves none of them by more: beyond, the quadratic says nothing."""
 _LONGEST_CODE = 3.0
 """standard deviations"""
-_DAMPING = 0.01
-"""in the beginning, of the quadratic's own diagonal; a third after a step that helped, four times after another"""
+_STRIDE_DAMPING = 0.1
+"""of the quadratic's own diagonal, where every step has pixels of its own"""
+_DAMPING = 0.03
+"""the same in the beginning of a descent"""
 _KEPT = 11
 """One of so many samples of a ray goes into the slopes."""
 
@@ -55,10 +57,12 @@ class Quadratic(NamedTuple):
     """half the Hessian, as Gauss and Newton see it"""
 
 
-def descent(
+def stride(
     model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 5"]
-) -> Iterator[Pool]:
-    """The pool after every step of a stage, no hypothesis ever worse on the drawn pixels than it was.
+) -> Pool:
+    """One step of every hypothesis towards what these pixels say; its cost and squared error are those before it.
+
+    A quarter of the pixels, but new ones every time, lead further than the same ones asked until they are content.
 
     Args:
         jitter: as for :func:`core.hypotheses.judged`.
@@ -67,20 +71,46 @@ def descent(
     A hypothesis whose objective is not finite gets infinite cost and stays where it is.
     """
     around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
-    ranks = min(stage.rank, pool.numbers.shape.shape[1]), min(stage.rank, pool.numbers.texture.shape[1])
-    movable = torch.cat((free.flatten(), torch.ones(sum(ranks), dtype=torch.bool)))
-    pool = replace(pool, cost=around.objective.nan_to_num(math.inf, math.inf), squared=around.squared)
+    ranks, movable = _movable(pool, stage, free)
+    step = _step(around, torch.full((len(pool),), _STRIDE_DAMPING), movable, free.numel())
+    return _valued(replace(pool, numbers=_moved(pool.numbers, step, ranks)), around)
+
+
+def descent(
+    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 5"]
+) -> Iterator[Pool]:
+    """The pool after every step of a stage, all on the same pixels: no hypothesis is ever worse on them than it was.
+
+    The arguments are those of :func:`stride`. Damping follows how much of what the quadratic promised came true.
+    """
+    around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
+    ranks, movable = _movable(pool, stage, free)
     damping = torch.full((len(pool),), _DAMPING)
     for _ in range(stage.steps):
-        guess = _moved(pool.numbers, _step(around, damping, movable, free.numel()), ranks)
+        step = _step(around, damping, movable, free.numel())
+        guess = _moved(pool.numbers, step, ranks)
         found = quadratic(model, guess, drawn, jitter, stage, by)
+        promised = -(step * (2 * around.slope + (around.bend @ step[..., None])[..., 0])).sum(1)
+        kept = (around.objective - found.objective) / promised.clamp_min(1e-12)
         better = found.objective < around.objective
+        change = torch.where(kept > 0.6, 1 / 3, torch.where(kept > 0.25, 1.0, 2.0))
+        damping = (damping * torch.where(better, change, 8.0)).clamp(1e-3, 1e3)
         numbers = Numbers(*(_chosen(better, *pair) for pair in zip(guess, pool.numbers, strict=True)))
         around = Quadratic(*(_chosen(better, *pair) for pair in zip(found, around, strict=True)))
-        damping = torch.where(better, damping / 3, damping * 4).clamp(1e-5, 1e4)
-        cost = around.objective.nan_to_num(math.inf, math.inf)
-        pool = replace(pool, numbers=numbers, cost=cost, squared=around.squared)
+        pool = _valued(replace(pool, numbers=numbers), around)
         yield pool
+
+
+def _movable(
+    pool: Pool, stage: Stage, free: Bool[Tensor, "views 5"]
+) -> tuple[tuple[int, int], Bool[Tensor, "numbers"]]:
+    """How many numbers of shape and texture a stage moves, and which of all the numbers of its quadratics."""
+    ranks = min(stage.rank, pool.numbers.shape.shape[1]), min(stage.rank, pool.numbers.texture.shape[1])
+    return ranks, torch.cat((free.flatten(), torch.ones(sum(ranks), dtype=torch.bool)))
+
+
+def _valued(pool: Pool, around: Quadratic) -> Pool:
+    return replace(pool, cost=around.objective.nan_to_num(math.inf, math.inf), squared=around.squared)
 
 
 def quadratic(

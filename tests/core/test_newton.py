@@ -1,5 +1,7 @@
 """Quadratics are those of the objective, and descents go down."""
 
+from itertools import pairwise
+
 import pytest
 import torch
 
@@ -71,7 +73,7 @@ def test_a_descent_never_goes_up_and_leaves_alone_what_is_given(tiny: Model):
     costs, first = [], pool
     for pool in descent(tiny, first, drawn, jitter, STAGE, BY, free):
         costs.append(pool.cost)
-    assert all(bool((after <= before).all()) for before, after in zip(costs, costs[1:], strict=False))
+    assert all(bool((after <= before).all()) for before, after in pairwise(costs))
     assert bool((costs[-1] < 0.7 * costs[0]).any())
     assert torch.equal(pool.numbers.angles[..., 1], first.numbers.angles[..., 1])
     assert not torch.equal(pool.numbers.angles[..., 0], first.numbers.angles[..., 0])
