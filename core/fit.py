@@ -2,8 +2,8 @@
 
 Many hypotheses are raced: each is a camera per picture and a pair of codes, all of them one batch of one network
 call. The codes enter as biases, so hypotheses cost what their points cost. They start from the bank of
-:mod:`core.starts`, are cut by successive halving, and the front/back twin of the leader is kept to the last round.
-The paper's own recipe is the same loop with a single hypothesis: ``PRESETS["paper"]``.
+:mod:`core.starts`, descend by :mod:`core.newton`, are cut by successive halving (:mod:`core.plan`), and the best of
+another basin, mostly the front/back twin of the leader, is kept to the end. ``PRESETS["paper"]`` is :mod:`core.paper`.
 """
 
 import math
@@ -16,6 +16,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from core import paper
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import confidence
@@ -23,8 +24,6 @@ from core.hypotheses import (
     Numbers,
     Objective,
     Pool,
-    Rates,
-    advanced,
     cameras,
     codes,
     joined,
@@ -36,44 +35,13 @@ from core.hypotheses import (
 )
 from core.metrics import psnr_of
 from core.model import Model
+from core.newton import descent, stride
 from core.photos import Photo
+from core.plan import PRESETS, FitSettings, Stage, plan
 from core.starts import bank_of, ranked
 from core.targets import Drawn, Target, draw
 
-
-@dataclass(frozen=True)
-class FitSettings:
-    """Every field is an axis of the charts."""
-
-    starts: int = 24
-    """cameras to begin from, for every picture whose camera is unknown"""
-    steps: int = 200
-    rays: int = 384
-    """per picture and step for the last hypotheses; the many in the beginning share them out"""
-    samples: int = 64
-    """along a ray"""
-    prior: float = 1e-4
-    """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
-    paper: bool = False
-    """one random start without bank or race, mean codes, plain Eq. 5, AdamW at the authors' rates; in any number of
-    starts but one there is nothing of the paper's"""
-
-    def __post_init__(self) -> None:
-        if min(self.starts, self.steps, self.rays) < 1 or self.samples < 2 or not 0 <= self.prior < math.inf:
-            raise ValueError(f"no fit has these settings: {self}")
-        if self.paper and self.starts != 1:
-            raise ValueError(f"the paper's recipe has one start, got {self.starts}")
-
-
-PRESETS = {
-    "draft": FitSettings(starts=8, steps=80, rays=256),
-    "normal": FitSettings(),
-    "fine": FitSettings(starts=32, steps=320, rays=768),
-    # Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the
-    # same slopes on average.
-    "paper": FitSettings(starts=1, steps=299, rays=512, samples=64, paper=True),
-}
-"""By what they cost, and the paper's."""
+__all__ = ["PRESETS", "Alternative", "FitJob", "FitSettings", "FitStep", "fit"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +103,7 @@ class FitStep:
     hypotheses: int = 1
     """how many are still in the race"""
     alternative: Alternative | None = None
-    """from the first measurement on, where one camera is searched for, and not in the paper's recipe"""
+    """in the last step, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
     """logarithm of the alternative's loss over the result's; comes with the alternative, but
     where a fit went on from a given hypothesis"""
@@ -160,73 +128,30 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     steps = whole.steps + sum(part.race.steps for part in parts)
     done, found, finalists = 0, list(whole.given), []
     for part in parts:
-        for standing in part.race.run(part.race.entered()):
+        for pool in part.race.descended(part.race.entered()):
             done += 1
-            step = part.race.reported(standing, done, steps, began)
+            step = part.race.reported(_Standing(pool), done, steps, began)
             for view, camera in zip(part.views, step.cameras, strict=True):
                 found[view] = camera
             yield replace(step, cameras=tuple(found))
-        finalists.append((part.views, standing.pool))
+        finalists.append((part.views, pool))
     for standing in whole.run(whole.combined(finalists) if finalists else whole.entered()):
         done += 1
         yield whole.reported(standing, done, steps, began)
 
 
-_EVERY = 10
-"""Steps between two measurements of the last hypotheses on more rays."""
-_RIVAL_SHARE = 3
-"""The rival in the last stage gets one of so many rays: it is there to be compared, and seldom wins."""
+_PAPER_EVERY = 10
+"""Steps between two measurements in the paper's recipe, the best of which is the result."""
 _LEAST = 1e-6
 """An objective below this counts as this: nobody tells a perfect picture from a more perfect one."""
 _MEASURED_RAYS = 2048
 """per picture, always the same ones"""
-_RATES = {"angles": 0.03, "distance": 0.012, "shift": 0.003, "shape": 0.08, "texture": 0.08}
-"""Adam's, in the beginning; rad, logarithm, focal lengths, standard deviations"""
-_RATE_LEFT = 0.04
-"""of them at the end"""
-_GOING_ON = 0.6
-"""How far the rates have already fallen, as a share of the steps, where a fit goes on."""
+_NEWS = 0.4
+"""What a step's cost counts in the running mean by which hypotheses are cut."""
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
-_PAPER_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}
-"""AdamW's in section 3.3; rad, scene units, numbers of a code"""
-_PAPER_HALVED_EVERY = 50
-"""steps, in the authors' code"""
 _SIZES = 0.25
 """How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
-
-
-class _Stage(NamedTuple):
-    """A part of the race."""
-
-    hypotheses: int
-    """as many as enter it"""
-    steps: int
-    rays: int
-    samples: int
-    rank: int
-    """of the codes: how many principal directions may move"""
-    last: bool = False
-
-
-def _plan(settings: FitSettings, racing: bool) -> tuple[_Stage, ...]:
-    """Successive halving over two fifths of the steps, then the best of six basins, of three, and the best alone."""
-    whole = 10_000
-    if not racing:
-        return (_Stage(1, settings.steps, settings.rays, settings.samples, whole, last=True),)
-    counts = [settings.starts]
-    while counts[-1] > 8:
-        counts.append(counts[-1] // 2)
-    steps, rank, plan = max(1, round(0.4 * settings.steps / len(counts))), 8, []
-    for count in counts:
-        rays = min(settings.rays, max(64, settings.rays * 2 // count))
-        plan.append(_Stage(count, steps, rays, max(2, settings.samples * 3 // 4), rank))
-        rank *= 2
-    left = max(3, settings.steps - steps * len(counts))
-    plan.append(_Stage(min(6, settings.starts), left // 3, settings.rays // 2, settings.samples, 32))
-    plan.append(_Stage(min(3, settings.starts), left // 3, settings.rays, settings.samples, 64))
-    plan.append(_Stage(1, left - 2 * (left // 3), settings.rays, settings.samples, whole, last=True))
-    return tuple(plan)
 
 
 class _Standing(NamedTuple):
@@ -258,7 +183,7 @@ class _Race:
     given: tuple[Camera, ...]
     """known cameras, and for unknown ones their size and focal length"""
     unknown: Bool[Tensor, "views"]
-    plan: tuple[_Stage, ...]
+    plan: tuple[Stage, ...]
     generator: torch.Generator
     measure: Drawn
     """the rays that hypotheses are measured on"""
@@ -272,9 +197,11 @@ class _Race:
         targets = tuple(Target.of(photo, model) for photo in job.photos)
         given = tuple(photo.camera or _nominal(photo, model) for photo in job.photos)
         unknown = torch.tensor([photo.camera is None for photo in job.photos])
-        plan = _plan(job.settings, bool(unknown.any()) and not job.settings.paper and not job.begin)
+        stages = plan(job.settings, bool(unknown.any()))
+        if job.begin:  # there is nothing to race for, and what was found must not be lost to the early stages
+            stages = (stages[-1]._replace(hypotheses=1, steps=sum(stage.steps for stage in stages)),)
         measure = draw(targets, _MEASURED_RAYS, generator)
-        return cls(model, job.settings, job.photos, targets, given, unknown, plan, generator, measure, job.begin)
+        return cls(model, job.settings, job.photos, targets, given, unknown, stages, generator, measure, job.begin)
 
     @property
     def steps(self) -> int:
@@ -296,13 +223,13 @@ class _Race:
 
     @property
     def by(self) -> Objective:
-        """What hypotheses are judged by."""
+        """What hypotheses are judged by in the end."""
         return Objective(self.settings.prior, self.settings.paper)
 
     def entered(self) -> Pool:
         """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
         if self.settings.paper:
-            return self._entered_as_in_the_paper()
+            return paper.entered(self.model, self.given, self.unknown, self.generator)
         if self.begin:
             return self._entered_where(self.begin)
         count, views = self.plan[0].hypotheses, len(self.given)
@@ -322,16 +249,6 @@ class _Race:
                 space = self.model.codes.shape_space
                 alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
         return Pool.of(Numbers(angles, distance, torch.zeros_like(angles), _LIKENESS * alike, texture))
-
-    def _entered_as_in_the_paper(self) -> Pool:
-        """One hypothesis: the mean codes, and unknown cameras anywhere on the upper half at the usual distance."""
-        known = torch.tensor([(camera.azimuth, camera.elevation) for camera in self.given])
-        anywhere = torch.rand(len(self.given), 2, generator=self.generator)
-        anywhere = torch.stack((2 * math.pi * anywhere[:, 0], anywhere[:, 1].asin()), -1)
-        angles = torch.where(self.unknown[:, None], anywhere, known)[None]
-        away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in self.given]])
-        mean = self.model.codes.mean
-        return Pool.of(Numbers(angles, away, torch.zeros_like(angles), mean.shape[None], mean.texture[None]))
 
     def _entered_where(self, begin: Hypothesis) -> Pool:
         """One hypothesis, where an earlier fit left it; known cameras are those of the pictures."""
@@ -365,48 +282,53 @@ class _Race:
         return Numbers(angles, distance, shift, shape, torch.stack([numbers.texture for numbers in chosen]).mean(0))
 
     def run(self, pool: Pool) -> Iterator[_Standing]:
-        """Where the race stands after every step; in the end its pool is the best hypothesis that was measured."""
-        done = 0
-        for stage in self.plan:
-            if stage.last:
-                yield from self._finished(pool, stage, done)
-                return
+        """Where the race stands after every step; the last one is of the best hypothesis alone, measured."""
+        descended = self._descended_as_in_the_paper if self.settings.paper else self.descended
+        for done, left in enumerate(descended(pool), 1):
+            yield _Standing(left) if done < self.steps else self._ended(left, pool)
+
+    def descended(self, pool: Pool) -> Iterator[Pool]:
+        """What is left of the hypotheses after every step."""
+        *stages, last = self.plan
+        for stage in stages:
             pool = self.cut(pool, stage)
-            for _ in range(stage.steps):
-                pool, done = self.stepped(pool, stage, done / self.steps), done + 1
-                yield _Standing(pool)
+            for step in range(stage.steps):
+                after = stride(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
+                smooth = torch.lerp(pool.cost, after.cost, _NEWS if step else 1.0).nan_to_num(math.inf, math.inf)
+                pool = replace(after, cost=smooth)
+                yield pool
+        pool = self.cut(pool, last)
+        yield from descent(self.model, pool, *self._pixels(last), last, self._during(last), self._free)
 
-    def _finished(self, pool: Pool, stage: _Stage, done: int) -> Iterator[_Standing]:
-        """The last stage: the leader with all rays and its rival with a few; whichever is better leads on."""
-        racing = bool(self.unknown.any()) and not self.settings.paper
-        rival = rival_of(pool, pool, self.unknown) if racing else None
-        pool, best, standing = self.cut(pool, stage), None, _Standing(pool)
-        fewer = stage._replace(rays=max(1, stage.rays // _RIVAL_SHARE))
-        for step in range(stage.steps):
-            pool = self.stepped(pool, stage, (done + step) / self.steps)
-            rival = rival and self.stepped(rival, fewer, (done + step) / self.steps)
-            if (step + 1) % _EVERY == 0 or step + 1 == stage.steps:
-                pool, rival = self._compared(pool, rival)
+    def _pixels(self, stage: Stage) -> tuple[Drawn, Tensor]:
+        """Some of every picture, and by how much the samples of their rays are moved."""
+        drawn = draw(self.targets, stage.rays, self.generator)
+        return drawn, torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
+
+    def _during(self, stage: Stage) -> Objective:
+        return self.by._replace(prior=stage.prior)
+
+    def _descended_as_in_the_paper(self, pool: Pool) -> Iterator[Pool]:
+        """The one hypothesis after every step, in the end the best of those that were measured."""
+        steps = paper.descent(self.model, pool, self.targets, self.plan[0], self.by, self.unknown, self.generator)
+        best = None
+        for step, pool in enumerate(steps, 1):
+            if step % _PAPER_EVERY == 0 or step == self.steps:
+                pool = self.measured(pool)
                 best = pool if best is None or float(pool.cost) < float(best.cost) else best
-                standing = self._standing(pool, best, rival)
-            yield standing._replace(pool=best if best and step + 1 == stage.steps else pool)
+            yield pool if step < self.steps else best
 
-    def _standing(self, pool: Pool, best: Pool, rival: Pool | None) -> _Standing:
-        """With what stands against the best: whichever of the two that still run is in another basin than it is."""
-        other = rival_of(best, joined(pool, rival), self.unknown) if rival else None
-        if other is None or not int(other.age):
-            return _Standing(pool)
-        return _Standing(pool, other, math.log(max(float(other.cost), _LEAST) / max(float(best.cost), _LEAST)))
+    def _ended(self, pool: Pool, began: Pool) -> _Standing:
+        """The best of what is left and of where that began, with what stands against it: mostly its twin."""
+        leader = pool.leader
+        rest = self.measured(joined(pool, began[pool.start[leader][None]], twin_of(pool, leader, self.unknown)))
+        best = rest[torch.tensor([rest.leader])]
+        if self.settings.paper or not bool(self.unknown.any()):
+            return _Standing(best)
+        rival = rival_of(best, rest, self.unknown)
+        return _Standing(best, rival, math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)))
 
-    def _compared(self, pool: Pool, rival: Pool | None) -> tuple[Pool, Pool | None]:
-        """Both measured, the better one first; where they have met in one basin, its twin is the new rival."""
-        if rival is None:
-            return self.measured(pool), None
-        first, second = sorted((self.measured(pool), self.measured(rival)), key=lambda one: float(one.cost))
-        other = rival_of(first, second, self.unknown)
-        return first, other if int(other.age) else self.measured(other)
-
-    def cut(self, pool: Pool, stage: _Stage) -> Pool:
+    def cut(self, pool: Pool, stage: Stage) -> Pool:
         """The best go on, one from each basin first; the leader's twin is set up again where it is lost."""
         if len(pool) <= stage.hypotheses:
             return pool
@@ -416,19 +338,11 @@ class _Race:
             return pool[kept]
         return joined(pool[kept[:-1]], twin_of(pool, leader, self.unknown))
 
-    def stepped(self, pool: Pool, stage: _Stage, progress: float) -> Pool:
-        """One step for all hypotheses."""
-        drawn = draw(self.targets, stage.rays, self.generator)
-        jitter = torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
-        rates = self._paper_rates(progress) if self.settings.paper else self._rates(stage, progress)
-        return advanced(self.model, pool, drawn, stage.samples, self.by, rates, jitter)
-
     def measured(self, pool: Pool) -> Pool:
-        """The best hypothesis on the rays kept for measuring; of infinite cost where all have diverged."""
+        """The hypotheses with what they cost on the rays kept for measuring."""
         with torch.no_grad():
             found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.by)
-        pool = replace(pool, cost=found.objective.nan_to_num(math.inf, math.inf), squared=found.squared)
-        return pool[pool.cost.argmin()[None]]
+        return replace(pool, cost=found.objective.nan_to_num(math.inf, math.inf), squared=found.squared)
 
     def reported(self, standing: _Standing, step: int, steps: int, began: float) -> FitStep:
         """The leader, as the stream shows it."""
@@ -470,36 +384,12 @@ class _Race:
             if math.isfinite(costs[index])
         )
 
-    def _rates(self, stage: _Stage, progress: float) -> Rates:
-        if self.begin:
-            progress = _GOING_ON + (1 - _GOING_ON) * progress
-        left = _RATE_LEFT + (1 - _RATE_LEFT) * (0.5 + 0.5 * math.cos(math.pi * progress))
-        free = self.unknown.float() * left
-        framed = torch.tensor([photo.framed for photo in self.photos]).float() * free
-        book = self.model.codes
-        shape, texture = (
-            (torch.arange(len(space.spread)) < stage.rank).float() * left
-            for space in (book.shape_space, book.texture_space)
-        )
-        return Rates(
-            _RATES["angles"] * free[:, None],
-            _RATES["distance"] * free,
-            _RATES["shift"] * framed[:, None],
-            _RATES["shape"] * shape,
-            _RATES["texture"] * texture,
-        )
-
-    def _paper_rates(self, progress: float) -> Rates:
-        left = 0.5 ** (round(progress * self.steps) // _PAPER_HALVED_EVERY)
-        free = self.unknown.float() * left
-        book = self.model.codes
-        return Rates(
-            _PAPER_RATES["angles"] * free[:, None],
-            _PAPER_RATES["distance"] / self.model.distance * free,
-            0 * free[:, None],
-            _PAPER_RATES["codes"] * left * torch.ones(book.shapes.shape[-1]),
-            _PAPER_RATES["codes"] * left * torch.ones(book.textures.shape[-1]),
-        )
+    @property
+    def _free(self) -> Bool[Tensor, "views 5"]:
+        """Which numbers of the cameras are searched for: the middle only where a picture was moved."""
+        framed = torch.tensor([photo.framed for photo in self.photos])
+        turned, moved = self.unknown[:, None].expand(-1, 3), (self.unknown & framed)[:, None].expand(-1, 2)
+        return torch.cat((turned, moved), 1)
 
 
 def _nominal(photo: Photo, model: Model) -> Camera:

@@ -24,7 +24,7 @@ _CHUNK_POINTS = 8192
 """Points evaluated in one go: few enough that activations stay in cache."""
 
 
-class _Weights(NamedTuple):
+class FieldWeights(NamedTuple):
     """What no code changes, in the number format that this machine multiplies fastest."""
 
     point: tuple[Tensor, Tensor]
@@ -42,7 +42,7 @@ class Folded:
 
     def __init__(self, model: Model, codes: Codes) -> None:
         self.field, self.dtype = model.field, linear_dtype(model.device.type)
-        self._weights = _weights(model, self.dtype)
+        self._weights = field_weights(model, self.dtype)
         with torch.no_grad():
             self._shape = tuple(model.field.shape_bias(codes.shape).to(self.dtype).unbind(-2))
             self._texture = tuple(model.field.texture_bias(codes.texture).to(self.dtype).unbind(-2))
@@ -79,7 +79,7 @@ def densities(
     model: Model, points: Float[Tensor, "objects points 3"], shape_bias: Float[Tensor, "objects blocks width"]
 ) -> Float[Tensor, "objects points"]:
     """Density per scene unit of many objects at once, each at its own points; not differentiable."""
-    weights = _weights(model, linear_dtype(model.device.type))
+    weights = field_weights(model, linear_dtype(model.device.type))
     biases = shape_bias.to(weights.direction.dtype)
     rows = [
         _density(model.field, weights, _first(model.field, weights, part), bias.unbind(0))[0]
@@ -89,12 +89,12 @@ def densities(
     return torch.cat(rows).reshape(points.shape[:-1])
 
 
-def _first(field: Field, weights: _Weights, points: Tensor) -> Tensor:
+def _first(field: Field, weights: FieldWeights, points: Tensor) -> Tensor:
     encoded = encode(points, field.config.point_octaves).to(weights.direction.dtype)
     return linear_relu(encoded, *weights.point)
 
 
-def _density(field: Field, weights: _Weights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
     for weight, bias in zip(weights.shape_blocks, biases, strict=True):
         y = linear_relu(y, weight, bias)
     logit = functional.linear(y, *weights.density)[:, 0].float()
@@ -103,7 +103,8 @@ def _density(field: Field, weights: _Weights, y: Tensor, biases: Sequence[Tensor
 
 @lru_cache(maxsize=4)
 @torch.no_grad()
-def _weights(model: Model, dtype: torch.dtype) -> _Weights:
+def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
+    """The layers of a model's field, the feature layer multiplied into those that follow."""
     field: Field = model.field
     if model.entangled:
         raise ValueError(f"a model of the design {field.config.design} is drawn exactly only (--exact), and not fitted")
@@ -118,7 +119,7 @@ def _weights(model: Model, dtype: torch.dtype) -> _Weights:
         return cast(field.get_parameter(f"{name}.weight")), cast(field.get_parameter(f"{name}.bias"))
 
     sigma = field.density_layer
-    return _Weights(
+    return FieldWeights(
         point=layer("point_layer"),
         shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),
         density=(cast(sigma.weight @ features.weight), cast(sigma.weight @ features.bias + sigma.bias)),

@@ -17,19 +17,15 @@ from core.rays import Rays, cast
 from core.sparse import render_seen
 from core.targets import Drawn
 
-_SILHOUETTE = 0.1
+SILHOUETTE = 0.1
 """The squared error of opacity against that of colour."""
-_DISTANCE_SPREAD = 0.05
+DISTANCE_SPREAD = 0.05
 """How far the logarithm of the distance strays from that of the training pictures before it costs much."""
-_DISTANCE_PRIOR = 2e-3
+DISTANCE_PRIOR = 2e-3
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _BASIN = math.radians(25)
 """Cameras that differ by less mostly end at the same place."""
 _STEEPEST = math.radians(89.9)
-_ADAM = (0.9, 0.98, 0.0)
-"""Its decays, short as the fit is, and that of the numbers themselves: there is none."""
-_ADAMW = (0.9, 0.999, 0.01)
-"""The usual ones, which the paper's authors kept."""
 
 
 class Numbers(NamedTuple):
@@ -78,34 +74,27 @@ class Judged(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pool:
-    """Hypotheses on their way, with Adam's memory of each."""
+    """Hypotheses on their way."""
 
     numbers: Numbers
-    first: Numbers
-    second: Numbers
-    age: Int[Tensor, "hypotheses"]
     cost: Float[Tensor, "hypotheses"]
-    """the objective, smoothed over the last steps; infinite where a hypothesis diverged"""
+    """the objective where they stand; infinite where a hypothesis diverged"""
     squared: Float[Tensor, "hypotheses"]
+    """as in :class:`Judged`"""
     start: Int[Tensor, "hypotheses"]
 
     @classmethod
     def of(cls, numbers: Numbers) -> "Pool":
         """Fresh hypotheses, named by their order."""
-        nothing = Numbers(*(torch.zeros_like(part) for part in numbers))
-        count = len(numbers.angles)
-        zeros = torch.zeros(count)
-        return cls(numbers, nothing, nothing, zeros.long(), zeros, zeros, torch.arange(count))
+        zeros = torch.zeros(len(numbers.angles))
+        return cls(numbers, zeros, zeros, torch.arange(len(zeros)))
 
     def __len__(self) -> int:
         return len(self.cost)
 
     def __getitem__(self, index: Int[Tensor, "some"]) -> "Pool":
-        numbers, first, second = (
-            Numbers(*(part[index] for part in whole)) for whole in (self.numbers, self.first, self.second)
-        )
-        rest = self.age[index], self.cost[index], self.squared[index], self.start[index]
-        return Pool(numbers, first, second, *rest)
+        numbers = Numbers(*(part[index] for part in self.numbers))
+        return Pool(numbers, self.cost[index], self.squared[index], self.start[index])
 
     @property
     def leader(self) -> int:
@@ -125,13 +114,7 @@ def judged(
         jitter: (views, rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
     """
     device = model.device
-    distance = model.distance * numbers.distance.exp()
-    places = (drawn.places - numbers.shift[:, :, None]).to(device)
-    angles = numbers.angles.to(device)[..., None, :]
-    rays = cast(
-        places, angles[..., 0], angles[..., 1], distance.to(device)[..., None], 1.0, (0, 0), model.extent_tensor
-    )
-    rays = _spans(model, rays, samples, jitter)
+    rays = aimed(model, numbers, drawn, samples, jitter)
     shapes, textures = by.spaces(model)
     shape = model.field.shape_bias(shapes.code(numbers.shape.to(device)))
     texture = model.field.texture_bias(textures.code(numbers.texture.to(device)))
@@ -145,17 +128,25 @@ def judged(
     objective = error.mean((1, 2))
     if not model.painted_ground:
         wrong = (opacity.cpu() - drawn.opaque).square() * drawn.sure
-        objective = objective + _SILHOUETTE * wrong.mean((1, 2))
-    strayed = (numbers.distance / _DISTANCE_SPREAD).square().log1p().mean(-1)
-    return Judged(objective + by.prior * unlikely + _DISTANCE_PRIOR * strayed, squared.detach())
+        objective = objective + SILHOUETTE * wrong.mean((1, 2))
+    strayed = (numbers.distance / DISTANCE_SPREAD).square().log1p().mean(-1)
+    return Judged(objective + by.prior * unlikely + DISTANCE_PRIOR * strayed, squared.detach())
 
 
 def _kept(samples: int) -> int:
     return max(2, samples // 6)
 
 
-def _spans(model: Model, rays: Rays, samples: int, jitter: Tensor | None) -> Rays:
-    """Where rays are sampled: the box, or where the network paints the ground, as its pictures were made."""
+def aimed(model: Model, numbers: Numbers, drawn: Drawn, samples: int = 1, jitter: Tensor | None = None) -> Rays:
+    """The rays of the drawn pixels, (hypotheses, views, rays), on the model's device.
+
+    They are clipped to the box, or where the network paints the ground, as its pictures were made.
+    """
+    device = model.device
+    distance = (model.distance * numbers.distance.exp()).to(device)[..., None]
+    places = (drawn.places - numbers.shift[:, :, None]).to(device)
+    angles = numbers.angles.to(device)[..., None, :]
+    rays = cast(places, angles[..., 0], angles[..., 1], distance, 1.0, (0, 0), model.extent_tensor)
     near, far = rays.near, rays.far
     if model.painted_ground:
         near = (rays.origins.detach().norm(dim=-1) - 0.5).expand_as(near)
@@ -166,55 +157,11 @@ def _spans(model: Model, rays: Rays, samples: int, jitter: Tensor | None) -> Ray
     return replace(rays, near=near, far=far)
 
 
-class Rates(NamedTuple):
-    """How far Adam moves each kind of number in a step."""
-
-    angles: Float[Tensor, "#views 1"]
-    distance: Float[Tensor, "#views"]
-    shift: Float[Tensor, "#views 1"]
-    shape: Float[Tensor, "shape_rank"]
-    texture: Float[Tensor, "texture_rank"]
-
-
-def advanced(model: Model, pool: Pool, drawn: Drawn, samples: int, by: Objective, rates: Rates, jitter: Tensor) -> Pool:
-    """One step of Adam for every hypothesis; one whose numbers are no longer finite gets infinite cost."""
-    numbers = Numbers(*(part.detach().requires_grad_() for part in pool.numbers))
-    found = judged(model, numbers, drawn, samples, by, jitter)
-    slopes = Numbers(*torch.autograd.grad(found.objective.sum(), numbers))
-    finite = found.objective.detach().isfinite()
-    for slope in slopes:
-        finite = finite & slope.flatten(1).isfinite().all(1)
-    age = pool.age + 1
-    whole = zip(pool.numbers, pool.first, pool.second, slopes, rates, strict=True)
-    decays = _ADAMW if by.paper else _ADAM
-    moved = [_adam(*parts, age, finite, decays) for parts in whole]
-    values, first, second = (Numbers(*parts) for parts in zip(*moved, strict=True))
-    values = values._replace(
-        angles=torch.stack((values.angles[..., 0], values.angles[..., 1].clamp(-_STEEPEST, _STEEPEST)), -1),
-        distance=values.distance.clamp(-1.0, 1.5),
-    )
-    now = found.objective.detach()
-    cost = torch.where(pool.age == 0, now, torch.lerp(pool.cost, now, 0.3))
-    cost = torch.where(finite, cost, torch.full_like(cost, math.inf))
-    return Pool(values, first, second, age, cost, found.squared, pool.start)
-
-
-def _adam(
-    value: Tensor,
-    first: Tensor,
-    second: Tensor,
-    slope: Tensor,
-    rate: Tensor,
-    age: Tensor,
-    finite: Tensor,
-    decays: tuple[float, float, float],
-) -> tuple[Tensor, Tensor, Tensor]:
-    ones = (-1,) + (1,) * (value.ndim - 1)
-    slope = torch.where(finite.view(ones), slope, torch.zeros_like(slope))
-    first, second = torch.lerp(slope, first, decays[0]), torch.lerp(slope.square(), second, decays[1])
-    mean = first / (1 - decays[0] ** age).view(ones)
-    scale = (second / (1 - decays[1] ** age).view(ones)).sqrt()
-    return value - rate * (mean / (scale + 1e-12) + decays[2] * value), first, second
+def within_bounds(numbers: Numbers) -> Numbers:
+    """With elevations and distances kept to what a camera can have."""
+    azimuth, elevation = numbers.angles.unbind(-1)
+    angles = torch.stack((azimuth, elevation.clamp(-_STEEPEST, _STEEPEST)), -1)
+    return numbers._replace(angles=angles, distance=numbers.distance.clamp(-1.0, 1.5))
 
 
 def cameras(model: Model, numbers: Numbers, index: int, given: Sequence[Camera]) -> tuple[Camera, ...]:
@@ -270,21 +217,15 @@ def rival_of(pool: Pool, among: Pool, views: Bool[Tensor, "views"]) -> Pool:
 
 
 def twin_of(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Pool:
-    """The same hypothesis from behind, without memory, in every unknown picture."""
+    """The same hypothesis from behind in every unknown picture."""
     one = pool[torch.tensor([index])]
     angles = one.numbers.angles.clone()
     angles[:, views, 0] += math.pi
-    fresh = Pool.of(one.numbers._replace(angles=angles))
-    return replace(fresh, start=one.start, cost=one.cost)
+    return replace(one, numbers=one.numbers._replace(angles=angles))
 
 
-def joined(first: Pool, second: Pool) -> Pool:
-    """Both pools' hypotheses."""
-    numbers, memory, scale = (
-        Numbers(*(torch.cat(parts) for parts in zip(*pair, strict=True)))
-        for pair in ((first.numbers, second.numbers), (first.first, second.first), (first.second, second.second))
-    )
-    age, cost, squared, start = (
-        torch.cat((getattr(first, name), getattr(second, name))) for name in ("age", "cost", "squared", "start")
-    )
-    return Pool(numbers, memory, scale, age, cost, squared, start)
+def joined(*pools: Pool) -> Pool:
+    """All hypotheses of some pools."""
+    numbers = Numbers(*(torch.cat(parts) for parts in zip(*(pool.numbers for pool in pools), strict=True)))
+    cost, squared, start = (torch.cat([getattr(pool, name) for pool in pools]) for name in ("cost", "squared", "start"))
+    return Pool(numbers, cost, squared, start)

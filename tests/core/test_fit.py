@@ -7,7 +7,7 @@ import torch
 
 from core.camera import Camera
 from core.codes import Codes
-from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.fit import PRESETS, FitJob, FitSettings, FitStep, _Race, fit
 from core.hypotheses import Numbers, Objective, Pool, joined, judged, rival_of
 from core.metrics import distance_error, psnr, rotation_error
 from core.model import Model
@@ -286,6 +286,48 @@ def test_odd_pictures_stay_finite(tiny: Model):
         found = last(tiny, photo, settings=SHORT)
         assert math.isfinite(found.loss)
         assert math.isfinite(found.cameras[0].distance)
+
+
+def test_no_start_and_no_picture_ends_worse_than_it_began(tiny: Model):
+    for seed in range(8):
+        ends_well(tiny, seed)
+
+
+@pytest.mark.slow
+def test_a_thousand_starts_and_pictures_end_no_worse_than_they_began(tiny: Model):
+    for seed in range(1000):
+        ends_well(tiny, seed)
+
+
+def ends_well(model: Model, seed: int) -> None:
+    """A picture of anything from starts anywhere: each step finite, the end no worse than the start it came from."""
+    generator = torch.Generator().manual_seed(seed)
+
+    def drawn(*size: int) -> torch.Tensor:
+        return torch.rand(size, generator=generator)
+
+    height, width = (int(side) for side in 8 + 40 * drawn(2))
+    mask = drawn(height, width) > drawn(1)
+    mask[height // 2, width // 2] = True
+    pixels = torch.where(mask[..., None], drawn(height, width, 3), torch.ones(3))
+    photo = Photo(pixels, mask, framed=seed % 2 == 0)
+    race = _Race.of(model, FitJob((photo,), FitSettings(starts=4, steps=9, rays=48, samples=12), seed))
+    pool = Pool.of(
+        Numbers(
+            (drawn(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
+            3 * drawn(4, 1) - 1.5,
+            0.4 * drawn(4, 1, 2) - 0.2,
+            8 * drawn(4, 2) - 4,
+            8 * drawn(4, 2) - 4,
+        )
+    )
+    standings = list(race.run(pool))
+    assert len(standings) == race.steps
+    steps = [race.reported(standing, number, race.steps, 0.0) for number, standing in enumerate(standings)]
+    assert all(math.isfinite(step.loss) and math.isfinite(step.psnr) for step in steps)
+    assert all(bool(part.isfinite().all()) for standing in standings for part in standing.pool.numbers)
+    began = race.measured(pool[torch.tensor([steps[-1].start])])
+    assert steps[-1].loss <= float(began.cost) + 1e-6
 
 
 def test_a_picture_without_an_object_is_refused(tiny: Model):

@@ -1,0 +1,225 @@
+"""Damped Gauss-Newton (Levenberg and Marquardt) for many hypotheses at once.
+
+Eq. 5 is a sum of squares, so the slopes of its residuals make a quadratic that is right near its minimum. Its
+minimum is the next guess; where that turns out worse, the guess is drawn nearer. Camera and codes move together, so
+that the valleys in which one makes up for the other are walked along and not across.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn.functional import pad
+
+from core.hypotheses import (
+    DISTANCE_PRIOR,
+    DISTANCE_SPREAD,
+    SILHOUETTE,
+    Numbers,
+    Objective,
+    Pool,
+    aimed,
+    within_bounds,
+)
+from core.model import Model
+from core.plan import Stage
+from core.precision import linear_dtype
+from core.slopes import Entries, trace
+from core.targets import Drawn
+
+_CAMERA = 5
+"""numbers of a camera: azimuth, elevation, logarithm of the distance, shift x and y"""
+_LONGEST = (0.35, 0.35, 0.15, 0.05, 0.05)
+"""A step moves none of them by more: beyond, the quadratic says nothing."""
+_LONGEST_CODE = 3.0
+"""standard deviations"""
+_STRIDE_DAMPING = 0.1
+"""of the quadratic's own diagonal, where every step has pixels of its own"""
+_DAMPING = 0.03
+"""the same in the beginning of a descent"""
+_KEPT = 11
+"""One of so many samples of a ray goes into the slopes."""
+
+
+class Quadratic(NamedTuple):
+    """The objective of hypotheses, and what it is like around them."""
+
+    objective: Float[Tensor, "hypotheses"]
+    squared: Float[Tensor, "hypotheses"]
+    """as in :class:`core.hypotheses.Judged`"""
+    slope: Float[Tensor, "hypotheses numbers"]
+    """half the gradient along the cameras' numbers, view by view, and those of shape and texture"""
+    bend: Float[Tensor, "hypotheses numbers numbers"]
+    """half the Hessian, as Gauss and Newton see it"""
+
+
+def stride(
+    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 5"]
+) -> Pool:
+    """One step of every hypothesis towards what these pixels say; its cost and squared error are those before it.
+
+    A quarter of the pixels, but new ones every time, lead further than the same ones asked until they are content.
+
+    Args:
+        jitter: as for :func:`core.hypotheses.judged`.
+        free: which numbers of which camera may move.
+
+    A hypothesis whose objective is not finite gets infinite cost and stays where it is.
+    """
+    around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
+    ranks, movable = _movable(pool, stage, free)
+    step = _step(around, torch.full((len(pool),), _STRIDE_DAMPING), movable, free.numel())
+    return _valued(replace(pool, numbers=_moved(pool.numbers, step, ranks)), around)
+
+
+def descent(
+    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 5"]
+) -> Iterator[Pool]:
+    """The pool after every step of a stage, all on the same pixels: no hypothesis is ever worse on them than it was.
+
+    The arguments are those of :func:`stride`. Damping follows how much of what the quadratic promised came true.
+    """
+    around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
+    ranks, movable = _movable(pool, stage, free)
+    damping = torch.full((len(pool),), _DAMPING)
+    for _ in range(stage.steps):
+        step = _step(around, damping, movable, free.numel())
+        guess = _moved(pool.numbers, step, ranks)
+        found = quadratic(model, guess, drawn, jitter, stage, by)
+        promised = -(step * (2 * around.slope + (around.bend @ step[..., None])[..., 0])).sum(1)
+        kept = (around.objective - found.objective) / promised.clamp_min(1e-12)
+        better = found.objective < around.objective
+        change = torch.where(kept > 0.6, 1 / 3, torch.where(kept > 0.25, 1.0, 2.0))
+        damping = (damping * torch.where(better, change, 8.0)).clamp(1e-3, 1e3)
+        numbers = Numbers(*(_chosen(better, *pair) for pair in zip(guess, pool.numbers, strict=True)))
+        around = Quadratic(*(_chosen(better, *pair) for pair in zip(found, around, strict=True)))
+        pool = _valued(replace(pool, numbers=numbers), around)
+        yield pool
+
+
+def _movable(
+    pool: Pool, stage: Stage, free: Bool[Tensor, "views 5"]
+) -> tuple[tuple[int, int], Bool[Tensor, "numbers"]]:
+    """How many numbers of shape and texture a stage moves, and which of all the numbers of its quadratics."""
+    ranks = min(stage.rank, pool.numbers.shape.shape[1]), min(stage.rank, pool.numbers.texture.shape[1])
+    return ranks, torch.cat((free.flatten(), torch.ones(sum(ranks), dtype=torch.bool)))
+
+
+def _valued(pool: Pool, around: Quadratic) -> Pool:
+    return replace(pool, cost=around.objective.nan_to_num(math.inf, math.inf), squared=around.squared)
+
+
+def quadratic(
+    model: Model, numbers: Numbers, drawn: Drawn, jitter: Tensor | None, stage: Stage, by: Objective
+) -> Quadratic:
+    """The objective around hypotheses, of the numbers that a stage moves."""
+    rays = aimed(model, numbers, drawn, stage.samples, jitter)
+    shapes, textures = by.spaces(model)
+    shape, texture = numbers.shape.to(model.device), numbers.texture.to(model.device)
+    dtype = linear_dtype(model.device.type)
+    entries = Entries(
+        _slopes(lambda x: model.field.shape_bias(shapes.code(x)), shape, stage.rank).to(dtype),
+        _slopes(lambda x: model.field.texture_bias(textures.code(x)), texture, stage.rank).to(dtype),
+    )
+    biases = model.field.shape_bias(shapes.code(shape)), model.field.texture_bias(textures.code(texture))
+    seen = trace(model, rays, stage.samples, max(2, stage.samples // _KEPT), *biases, entries)
+    count, views, pixels = rays.near.shape
+    jacobian = torch.zeros(count, views, pixels, 4, views * _CAMERA + seen.codes.shape[-1])
+    for index, (origins, directions) in enumerate(_aims(model, numbers, drawn)):
+        along = (seen.origin.cpu() * origins[..., None, :] + seen.direction.cpu() * directions[..., None, :]).sum(-1)
+        for view in range(views):
+            jacobian[:, view, ..., view * _CAMERA + index] = along[:, view]
+    jacobian[..., views * _CAMERA :] = seen.codes.cpu()
+    error = seen.colour.cpu() - drawn.colours
+    residual = torch.cat((error, (seen.opacity.cpu() - drawn.opaque)[..., None]), -1)
+    weight = torch.full((views, pixels, 4), 1 / (3 * views * pixels))
+    weight[..., 3] = 0.0 if model.painted_ground else SILHOUETTE * drawn.sure / (views * pixels)
+    jacobian, residual = (jacobian * weight.sqrt()[..., None]).flatten(1, 3), (residual * weight.sqrt()).flatten(1)
+    fit = Quadratic(
+        residual.square().sum(1),
+        (error.square().mean(-1) * drawn.shares).sum((1, 2)) / views,
+        (residual[:, None] @ jacobian)[:, 0],
+        jacobian.mT @ jacobian,
+    )
+    codes = torch.cat((numbers.shape[:, : stage.rank], numbers.texture[:, : stage.rank]), -1)
+    return _with_priors(fit, numbers, codes, by)
+
+
+def _with_priors(fit: Quadratic, numbers: Numbers, codes: Tensor, by: Objective) -> Quadratic:
+    """With what makes codes and distances unlikely; the latter grows with a logarithm, reweighted as it bends."""
+    strayed = (numbers.distance / DISTANCE_SPREAD).square()
+    pull = DISTANCE_PRIOR / DISTANCE_SPREAD**2 / (1 + strayed) / strayed.shape[1]
+    pulls = torch.zeros_like(numbers.distance)[..., None].repeat(1, 1, _CAMERA)
+    pulls[..., 2] = pull
+    where = torch.zeros_like(pulls)
+    where[..., 2] = numbers.distance
+    pulls = torch.cat((pulls.flatten(1), torch.full_like(codes, by.prior)), -1)
+    unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
+    objective = fit.objective + by.prior * unlikely + DISTANCE_PRIOR * strayed.log1p().mean(-1)
+    slope = fit.slope + pulls * torch.cat((where.flatten(1), codes), -1)
+    return fit._replace(objective=objective, slope=slope, bend=fit.bend + torch.diag_embed(pulls))
+
+
+def _slopes(bias: Callable[[Tensor], Tensor], numbers: Tensor, rank: int) -> Float[Tensor, "count blocks width rank"]:
+    """Of the biases along the first numbers."""
+
+    def of(some: Tensor, rest: Tensor) -> Tensor:
+        return bias(torch.cat((some, rest), -1))
+
+    return torch.func.vmap(torch.func.jacfwd(of))(numbers[:, :rank], numbers[:, rank:])
+
+
+def _aims(model: Model, numbers: Numbers, drawn: Drawn) -> Iterator[tuple[Tensor, Tensor]]:
+    """How the rays' origins and directions change with each number of their camera."""
+    camera = (numbers.angles, numbers.distance, numbers.shift)
+
+    def aim(angles: Tensor, distance: Tensor, shift: Tensor) -> tuple[Tensor, Tensor]:
+        rays = aimed(model, numbers._replace(angles=angles, distance=distance, shift=shift), drawn)
+        return rays.origins.cpu(), rays.directions.cpu()
+
+    for part, column in ((0, 0), (0, 1), (1, None), (2, 0), (2, 1)):
+        tangents = [torch.zeros_like(one) for one in camera]
+        tangents[part][... if column is None else (..., column)] = 1.0
+        yield torch.func.jvp(aim, camera, tuple(tangents))[1]
+
+
+def _step(around: Quadratic, damping: Tensor, movable: Bool[Tensor, "numbers"], cameras: int) -> Tensor:
+    """To the minimum of the damped quadratic, but not beyond what it can know; nowhere where it is not finite.
+
+    (hypotheses, numbers); the first ``cameras`` numbers are those of cameras.
+    """
+    still = torch.eye(len(movable))
+    own = around.bend.diagonal(dim1=1, dim2=2)
+    bend = around.bend + torch.diag_embed(own * damping[:, None] + 1e-9)
+    bend = torch.where(movable[:, None] & movable, bend, still)
+    slope = around.slope * movable
+    sound = bend.flatten(1).isfinite().all(1) & slope.isfinite().all(1)
+    factor, failed = torch.linalg.cholesky_ex(torch.where(sound[:, None, None], bend, still))
+    sound = sound & (failed == 0)
+    factor = torch.where(sound[:, None, None], factor, still)
+    step = -torch.cholesky_solve(slope.where(sound[:, None], 0.0)[..., None], factor)[..., 0]
+    longest = torch.tensor(_LONGEST * (cameras // _CAMERA) + (_LONGEST_CODE,) * (len(movable) - cameras))
+    return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
+
+
+def _moved(numbers: Numbers, step: Tensor, ranks: tuple[int, int]) -> Numbers:
+    """A step further, within what cameras can be."""
+    camera, shape, texture = step.split((step.shape[1] - sum(ranks), *ranks), 1)
+    camera = camera.reshape(*numbers.distance.shape, _CAMERA)
+    moved = Numbers(
+        numbers.angles + camera[..., :2],
+        numbers.distance + camera[..., 2],
+        numbers.shift + camera[..., 3:],
+        numbers.shape + pad(shape, (0, numbers.shape.shape[1] - ranks[0])),
+        numbers.texture + pad(texture, (0, numbers.texture.shape[1] - ranks[1])),
+    )
+    return within_bounds(moved)
+
+
+def _chosen(first: Bool[Tensor, "hypotheses"], one: Tensor, other: Tensor) -> Tensor:
+    """Of every hypothesis the one or the other."""
+    return torch.where(first.reshape(-1, *[1] * (one.ndim - 1)), one, other)

@@ -1,0 +1,82 @@
+"""How a fit spends its steps: how many hypotheses are alive when, and how finely each is looked at."""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Every field is an axis of the charts."""
+
+    starts: int = 24
+    """cameras to begin from, for every picture whose camera is unknown"""
+    steps: int = 32
+    rays: int = 512
+    """per picture and step for the last hypotheses; the many in the beginning get fewer each"""
+    samples: int = 64
+    """along a ray"""
+    prior: float = 1e-5
+    """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2): in the
+    last stage; before, it weighs more"""
+    paper: bool = False
+    """one random start without bank or race, mean codes, plain Eq. 5, AdamW at the authors' rates; in any number of
+    starts but one there is nothing of the paper's"""
+
+    def __post_init__(self) -> None:
+        if min(self.starts, self.steps, self.rays) < 1 or self.samples < 2 or not 0 <= self.prior < math.inf:
+            raise ValueError(f"no fit has these settings: {self}")
+        if self.paper and self.starts != 1:
+            raise ValueError(f"the paper's recipe has one start, got {self.starts}")
+
+
+PRESETS = {
+    "draft": FitSettings(starts=12, steps=20, rays=256),
+    "normal": FitSettings(),
+    "fine": FitSettings(starts=40, steps=64, rays=768),
+    # Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the
+    # same slopes on average.
+    "paper": FitSettings(starts=1, steps=299, rays=512, samples=64, prior=1e-4, paper=True),
+}
+"""By what they cost, and the paper's."""
+
+
+class Stage(NamedTuple):
+    """A part of the race."""
+
+    hypotheses: int
+    """as many as enter it"""
+    steps: int
+    rays: int
+    samples: int
+    rank: int
+    """of the codes: how many principal directions may move"""
+    prior: float
+    """while a camera is far off, codes must not explain what only the right camera can"""
+
+
+_MOST = (math.inf, math.inf, 6, 4, 2)
+"""hypotheses in each stage; the second has half of the first's"""
+_STEPS = (6, 6, 6, 6, 8)
+_RAYS = (1 / 8, 3 / 16, 5 / 16, 1 / 2, 1)
+_SAMPLES = (3 / 4, 3 / 4, 1, 1, 1)
+_RANKS = (8, 16, 32, 64, 10_000)
+_PRIORS = (50, 30, 10, 3, 1)
+
+
+def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
+    """The race: half of the starts after the first stage, then the best of six basins, of four, and of two.
+
+    Where there is nothing to race for, the same stages with one hypothesis; the paper has just one.
+    """
+    if settings.paper:
+        return (Stage(1, settings.steps, settings.rays, settings.samples, _RANKS[-1], settings.prior),)
+    count, stages, done = settings.starts if racing else 1, list[Stage](), 0
+    for index, most in enumerate(_MOST):
+        count = int(min(count if index != 1 else -(-count // 2), most))
+        until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))
+        steps, rays = max(1, until - done), max(32, round(settings.rays * _RAYS[index]))
+        samples, prior = max(2, round(settings.samples * _SAMPLES[index])), settings.prior * _PRIORS[index]
+        stages.append(Stage(count, steps, min(settings.rays, rays), samples, _RANKS[index], prior))
+        done += steps
+    return tuple(stages)

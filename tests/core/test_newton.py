@@ -1,0 +1,90 @@
+"""Quadratics are those of the objective, and descents go down."""
+
+from itertools import pairwise
+
+import pytest
+import torch
+
+from core import hypotheses, newton
+from core.hypotheses import Numbers, Objective, Pool, judged
+from core.model import Model
+from core.newton import descent, quadratic
+from core.plan import Stage
+from core.targets import Drawn, Target, draw
+from tests.core.test_fit import photo_of
+from tests.core.tiny import tiny_model
+
+STAGE = Stage(3, 4, 96, 24, 100, 1e-4)
+BY = Objective(1e-4)
+FREE = torch.tensor([[True, True, True, False, False]])
+
+
+@pytest.fixture(scope="module")
+def tiny() -> Model:
+    return tiny_model()
+
+
+def drawn_of(model: Model) -> Drawn:
+    photo = photo_of(model, model.codes[0], model.camera(0.5, 0.5))
+    return draw([Target.of(photo, model)], STAGE.rays, torch.Generator().manual_seed(0))
+
+
+def numbers_of(count: int = 3) -> Numbers:
+    generator = torch.Generator().manual_seed(0)
+    return Numbers(
+        0.5 + 0.2 * torch.rand(count, 1, 2, generator=generator),
+        0.1 * torch.randn(count, 1, generator=generator),
+        torch.zeros(count, 1, 2),
+        torch.randn(count, 2, generator=generator),
+        torch.randn(count, 2, generator=generator),
+    )
+
+
+def test_its_objective_and_slope_are_those_of_hypotheses(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(newton, "_KEPT", 1)
+    monkeypatch.setattr(hypotheses, "_kept", lambda samples: samples)
+    numbers, drawn = Numbers(*(part.requires_grad_() for part in numbers_of())), drawn_of(tiny)
+    found = quadratic(tiny, Numbers(*(part.detach() for part in numbers)), drawn, None, STAGE, BY)
+    expected = judged(tiny, numbers, drawn, STAGE.samples, BY)
+    torch.testing.assert_close(found.objective, expected.objective, rtol=0.05, atol=1e-3)
+    slopes = torch.autograd.grad(expected.objective.sum(), numbers)
+    camera = torch.cat((slopes[0][:, 0], slopes[1], slopes[2][:, 0]), -1)
+    whole = torch.cat((camera, slopes[3], slopes[4]), -1) / 2
+    for one, other in zip(found.slope, whole, strict=True):
+        assert float(torch.cosine_similarity(one, other, dim=0)) > 0.98
+    assert bool((found.bend.diagonal(dim1=1, dim2=2) >= 0).all())
+
+
+def test_two_views_share_codes_and_not_cameras(tiny: Model):
+    photos = [photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)) for azimuth in (0.5, 2.5)]
+    drawn = draw([Target.of(photo, tiny) for photo in photos], 32, torch.Generator().manual_seed(0))
+    one = numbers_of(2)
+    both = Numbers(one.angles.repeat(1, 2, 1), one.distance.repeat(1, 2), one.shift.repeat(1, 2, 1), *one[3:])
+    found = quadratic(tiny, both, drawn, None, STAGE, BY)
+    assert found.bend.shape == (2, 14, 14)
+    assert not bool(found.bend[:, :5, 5:10].any())
+    assert bool(found.bend[:, 5:8, 10:].any())
+
+
+def test_a_descent_never_goes_up_and_leaves_alone_what_is_given(tiny: Model):
+    pool, drawn = Pool.of(numbers_of()), drawn_of(tiny)
+    jitter = torch.zeros_like(drawn.opaque)
+    free = torch.tensor([[True, False, True, False, False]])
+    costs, first = [], pool
+    for pool in descent(tiny, first, drawn, jitter, STAGE, BY, free):
+        costs.append(pool.cost)
+    assert all(bool((after <= before).all()) for before, after in pairwise(costs))
+    assert bool((costs[-1] < 0.7 * costs[0]).any())
+    assert torch.equal(pool.numbers.angles[..., 1], first.numbers.angles[..., 1])
+    assert not torch.equal(pool.numbers.angles[..., 0], first.numbers.angles[..., 0])
+    assert torch.equal(pool.numbers.shift, first.numbers.shift)
+
+
+def test_one_that_diverged_stays_out_and_the_others_go_on(tiny: Model):
+    numbers, drawn = numbers_of(), drawn_of(tiny)
+    numbers.shape[1] = torch.nan
+    *_, pool = descent(tiny, Pool.of(numbers), drawn, torch.zeros_like(drawn.opaque), STAGE, BY, FREE)
+    assert pool.cost.isfinite().tolist() == [True, False, True]
+    alone = numbers_of()
+    *_, without = descent(tiny, Pool.of(alone), drawn, torch.zeros_like(drawn.opaque), STAGE, BY, FREE)
+    torch.testing.assert_close(pool.cost[[0, 2]], without.cost[[0, 2]], rtol=0.05, atol=1e-4)

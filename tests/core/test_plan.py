@@ -1,0 +1,27 @@
+import pytest
+
+from core.plan import PRESETS, FitSettings, plan
+
+
+def test_the_race_is_halved_and_ends_with_two():
+    stages = plan(PRESETS["normal"], racing=True)
+    counts = [stage.hypotheses for stage in stages]
+    assert counts == sorted(counts, reverse=True)
+    assert (counts[0], counts[-1]) == (24, 2)
+    assert sum(stage.steps for stage in stages) == PRESETS["normal"].steps
+    assert stages[-1].prior == PRESETS["normal"].prior
+    assert [stage.prior for stage in stages] == sorted((stage.prior for stage in stages), reverse=True)
+
+
+@pytest.mark.parametrize("starts", [1, 2, 3, 7, 100])
+@pytest.mark.parametrize("steps", [1, 4, 50])
+def test_any_settings_make_a_plan(starts: int, steps: int):
+    for racing in (True, False):
+        stages = plan(FitSettings(starts, steps, rays=8, samples=2), racing)
+        assert all(stage.steps >= 1 and stage.rays <= 8 and stage.samples >= 2 for stage in stages)
+        assert stages[0].hypotheses == (starts if racing else 1)
+
+
+def test_the_paper_does_not_race():
+    (stage,) = plan(PRESETS["paper"], racing=True)
+    assert (stage.hypotheses, stage.steps, stage.samples, stage.prior) == (1, 299, 64, 1e-4)
