@@ -68,7 +68,7 @@ class Session:
         self.history: History | None = None
         self.frame: Frame | None = None
         """the newest picture of the scene"""
-        self.drawn: tuple[Frame, orbit.Framing] | None = None
+        self.drawn: tuple[Frame, orbit.Excerpt] | None = None
         """the whole picture that it is cut from"""
         self.panel = (512, 512)
         """px, the size of the view"""
@@ -396,25 +396,25 @@ class Session:
         if self.model is None or self.history is None or self.film.playing:
             return
         model = self.model
-        framing = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
-        camera = framing.camera
+        excerpt = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
+        camera = excerpt.camera
         settings = RenderSettings(self.quality.samples, self.speed.stages(camera.width * camera.height))
         job = RenderJob(self.scene.codes, camera, settings)
 
         def drawn(frame: Frame) -> None:
-            self._drawn(frame, framing)
+            self._drawn(frame, excerpt)
 
         self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, self._undrawn, urgent=True))
 
-    def put(self, frame: Frame, framing: orbit.Framing) -> None:
+    def put(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
         """Show a picture."""
-        self.drawn, self.frame = (frame, framing), framing.cropped(frame)
+        self.drawn, self.frame = (frame, excerpt), excerpt.cropped(frame)
 
-    def _drawn(self, frame: Frame, framing: orbit.Framing) -> None:
+    def _drawn(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
         before = self.frame
-        earlier = self.times if self.drawn and self.drawn[1] is framing else ()
+        earlier = self.times if self.drawn and self.drawn[1] is excerpt else ()
         self.times = (*earlier, (frame.resolution, frame.seconds))
-        self.put(frame, framing)
+        self.put(frame, excerpt)
         # What comes before the first picture does not grow with its size, and the last one is drawn more carefully.
         if before and 0 < frame.stage == before.stage + 1 and not frame.final:
             self.speed.seen(frame.image.shape[0] * frame.image.shape[1], frame.seconds - before.seconds)
