@@ -42,7 +42,7 @@ class Film:
         """s on the clock when it stood at 0, while it plays"""
         self._last: Scene | None = None
         """what it showed while it plays; another scene is another edit"""
-        self._pictures: dict[int, tuple[Frame, orbit.Framing]] = {}
+        self._pictures: dict[int, tuple[Frame, orbit.Excerpt]] = {}
         """by their number, of :attr:`_drawn_of`"""
         self._drawn_of: tuple[Timeline, object] | None = None
 
@@ -172,7 +172,7 @@ class Film:
             self._session.worker.cancel("film")
             self._session.render()
 
-    def _picture(self) -> tuple[Frame, orbit.Framing] | None:
+    def _picture(self) -> tuple[Frame, orbit.Excerpt] | None:
         """The newest picture that is there, of this moment or before."""
         now = int(self.seconds * _RATE)
         return next((self._pictures[index] for index in range(now, -1, -1) if index in self._pictures), None)
@@ -186,20 +186,22 @@ class Film:
             self._drawn_of = timeline, place
             self._pictures.clear()
         count, now = timeline.count(_RATE), int(self.seconds * _RATE)
+        if count > _KEPT:  # too long to keep all of it: only what comes next
+            self._pictures.clear()
         order = [index for index in (*range(now, count), *range(now)) if index not in self._pictures][:_KEPT]
 
-        def drawn(model: Model) -> Iterator[tuple[int, Frame, orbit.Framing] | None]:
+        def drawn(model: Model) -> Iterator[tuple[int, Frame, orbit.Excerpt] | None]:
             for index in order:
                 shot = timeline.at(index / _RATE)
-                framing = orbit.filling(shot.camera, *place)
-                for frame in session.streams.frames(model, RenderJob(shot.codes, framing.camera, _SETTINGS)):
-                    yield (index, replace(frame, stages=2), framing) if frame else None  # a preview
+                excerpt = orbit.filling(shot.camera, *place)
+                for frame in session.streams.frames(model, RenderJob(shot.codes, excerpt.camera, _SETTINGS)):
+                    yield (index, replace(frame, stages=2), excerpt) if frame else None  # a preview
 
         session.worker.submit(Job("film", lambda: drawn(model), self._keep, self._ended))
 
-    def _keep(self, drawn: tuple[int, Frame, orbit.Framing]) -> None:
-        index, frame, framing = drawn
-        self._pictures[index] = frame, framing
+    def _keep(self, drawn: tuple[int, Frame, orbit.Excerpt]) -> None:
+        index, frame, excerpt = drawn
+        self._pictures[index] = frame, excerpt
 
     def _ended(self, error: Exception | None) -> None:
         if error:

@@ -61,7 +61,7 @@ def pushed(pan: tuple[float, float], across: float, down: float) -> tuple[float,
 
 
 @dataclass(frozen=True)
-class Framing:
+class Excerpt:
     """A picture to be drawn, and what of it is shown: a camera looks at the middle of the object and nowhere else."""
 
     camera: Camera
@@ -86,7 +86,7 @@ class Framing:
         return replace(frame, image=image, depth=depth, opacity=opacity, asked=asked)
 
 
-def filling(camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)) -> Framing:
+def filling(camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)) -> Excerpt:
     """The view for a panel of any shape: its shorter side shows what the camera's height shows.
 
     Args:
@@ -99,4 +99,4 @@ def filling(camera: Camera, width: int, height: int, detail: int, pan: tuple[flo
     right, below = (round(detail * share) for share in pan)
     full = across + 2 * abs(right), down + 2 * abs(below)
     drawn = replace(camera, focal=camera.focal * detail / camera.height, width=full[0], height=full[1])
-    return Framing(drawn, across, down, abs(right) - right, abs(below) - below)
+    return Excerpt(drawn, across, down, abs(right) - right, abs(below) - below)

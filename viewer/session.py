@@ -73,7 +73,7 @@ class Session:
         self.history: History | None = None
         self.frame: Frame | None = None
         """the newest picture of the scene"""
-        self.drawn: tuple[Frame, orbit.Framing] | None = None
+        self.drawn: tuple[Frame, orbit.Excerpt] | None = None
         """the whole picture that it is cut from"""
         self.panel = (512, 512)
         """px, the size of the view"""
@@ -408,26 +408,26 @@ class Session:
         if self.model is None or self.history is None or self.film.playing:
             return
         model = self.model
-        framing = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
+        excerpt = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
         stages = self.pace.stages
         settings = RenderSettings(self.quality.samples, stages, across=_ACROSS)
-        job = RenderJob(self.scene.codes, framing.camera, settings)
+        job = RenderJob(self.scene.codes, excerpt.camera, settings)
 
         def drawn(frame: Frame) -> None:
-            self._drawn(frame, framing)
+            self._drawn(frame, excerpt)
             if frame.stage == 0:
                 self.pace.seen(stages[0], frame.seconds)
 
         self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, self._undrawn, urgent=True))
 
-    def put(self, frame: Frame, framing: orbit.Framing) -> None:
+    def put(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
         """Show a picture."""
-        self.drawn, self.frame = (frame, framing), framing.cropped(frame)
+        self.drawn, self.frame = (frame, excerpt), excerpt.cropped(frame)
 
-    def _drawn(self, frame: Frame, framing: orbit.Framing) -> None:
-        earlier = self.times if self.drawn and self.drawn[1] is framing else ()
+    def _drawn(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
+        earlier = self.times if self.drawn and self.drawn[1] is excerpt else ()
         self.times = (*earlier, (frame.resolution, frame.seconds))
-        self.put(frame, framing)
+        self.put(frame, excerpt)
 
     def _undrawn(self, error: Exception | None) -> None:
         if error:

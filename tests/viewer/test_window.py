@@ -1219,7 +1219,7 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         window.press(imgui.Key.f1)
         assert desk.help_open
         assert ctx.window_info("//Help").window is not None
-        window.press(imgui.Key.f1)
+        window.press(imgui.Key.mod_shift | imgui.Key.slash)
         assert not desk.help_open
         ctx.set_ref("##MainMenuBar")
         ctx.menu_click("Help/Keys and mouse")

@@ -51,7 +51,7 @@ LINES = (
     ("Everywhere", ""),
     ("Ctrl+Z", "undo; a drag is one step"),
     ("Ctrl+Y, Ctrl+Shift+Z", "redo"),
-    ("F1", "this help"),
+    ("F1, ?", "this help"),
     ("Ctrl++, Ctrl+-", "larger text, smaller text"),
     ("Ctrl+Q", "quit"),
 )

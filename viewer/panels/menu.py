@@ -77,7 +77,8 @@ def keys(desk: Desk) -> None:
     for chord, act in chords:
         if not imgui.get_io().want_text_input and imgui.is_key_chord_pressed(chord):
             act()
-    if imgui.is_key_pressed(key.f1, repeat=False):
+    asked = imgui.is_key_chord_pressed(mod.mod_shift | key.slash) and not imgui.get_io().want_text_input
+    if asked or imgui.is_key_pressed(key.f1, repeat=False):
         desk.help_open = not desk.help_open
 
 

@@ -64,8 +64,8 @@ class View:
         session = desk.session
         assert session.frame is not None
         if session.drawn and (self._made is None or self._made[:2] != (session.frame, self._mode)):
-            frame, framing = session.drawn
-            self._made = session.frame, self._mode, framing.cropped(seen_as(frame, framing.camera, self._mode))
+            frame, excerpt = session.drawn
+            self._made = session.frame, self._mode, excerpt.cropped(seen_as(frame, excerpt.camera, self._mode))
         assert self._made is not None
         return self._made[2]
 
@@ -151,7 +151,7 @@ class View:
             session.reset_view()
         imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 17.2 * em, 0.7 * em))
         self._mode = choose("mode", self._mode, _MODES, "What is shown of the object, and of how it was drawn (V)", 7)
-        if imgui.is_key_pressed(imgui.Key.v, False) and not imgui.get_io().want_text_input:
+        if imgui.is_key_chord_pressed(imgui.Key.v) and not imgui.get_io().want_text_input:
             self._mode = _next(self._mode)
         imgui.same_line(0, 0.3 * em)
         imgui.set_next_item_width(9 * em)
