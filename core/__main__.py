@@ -4,6 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
@@ -19,11 +20,12 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command. Whatever is wrong with its input is said in one line on stderr, with status 2."""
     chosen = parser().parse_args(arguments)
-    # Imported late: `--help` answers before torch is loaded.
-    from core import commands
+    # Imported late: `--help` answers before torch is loaded, and a command loads what it needs alone.
+    module, _, name = chosen.run.partition(".")
+    run = getattr(import_module(f"core.commands.{module}"), name)
 
     try:
-        getattr(commands, chosen.run)(chosen)
+        run(chosen)
     except (ValueError, OSError) as error:
         print(f"python -m core: {' '.join(str(error).split())}", file=sys.stderr)
         sys.exit(2)
@@ -70,7 +72,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
 
 
 def _add_render(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "render", "render", "draw one picture")
+    command = _command(commands, "render", "showing.render", "draw one picture")
     _add_scene_options(command)
     command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
     command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
@@ -78,7 +80,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "turntable", "turntable_command", "film one turn around an object")
+    command = _command(commands, "turntable", "showing.turntable", "film one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="become this object halfway round, and turn back")
     command.add_argument("--frames", type=_count, default=72)
@@ -92,7 +94,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "mesh", "mesh", "write an object as a closed mesh with coloured vertices")
+    command = _command(commands, "mesh", "showing.mesh", "write an object as a closed mesh with coloured vertices")
     _add_object_options(command)
     command.add_argument("--resolution", type=_count, default=256, metavar="N", help="cells along the longest side")
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
@@ -100,7 +102,10 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = _command(
-        commands, "fit", "fit_command", "find camera and codes of an object in pictures; ends with one JSON line"
+        commands,
+        "fit",
+        "fitting.fit",
+        "find camera and codes of an object in pictures; ends with one JSON line",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="pictures of one object")
     command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
@@ -131,12 +136,12 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     kinds = commands.add_parser("dataset", help="render a dataset in ShapeNet-SRN's layout").add_subparsers(
         required=True, metavar="KIND"
     )
-    meshes = _command(kinds, "meshes", "dataset_meshes", "render a folder of GLB files with its index.json")
+    meshes = _command(kinds, "meshes", "making.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
     meshes.add_argument("--variants", type=int, default=0, metavar="N", help="deformed, recoloured forms of each more")
-    procedural = _command(kinds, "procedural", "dataset_procedural", "render objects of the built-in generator")
+    procedural = _command(kinds, "procedural", "making.dataset_procedural", "render objects of the built-in generator")
     procedural.add_argument("--count", type=_count, required=True, metavar="N", help="objects")
-    swap = _command(kinds, "swap", "dataset_swap", "render trained and untrained pairs for evaluate --swap")
+    swap = _command(kinds, "swap", "making.dataset_swap", "render trained and untrained pairs for evaluate --swap")
     swap.add_argument("--count", type=_count, required=True, metavar="N", help="objects of the table trained on")
     swap.add_argument("--blocks", type=_count, default=4, metavar="B", help="tables of four shapes x four textures")
     swap.add_argument("--views", type=_count, default=24, help="per object")
@@ -150,7 +155,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "train", "train", "train a category model; stop it and go on with --resume")
+    command = _command(commands, "train", "making.train", "train a category model; stop it and go on with --resume")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="go on from M.state, written beside M")
@@ -170,14 +175,18 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "convert", "convert", "turn a checkpoint of the authors' trainer into a model file")
+    command = _command(
+        commands, "convert", "making.convert", "turn a checkpoint of the authors' trainer into a model file"
+    )
     command.add_argument("checkpoint", type=Path, metavar="models.pth")
     command.add_argument("--config", type=Path, metavar="hpam.json", help="beside the checkpoint unless told")
     command.add_argument("--out", type=Path, required=True, metavar="X.safetensors")
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "evaluate", "evaluate", "the paper's protocol: fit a view, draw the others, compare")
+    command = _command(
+        commands, "evaluate", "measuring.evaluate", "the paper's protocol: fit a view, draw the others, compare"
+    )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
     command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
     command.add_argument("--swap", action="store_true", help="instead: codes of two objects for untrained pairs, leaks")
@@ -193,16 +202,20 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     kinds = commands.add_parser("bench", help="measure on this machine and draw the charts").add_subparsers(
         required=True, metavar="KIND"
     )
-    rendering = _command(kinds, "render", "bench_render", "milliseconds a frame against PSNR, part by part")
+    rendering = _command(kinds, "render", "measuring.bench_render", "milliseconds a frame against PSNR, part by part")
     rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another side")
-    fitting = _command(kinds, "fit", "bench_fit", "seconds against degrees of blind fits, preset by preset")
+    fitting = _command(kinds, "fit", "measuring.bench_fit", "seconds against degrees of blind fits, preset by preset")
     fitting.add_argument("--dataset", type=Path, metavar="D", help="an SRN folder; else the model's own objects")
     fitting.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
     fitting.add_argument("--seed", type=int, default=0)
-    stability = _command(kinds, "stability", "bench_stability", "where blind fits fail: success against stressors")
+    stability = _command(
+        kinds, "stability", "measuring.bench_stability", "where blind fits fail: success against stressors"
+    )
     stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model, spread over it")
     stability.add_argument("--seed", type=int, default=0)
-    size = _command(kinds, "size", "bench_size", "what sizes of network and codes buy; trains a model for each")
+    size = _command(
+        kinds, "size", "measuring.bench_size", "what sizes of network and codes buy; trains a model for each"
+    )
     size.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
     size.add_argument("--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of other objects")
     size.add_argument("--objects", type=_count, default=12, metavar="N", help="of these are fitted")

@@ -10,9 +10,10 @@ import pytest
 import torch
 from PIL import ExifTags, Image
 
-from core import commands
+from core import fit as fits
 from core.__main__ import main, parser
 from core.bench import stability
+from core.commands import fitting
 from core.dataset import read_dataset, write_manifest, write_object
 from core.fit import PRESETS, Alternative, FitStep
 from core.library import load_model
@@ -202,9 +203,9 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
     step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, margin)
     monkeypatch.setattr(
-        commands, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
+        fitting, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     )
-    monkeypatch.setattr(commands, "fit", lambda *_: iter([step]))
+    monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
     run("fit", "a.png", "--model", file)
     told = capsys.readouterr()
     assert said in told.err
@@ -229,7 +230,7 @@ def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys
         given.append(hints.box)
         raise ValueError("enough")
 
-    monkeypatch.setattr(commands, "load_photo", loaded)
+    monkeypatch.setattr(fitting, "load_photo", loaded)
     words = "fit", tmp_path / "a.jpg", "--model", file, "--box"
     for box in ("20,40,100,300", "20,40,300,300", "20,40,100", "20,40,100,300 1,2,3,4"):
         with pytest.raises(SystemExit):

@@ -1,0 +1,93 @@
+"""``fit``: from pictures to a camera and codes."""
+
+import argparse
+import json
+import math
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+
+from tqdm import tqdm
+
+from core import fit as fits
+from core.camera import Camera
+from core.commands.progress import require_folder
+from core.confidence import DOUBTFUL
+from core.cutout import Hints, NoGroundError
+from core.fit import PRESETS, Alternative, FitJob, FitStep
+from core.library import load_model
+from core.photos import load_photo
+from core.reading import upright_size
+from core.scene import Scene
+
+
+def fit(chosen: argparse.Namespace) -> None:
+    """``fit``: camera and codes of the object in the pictures; the last line on stdout is the result as JSON."""
+    if chosen.pose and len(chosen.pose) != len(chosen.images):
+        raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
+    if chosen.box and len(chosen.box) != len(chosen.images):
+        raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
+    model = load_model(chosen.model)
+    poses = chosen.pose or [None] * len(chosen.images)
+    hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
+    each = zip(chosen.images, poses, hints, strict=True)
+    try:
+        photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
+    except NoGroundError as error:
+        raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
+    for path in filter(None, (chosen.out, chosen.log)):
+        require_folder(path)
+    last, bar = None, tqdm(unit="step", leave=False, disable=None)
+    with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
+        for last in fits.fit(model, FitJob(photos, PRESETS[chosen.preset], chosen.seed)):
+            bar.total = last.steps
+            bar.set_postfix_str(f"{last.psnr:.2f} dB")
+            bar.update()
+            if log:
+                log.write(json.dumps(_told(last) | {"start": last.start}) + "\n")
+    if last is None:
+        raise ValueError("the fit made no step")
+    if chosen.out:
+        Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
+    if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
+        print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
+    print(json.dumps(_told(last)), flush=True)
+
+
+def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:
+    """A box in px of the upright picture."""
+    if box is None:
+        return None
+    width, height = upright_size(image)
+    left, top, right, bottom = box
+    try:
+        return Hints((left / width, top / height, right / width, bottom / height))
+    except ValueError as error:
+        raise ValueError(f"{image}: {error} of {width}x{height} px") from None
+
+
+def _told(step: FitStep) -> dict[str, object]:
+    other = step.alternative
+    return {
+        **_camera_told(step.cameras[0]),
+        "psnr": round(step.psnr, 3),
+        "seconds": round(step.seconds, 3),
+        "steps": step.step,
+        "loss": step.loss,
+        "confidence": step.confidence and round(step.confidence, 3),
+        "alternative": other and {**_camera_told(other.cameras[0]), "loss": other.loss},
+    }
+
+
+def _camera_told(camera: Camera) -> dict[str, float]:
+    return {
+        "azimuth": round(math.degrees(camera.azimuth), 4),
+        "elevation": round(math.degrees(camera.elevation), 4),
+        "distance": round(camera.distance, 5),
+    }
+
+
+def _doubt(trust: float, other: Alternative) -> str:
+    told = _camera_told(other.cameras[0])
+    where = f"azimuth {told['azimuth']:.0f}, elevation {told['elevation']:.0f}"
+    return f"the camera is doubtful (confidence {trust:.2f}); {where} explains the picture nearly as well"

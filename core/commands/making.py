@@ -1,0 +1,82 @@
+"""``dataset``, ``train`` and ``convert``: what models are made of, and from."""
+
+import argparse
+from dataclasses import replace
+
+from tqdm import tqdm
+
+from core.authors import load_authors
+from core.commands.progress import drive, require_folder
+from core.data.meshes import mesh_plan, render_meshes
+from core.data.procedural import procedural_plan, render_procedural, swap_plan
+from core.data.variants import cells
+from core.data.views import SPIRAL_VIEWS
+from core.dataset import read_dataset
+from core.train import RECIPES, Trainer, held_out_psnr, hold_out
+
+_MEASURED_EVERY = 5000
+"""Steps between two measurements of a model in training, which is saved at the same time."""
+_VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
+
+
+def dataset_meshes(chosen: argparse.Namespace) -> None:
+    """``dataset meshes``: GLB files rendered into SRN folders."""
+    plan = mesh_plan(chosen.folder, chosen.category, chosen.split)
+    views = chosen.views or _VIEWS[chosen.split]
+    where = chosen.folder, chosen.out, chosen.category, chosen.split
+    made = render_meshes(*where, views, chosen.size, chosen.variants)
+    drive(made, len(plan) * len(cells(chosen.variants)), "object")
+
+
+def dataset_procedural(chosen: argparse.Namespace) -> None:
+    """``dataset procedural``: generated objects rendered into SRN folders."""
+    plan = procedural_plan(chosen.category, chosen.count, chosen.split)
+    views = chosen.views or _VIEWS[chosen.split]
+    made = render_procedural(plan, chosen.category, chosen.out, chosen.split, views, chosen.size)
+    drive(made, len(plan), "object")
+
+
+def dataset_swap(chosen: argparse.Namespace) -> None:
+    """``dataset swap``: trained and untrained pairs of procedural shapes and textures, for ``evaluate --swap``."""
+    plan = swap_plan(chosen.category, chosen.count, chosen.blocks)
+    made = render_procedural(plan, chosen.category, chosen.out, "test", chosen.views, chosen.size)
+    drive(made, len(plan), "object")
+
+
+def train(chosen: argparse.Namespace) -> None:
+    """``train``: a model from datasets, saved with its state as it goes."""
+    require_folder(chosen.out)
+    recipe = RECIPES[chosen.recipe]
+    sizes = {"width": chosen.width} if chosen.width else {}
+    if chosen.latent:
+        sizes |= dict(zip(("shape_latent", "texture_latent"), chosen.latent, strict=True))
+    settings = replace(recipe, field=replace(recipe.field, **sizes), steps=chosen.steps, seed=chosen.seed)
+    training, held_out = hold_out(read_dataset(chosen.datasets))
+    trainer = Trainer(training, settings, chosen.device)
+    state = chosen.out.with_suffix(".state")
+    if chosen.resume:
+        trainer.load_state(state)
+    with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
+        for step in trainer.steps():
+            bar.update()
+            if step.step % 100 == 0:
+                bar.set_postfix_str(f"rays {step.psnr:.2f} dB")
+            if step.step % _MEASURED_EVERY == 0 or step.step == step.steps:
+                model = trainer.model()
+                model.save(chosen.out)
+                trainer.save_state(state)
+                found = held_out_psnr(model, held_out)
+                tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
+
+
+def convert(chosen: argparse.Namespace) -> None:
+    """``convert``: a checkpoint of the authors' trainer as a model file."""
+    require_folder(chosen.out)
+    if chosen.out.suffix != ".safetensors":
+        raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
+    model = load_authors(chosen.checkpoint, chosen.config)
+    model.save(chosen.out)
+    lost = ", ".join(str(index) for index in sorted(model.codes.broken))
+    print(
+        f"{len(model.codes)} {model.category}" + (f"; next to empty, so left out of the mean: {lost}" if lost else "")
+    )
