@@ -37,7 +37,7 @@ _LONGEST = (0.35, 0.35, 0.15, 0.05, 0.05)
 """A step moves none of them by more: beyond, the quadratic says nothing."""
 _LONGEST_CODE = 3.0
 """standard deviations"""
-_STRIDE_DAMPING = 0.1
+_STRIDE_DAMPING = 0.3
 """of the quadratic's own diagonal, where every step has pixels of its own"""
 _DAMPING = 0.03
 """the same in the beginning of a descent"""
