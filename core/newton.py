@@ -62,7 +62,7 @@ def stride(
 ) -> Pool:
     """One step of every hypothesis towards what these pixels say; its cost and squared error are those before it.
 
-    A quarter of the pixels, but new ones every time, lead further than the same ones asked until they are content.
+    Few pixels, but new ones for every step, lead further than the same few asked until they are content.
 
     Args:
         jitter: as for :func:`core.hypotheses.judged`.
