@@ -310,20 +310,21 @@ class _Race:
 
     def _descended_as_in_the_paper(self, pool: Pool) -> Iterator[Pool]:
         """The one hypothesis after every step, in the end the best of those that were measured."""
+        best = replace(pool, cost=torch.full_like(pool.cost, math.inf))
         steps = paper.descent(self.model, pool, self.targets, self.plan[0], self.by, self.unknown, self.generator)
-        best = None
-        for step, pool in enumerate(steps, 1):
+        for step, after in enumerate(steps, 1):
             if step % _PAPER_EVERY == 0 or step == self.steps:
-                pool = self.measured(pool)
-                best = pool if best is None or float(pool.cost) < float(best.cost) else best
-            yield pool if step < self.steps else best
+                best = min(best, self.measured(after), key=lambda one: float(one.cost))
+            yield after if step < self.steps else best
 
     def _ended(self, pool: Pool, began: Pool) -> _Standing:
         """The best of what is left and of where that began, with what stands against it: mostly its twin."""
+        if self.settings.paper:
+            return _Standing(pool)
         leader = pool.leader
         rest = self.measured(joined(pool, began[pool.start[leader][None]], twin_of(pool, leader, self.unknown)))
         best = rest[torch.tensor([rest.leader])]
-        if self.settings.paper or not bool(self.unknown.any()):
+        if not bool(self.unknown.any()):
             return _Standing(best)
         rival = rival_of(best, rest, self.unknown)
         return _Standing(best, rival, math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)))

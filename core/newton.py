@@ -37,7 +37,7 @@ _LONGEST = (0.35, 0.35, 0.15, 0.05, 0.05)
 """A step moves none of them by more: beyond, the quadratic says nothing."""
 _LONGEST_CODE = 3.0
 """standard deviations"""
-_STRIDE_DAMPING = 0.1
+_STRIDE_DAMPING = 0.3
 """of the quadratic's own diagonal, where every step has pixels of its own"""
 _DAMPING = 0.03
 """the same in the beginning of a descent"""
@@ -62,7 +62,7 @@ def stride(
 ) -> Pool:
     """One step of every hypothesis towards what these pixels say; its cost and squared error are those before it.
 
-    A quarter of the pixels, but new ones every time, lead further than the same ones asked until they are content.
+    Few pixels, but new ones for every step, lead further than the same few asked until they are content.
 
     Args:
         jitter: as for :func:`core.hypotheses.judged`.

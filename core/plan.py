@@ -11,7 +11,7 @@ class FitSettings:
 
     starts: int = 24
     """cameras to begin from, for every picture whose camera is unknown"""
-    steps: int = 32
+    steps: int = 36
     rays: int = 512
     """per picture and step for the last hypotheses; the many in the beginning get fewer each"""
     samples: int = 64

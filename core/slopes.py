@@ -6,13 +6,14 @@ searched for; then they are summed over each ray. Autograd would keep the four p
 of cache, at three times the cost.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
+from torch.nn.functional import pad
 
 from core.composite import weights
 from core.field import encode
@@ -182,8 +183,8 @@ def _turned(encoded: Tensor, octaves: int) -> Tensor:
 
 def _back(
     model: Model, passed: _Passed, by_colour: Tensor, by_density: Tensor, steep: Tensor, along: Tensor, entries: Entries
-) -> Tensor:
-    """Slopes of four channels of each sample's ray: along origin, direction and codes; (objects, samples, 4, numbers).
+) -> Float[Tensor, "objects samples 4 numbers"]:
+    """Slopes of four channels of each sample's ray: along origin, direction and codes.
 
     Args:
         by_colour: (objects, samples, 3), of a channel along the sample's own.
@@ -195,32 +196,27 @@ def _back(
     dtype = weights.direction.dtype
     g = (by_colour * passed.rgb).to(dtype)[..., None] * weights.rgb[0]
     g = g.mul_(passed.texture[-1].sign()[:, :, None]) @ weights.hidden[0]
-    texture = 0
-    blocks = zip(
-        passed.texture[-2:0:-1], reversed(weights.texture_blocks), reversed(entries.texture.unbind(1)), strict=True
-    )
-    for y, weight, entry in blocks:
-        g = g.mul_(y.sign()[:, :, None])
-        texture = texture + (g.flatten(1, 2) @ entry)
-        g = g @ weight
-    g = g.mul_(passed.texture[0].sign()[:, :, None])
+    g, texture = _through(g, passed.texture[:-1], weights.texture_blocks, entries.texture)
     looked = _along_axes(g @ weights.view[0], passed.seen_along)
-    g = torch.cat((g @ weights.direction, torch.zeros_like(g[:, :, :1])), 2)
+    g = pad(g @ weights.direction, (0, 0, 0, 1))
     g = g.add_((by_density * steep[..., None]).to(dtype)[..., None] * weights.density[0])
-    shape = 0
-    ends = reversed(entries.shape.unbind(1))
-    for y, weight, entry in zip(passed.shape[:0:-1], reversed(weights.shape_blocks), ends, strict=True):
-        g = g.mul_(y.sign()[:, :, None])
-        shape = shape + (g.flatten(1, 2) @ entry)
-        g = g @ weight
-    g = g.mul_(passed.shape[0].sign()[:, :, None])
+    g, shape = _through(g, passed.shape, weights.shape_blocks, entries.shape)
     place = _along_axes(g @ weights.point[0], passed.encoded)
-    count = g.shape[:3]
     aimed = place * along[..., None, None]
     aimed[:, :, :3] += looked
-    shape = shape.reshape(*count, -1).float()
-    texture = functional.pad(texture.reshape(*count[:2], 3, -1).float(), (0, 0, 0, 1))
-    return torch.cat((place, aimed, shape, texture), -1)
+    return torch.cat((place, aimed, shape, pad(texture, (0, 0, 0, 1))), -1)
+
+
+def _through(
+    g: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], entries: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Slopes taken back through blocks and the rectifier before them; and what they are along the blocks' numbers."""
+    found = []
+    for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(entries.unbind(1)), strict=True):
+        g = g.mul_(y.sign()[:, :, None])
+        found.append((g.flatten(1, 2) @ entry).unflatten(1, g.shape[1:3]))
+        g = g @ weight
+    return g.mul_(activations[0].sign()[:, :, None]), torch.stack(found).sum(0).float()
 
 
 def _along_axes(slopes: Tensor, encoded: Tensor) -> Tensor:
