@@ -19,9 +19,10 @@ from core.targets import Drawn
 
 SILHOUETTE = 0.1
 """The squared error of opacity against that of colour."""
-DISTANCE_SPREAD = 0.05
-"""How far the logarithm of the distance strays from that of the training pictures before it costs much."""
-DISTANCE_PRIOR = 2e-3
+STRAY_SPREADS = (0.2, 0.05)
+"""How far a camera strays before it costs much: rad below the ground's level, and the logarithm of the distance away
+from that of the training pictures."""
+STRAY_PRIORS = (5e-4, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _BASIN = math.radians(25)
 """Cameras that differ by less mostly end at the same place."""
@@ -129,8 +130,18 @@ def judged(
     if not model.painted_ground:
         wrong = (opacity.cpu() - drawn.opaque).square() * drawn.sure
         objective = objective + SILHOUETTE * wrong.mean((1, 2))
-    strayed = (numbers.distance / DISTANCE_SPREAD).square().log1p().mean(-1)
-    return Judged(objective + by.prior * unlikely + DISTANCE_PRIOR * strayed, squared.detach())
+    return Judged(objective + by.prior * unlikely + astray(numbers), squared.detach())
+
+
+def strays(numbers: Numbers) -> Float[Tensor, "hypotheses views 2"]:
+    """How far cameras stand below the ground's level (rad, at most 0) and away from the usual distance (logarithm)."""
+    return torch.stack((numbers.angles[..., 1].clamp_max(0), numbers.distance), -1)
+
+
+def astray(numbers: Numbers) -> Float[Tensor, "hypotheses"]:
+    """What that costs, on average over the pictures."""
+    costs = (strays(numbers) / torch.tensor(STRAY_SPREADS)).square().log1p() * torch.tensor(STRAY_PRIORS)
+    return costs.sum(-1).mean(-1)
 
 
 def _kept(samples: int) -> int:

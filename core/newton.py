@@ -16,13 +16,15 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from core.hypotheses import (
-    DISTANCE_PRIOR,
-    DISTANCE_SPREAD,
     SILHOUETTE,
+    STRAY_PRIORS,
+    STRAY_SPREADS,
     Numbers,
     Objective,
     Pool,
     aimed,
+    astray,
+    strays,
     within_bounds,
 )
 from core.model import Model
@@ -150,16 +152,14 @@ def quadratic(
 
 
 def _with_priors(fit: Quadratic, numbers: Numbers, codes: Tensor, by: Objective) -> Quadratic:
-    """With what makes codes and distances unlikely; the latter grows with a logarithm, reweighted as it bends."""
-    strayed = (numbers.distance / DISTANCE_SPREAD).square()
-    pull = DISTANCE_PRIOR / DISTANCE_SPREAD**2 / (1 + strayed) / strayed.shape[1]
-    pulls = torch.zeros_like(numbers.distance)[..., None].repeat(1, 1, _CAMERA)
-    pulls[..., 2] = pull
-    where = torch.zeros_like(pulls)
-    where[..., 2] = numbers.distance
+    """With what makes codes and cameras unlikely; the latter grows with a logarithm, reweighted as it bends."""
+    away, spreads = strays(numbers), torch.tensor(STRAY_SPREADS)
+    pull = torch.tensor(STRAY_PRIORS) / spreads**2 / (1 + (away / spreads).square()) / away.shape[1]
+    pulls, where = (torch.zeros(*away.shape[:2], _CAMERA) for _ in range(2))
+    pulls[..., 1:3], where[..., 1:3] = pull * (away != 0), away
     pulls = torch.cat((pulls.flatten(1), torch.full_like(codes, by.prior)), -1)
     unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
-    objective = fit.objective + by.prior * unlikely + DISTANCE_PRIOR * strayed.log1p().mean(-1)
+    objective = fit.objective + by.prior * unlikely + astray(numbers)
     slope = fit.slope + pulls * torch.cat((where.flatten(1), codes), -1)
     return fit._replace(objective=objective, slope=slope, bend=fit.bend + torch.diag_embed(pulls))
 
