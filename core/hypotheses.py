@@ -22,7 +22,7 @@ SILHOUETTE = 0.1
 STRAY_SPREADS = (0.2, 0.05)
 """How far a camera strays before it costs much: rad below the ground's level, and the logarithm of the distance away
 from that of the training pictures."""
-STRAY_PRIORS = (5e-4, 2e-3)
+STRAY_PRIORS = (2e-3, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _BASIN = math.radians(25)
 """Cameras that differ by less mostly end at the same place."""
