@@ -322,7 +322,7 @@ class _Race:
         if self.settings.paper:
             return _Standing(pool)
         leader = pool.leader
-        rest = self.measured(joined(pool, began[pool.start[leader][None]], twin_of(pool, leader, self.unknown)))
+        rest = self.measured(joined(pool, began[pool.start.unique()], twin_of(pool, leader, self.unknown)))
         best = rest[torch.tensor([rest.leader])]
         if not bool(self.unknown.any()):
             return _Standing(best)
