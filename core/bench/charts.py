@@ -113,6 +113,9 @@ def fitting_table(found: fitting.Measured) -> str:
         shares = map(_share, (one.within_5_degrees, one.within_10_degrees, one.within_3_percent))
         times = f"{one.preset} | {one.seconds:.1f} | {one.first_rotation:.0f}° | {one.rotation:.2f}°"
         lines.append(f"| {times} | {' | '.join(shares)} | {one.held_out.mean:.1f} dB |")
+    alike = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in found.trials if trial.symmetric]
+    if alike:
+        lines += ["", f"Counted as right, for the object looks the same from there: {', '.join(alike)}."]
     trust = found.trust
     lines += [
         "",

@@ -12,7 +12,8 @@ from statistics import median
 import numpy as np
 
 from core.bench.rendering import machine
-from core.bench.subjects import OTHERS, Subject
+from core.bench.subjects import OTHERS, Subject, looks_alike
+from core.camera import Camera
 from core.confidence import RIGHT_DEGREES, Calibration, calibrated, confidence, separation
 from core.evaluate import Mean, compared, mean_of, photo
 from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
@@ -20,6 +21,10 @@ from core.metrics import rotation_error, translation_error
 from core.model import Model
 from core.starts import bank_of
 
+_FAR = 20.0
+"""degrees: a camera that is further off may be another right one"""
+_ALIKE = 5.0
+"""degrees: if the object looks no less alike than when turned by this"""
 TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))
 """s, at which the curves are read"""
 
@@ -47,6 +52,13 @@ class Trial:
     confidence: float | None
     trace: tuple[float, ...]
     """degrees at :data:`TIMES`"""
+    symmetric: bool
+    """far off, and yet the object looks as from its true camera; known of a model's own objects only"""
+
+    @property
+    def off(self) -> float:
+        """Degrees, but 0 for another camera that is as right."""
+        return 0.0 if self.symmetric else self.rotation
 
 
 @dataclass(frozen=True)
@@ -61,6 +73,8 @@ class Summary:
     """degrees, mean"""
     rotation: float
     """degrees, median"""
+    symmetric: int
+    """cameras that count as right for the object's symmetry"""
     within_5_degrees: Mean
     within_10_degrees: Mean
     within_3_percent: Mean
@@ -112,7 +126,7 @@ def measured(
 
 
 def _trial(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
-    views, index = subject
+    views, index = subject.views, subject.view
     steps = list(fit(model, FitJob((photo(views, index, False),), settings, seed)))
     last, errors = steps[-1], [rotation_error(step.cameras[0], subject.camera) for step in steps]
     rest = [other for other in range(len(views.cameras)) if other != index]
@@ -121,8 +135,13 @@ def _trial(model: Model, subject: Subject, preset: str, settings: FitSettings, s
     away = translation_error(last.cameras[0], subject.camera)
     quality = last.psnr, float(np.mean(held_out)) if held_out else math.nan
     trace = tuple(errors[_reached(steps, time)] for time in TIMES)
-    found = (last.seconds, errors[0], errors[-1], away, *quality, last.margin, last.confidence, trace)
+    symmetric = errors[-1] > _FAR and _symmetric(model, subject, last.cameras[0])
+    found = (last.seconds, errors[0], errors[-1], away, *quality, last.margin, last.confidence, trace, symmetric)
     return Trial(preset, views.name, index, *found)
+
+
+def _symmetric(model: Model, subject: Subject, found: Camera) -> bool:
+    return subject.codes is not None and looks_alike(model, subject.codes, found, subject.camera, _ALIKE)
 
 
 def _reached(steps: Sequence[FitStep], seconds: float) -> int:
@@ -134,7 +153,8 @@ def _summary(preset: str, trials: Sequence[Trial]) -> Summary:
     def share(values: Sequence[float], most: float) -> Mean:
         return mean_of([float(value <= most) for value in values])
 
-    turns, shifts = [trial.rotation for trial in trials], [trial.translation for trial in trials]
+    turns = [trial.off for trial in trials]
+    shifts = [0.0 if trial.symmetric else trial.translation for trial in trials]
     curve = []
     for number, time in enumerate(TIMES):
         then = [trial.trace[number] for trial in trials]
@@ -144,7 +164,8 @@ def _summary(preset: str, trials: Sequence[Trial]) -> Summary:
         len(trials),
         median(trial.seconds for trial in trials),
         float(np.mean([trial.first_rotation for trial in trials])),
-        median(turns),
+        median(trial.rotation for trial in trials),
+        sum(trial.symmetric for trial in trials),
         share(turns, 5.0),
         share(turns, 10.0),
         share(shifts, 0.03),
@@ -154,7 +175,7 @@ def _summary(preset: str, trials: Sequence[Trial]) -> Summary:
 
 
 def _trust(trials: Sequence[Trial]) -> Trust:
-    told = [(trial.margin, trial.rotation <= RIGHT_DEGREES) for trial in trials if trial.margin is not None]
+    told = [(trial.margin, trial.off <= RIGHT_DEGREES) for trial in trials if trial.margin is not None]
     margins, right = [one for one, _ in told], [one for _, one in told]
     if len(set(right)) < 2:
         return Trust(len(told), sum(right), None, None)

@@ -16,7 +16,7 @@ from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 
 from core.bench.rendering import machine
-from core.bench.subjects import anywhere, drawn_on_white, spread_objects
+from core.bench.subjects import anywhere, drawn_on_white, looks_alike, spread_objects
 from core.camera import Camera
 from core.codes import Codes
 from core.fit import PRESETS, FitJob, FitSettings, fit
@@ -54,12 +54,12 @@ class Trial:
     """degrees; None where the picture was refused"""
     confidence: float | None
     ended: str
-    """"right", "near", "twin", "elsewhere", or why the picture was refused"""
+    """"right", "symmetric", "near", "twin", "elsewhere", or why the picture was refused"""
 
     @property
     def success(self) -> bool:
-        """The camera was found to 5 degrees."""
-        return self.ended == "right"
+        """The camera was found to 5 degrees, or another from which the object looks the same."""
+        return self.ended in ("right", "symmetric")
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def measured(
                 truth = camera if stressor.worsened else model.camera(camera.azimuth, math.radians(level))
                 picture = _picture(model, codes, truth, stressor, level, seed + number)
                 for preset, settings in presets.items():
-                    ended = _ended(model, picture, truth, settings, seed + number)
+                    ended = _ended(model, codes, picture, truth, settings, seed + number)
                     trials.append(Trial(what, level, preset, name, *ended))
     yield Atlas(machine(), len(seen), tuple(trials))
 
@@ -108,7 +108,7 @@ def _picture(model: Model, codes: Codes, camera: Camera, stressor: Stressor, lev
 
 
 def _ended(
-    model: Model, picture: np.ndarray, truth: Camera, settings: FitSettings, seed: int
+    model: Model, codes: Codes, picture: np.ndarray, truth: Camera, settings: FitSettings, seed: int
 ) -> tuple[float | None, float | None, str]:
     """Rotation error, confidence, and how the fit ended."""
     try:
@@ -116,7 +116,10 @@ def _ended(
     except ValueError as error:
         return None, None, str(error)
     off = rotation_error(last.cameras[0], truth)
-    return off, last.confidence, _kind(last.cameras[0], truth, off)
+    kind = _kind(last.cameras[0], truth, off)
+    if kind in ("twin", "elsewhere") and looks_alike(model, codes, last.cameras[0], truth, SUCCESS_DEGREES):
+        kind = "symmetric"
+    return off, last.confidence, kind
 
 
 def _kind(found: Camera, truth: Camera, off: float) -> str:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from core.codes import Codes
 from core.dataset import ObjectPlace, ObjectViews
 from core.frames import RenderSettings
 from core.march import marched
+from core.metrics import psnr
 from core.model import Model
 from core.render import render_exact
 
@@ -28,6 +30,8 @@ class Subject(NamedTuple):
 
     views: ObjectViews
     view: int
+    codes: Codes | None = None
+    """what it was drawn from, where that is known"""
 
     @property
     def camera(self) -> Camera:
@@ -41,7 +45,9 @@ def own_subjects(model: Model, count: int, generator: torch.Generator) -> Iterat
         cameras = tuple(anywhere(model, generator) for _ in range(1 + OTHERS))
         drawn = [drawn_on_white(model, codes, camera) for camera in cameras]
         images = np.stack([(colour * 255 + 0.5).byte().numpy() for colour, _ in drawn])
-        yield Subject(ObjectViews(name, name, name, images, np.stack([mask.numpy() for _, mask in drawn]), cameras), 0)
+        yield Subject(
+            ObjectViews(name, name, name, images, np.stack([mask.numpy() for _, mask in drawn]), cameras), 0, codes
+        )
 
 
 def dataset_subjects(places: Sequence[ObjectPlace], generator: torch.Generator) -> Iterator[Subject]:
@@ -62,6 +68,20 @@ def anywhere(model: Model, generator: torch.Generator) -> Camera:
     """A camera on the upper half of the sphere, no direction likelier than another."""
     turn, height = torch.rand(2, generator=generator).tolist()
     return model.camera(2 * math.pi * turn, math.asin(height))
+
+
+def looks_alike(model: Model, codes: Codes, found: Camera, truth: Camera, degrees: float) -> bool:
+    """Whether an object looks as from its true camera: no less than if that were so many degrees off.
+
+    A stool has several right cameras, and the one that its picture was drawn from is none more right than the others.
+    """
+    lift = math.radians(degrees) * (-1 if truth.elevation > 0 else 1)
+    off = (
+        replace(truth, azimuth=truth.azimuth + math.radians(degrees)),
+        replace(truth, elevation=truth.elevation + lift),
+    )
+    seen, picture = (drawn_on_white(model, codes, camera)[0] for camera in (found, truth))
+    return psnr(seen, picture) >= min(psnr(drawn_on_white(model, codes, camera)[0], picture) for camera in off)
 
 
 def drawn_on_white(

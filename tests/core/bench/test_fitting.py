@@ -7,13 +7,16 @@ import pytest
 import torch
 from PIL import Image
 
-from core.bench import fitting
+from core.bench import fitting, subjects
 from core.bench.charts import fitting_table, prepare, write_fitting
 from core.bench.fitting import Measured, measured
-from core.bench.subjects import OTHERS, anywhere, own_subjects
+from core.bench.subjects import OTHERS, anywhere, looks_alike, own_subjects
+from core.camera import Camera
+from core.codes import Codes
 from core.confidence import confidence
 from core.fit import PRESETS, FitSettings
 from core.metrics import psnr
+from core.model import Model
 from core.render import render_exact
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model
@@ -85,3 +88,18 @@ def test_fits_that_end_before_anything_is_read_off_are_drawn_too(found: Measured
     at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.summaries)
     write_fitting(replace(found, summaries=at_once), tmp_path)
     assert (tmp_path / "fit.png").exists()
+
+
+def test_an_object_looks_alike_from_its_other_right_cameras_only(monkeypatch: pytest.MonkeyPatch):
+    model, truth = tiny_model(), tiny_model().camera(0.7, 0.4)
+    lopsided = model.codes[0]
+    assert looks_alike(model, lopsided, replace(truth, azimuth=0.75), truth, 5.0)
+    assert not looks_alike(model, lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
+    plain = subjects.drawn_on_white
+
+    def symmetric(model: Model, codes: Codes, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
+        return plain(model, codes, replace(camera, azimuth=camera.azimuth % math.pi))
+
+    monkeypatch.setattr(subjects, "drawn_on_white", symmetric)
+    assert looks_alike(model, lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
+    assert not looks_alike(model, lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)
