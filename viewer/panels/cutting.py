@@ -135,6 +135,10 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     if cutting.cut and desk.images:
         texture = desk.images.texture(cutting.cut.framed, desk.palette)
         draw.add_image(texture, corner, corner + ImVec2(side, side))
+    elif cutting.problem:
+        pad, told = 0.6 * hello_imgui.em_size(), f"{cutting.problem[0].upper()}{cutting.problem[1:]}"
+        font, colour = imgui.get_font(), packed(desk.palette.text)
+        draw.add_text(font, imgui.get_font_size(), corner + ImVec2(pad, pad), colour, told, wrap_width=side - 2 * pad)
     tip("As it will be fitted")
     framing, width = cutting.framing, -1.0
     imgui.set_next_item_width(width)
@@ -144,8 +148,6 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     imgui.set_next_item_width(width)
     down = imgui.slider_float("##down", framing.down, -0.3, 0.3, "Down %.2f")[1]
     cutting.frame(Framing(scale, across, down))
-    if cutting.problem:
-        imgui.text_wrapped(f"{cutting.problem[0].upper()}{cutting.problem[1:]}")
 
 
 def _draw_end(desk: Desk, cutting: Cutting) -> None:

@@ -33,14 +33,10 @@ class Fit:
     def __init__(self) -> None:
         self._comparison = Comparison()
         self._curve = Curve()
-        self._running = False
 
     def draw(self, desk: Desk) -> None:
         """Buttons, the comparison, and the curve."""
         fitting = desk.session.fitting
-        if fitting.running and not self._running:
-            desk.beside = "Race"
-        self._running = fitting.running
         if fitting.running:
             _draw_progress(fitting)
         else:
