@@ -132,11 +132,12 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     imgui.dummy((side, side))
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(desk.palette.raised))
-    if cutting.cut and desk.images:
+    if cutting.cut and cutting.cut.framed is not None and desk.images:
         texture = desk.images.texture(cutting.cut.framed, desk.palette)
         draw.add_image(texture, corner, corner + ImVec2(side, side))
-    elif cutting.problem:
-        pad, told = 0.6 * hello_imgui.em_size(), f"{cutting.problem[0].upper()}{cutting.problem[1:]}"
+    else:
+        told = "Framing it …" if cutting.cut else f"{cutting.problem[:1].upper()}{cutting.problem[1:]}"
+        pad = 0.6 * hello_imgui.em_size()
         font, colour = imgui.get_font(), packed(desk.palette.text)
         draw.add_text(font, imgui.get_font_size(), corner + ImVec2(pad, pad), colour, told, wrap_width=side - 2 * pad)
     tip("As it will be fitted")
