@@ -190,8 +190,9 @@ class Fitting:
                 self._session.cutting.open(course.sources, read)
 
         def stream() -> Iterator[Shot | FitStep | None]:
-            with suppress(ValueError):  # where there is no bank, what needs one says why
-                yield from self._session.streams.preparing(model)
+            if begin is None:
+                with suppress(ValueError):  # where there is no bank, what needs one says why
+                    yield from self._session.streams.preparing(model)
             photos = [shot.photo for shot in course.shots]
             for source in course.sources[len(photos) :]:
                 photos.append(self._session.streams.load_photo(source.path, model, *source[1:]))
