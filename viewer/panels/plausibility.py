@@ -68,7 +68,7 @@ class Plausibility:
         faces.paint(desk, name, corner, side)
         imgui.same_line()
         imgui.begin_group()
-        imgui.text_disabled("Nearest trained" if distance > 1e-4 else "Just the trained")
+        imgui.text_disabled("Nearest")
         imgui.text_wrapped(name)
         imgui.text_disabled(f"{distance:.2f} SD away")
         imgui.end_group()
