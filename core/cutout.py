@@ -114,7 +114,7 @@ def _on_white(
     mask = _without_specks(mask)
     rows, columns = np.nonzero(mask)
     if len(rows) < 12 or max(np.ptp(rows), np.ptp(columns)) + 1 < SMALLEST / 2:
-        raise ValueError("no object found: the picture shows nothing but ground")
+        raise ValueError("no object found: all of it looks like ground; a box closer around the object may help")
     if mask.mean() > 0.97:
         raise NoGroundError(_NO_GROUND)
     # On white, half-covered pixels around the object are right as they are; on a colour they are left out.

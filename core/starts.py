@@ -66,6 +66,8 @@ class Starts(NamedTuple):
 
 
 _banks: OrderedDict[str, Bank] = OrderedDict()
+_underway: dict[str, Generator[None, None, Bank]] = {}
+"""Begun and not finished: whoever asks next goes on from there."""
 
 
 def bank_of(model: Model) -> Bank:
@@ -76,12 +78,20 @@ def bank_of(model: Model) -> Bank:
 
 
 def preparing(model: Model) -> Iterator[None]:
-    """Makes the model's bank, where it is not there yet, an object at a time, so that nobody waits for it later."""
+    """Makes the model's bank, where it is not there yet, an object at a time, so that nobody waits for it later.
+
+    Two who prepare in turn share the work.
+    """
     key = model.fingerprint
-    if key in _banks:
-        return
-    made = yield from _making(model)
-    _banks[key] = made
+    while key not in _banks:
+        making = _underway.pop(key, None) or _making(model)
+        try:
+            next(making)
+        except StopIteration as made:
+            _banks[key] = made.value
+        else:
+            _underway[key] = making
+            yield None
     while len(_banks) > 4:
         _banks.popitem(last=False)
 

@@ -99,7 +99,7 @@ class App:
         docking.docking_splits = [
             hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.36),
             hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
-            hello_imgui.DockingSplit("Upper", "Top", up, 0.31),
+            hello_imgui.DockingSplit("Upper", "Top", up, 0.34),
             hello_imgui.DockingSplit("MainDockSpace", "Strip", down, 0.23),
         ]
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
@@ -153,12 +153,14 @@ class App:
 
     def _before_frame(self) -> None:
         self.session.tick()
+        self.desk.follow_fit()
         if self.desk.autosave:
             self.desk.autosave.tick()
         likes = self.desk.likes
         if likes.dark != self._themed:
             self._themed = likes.dark
             theme.apply(self.desk.palette)
+            self.params.imgui_window_params.background_color = imgui.ImVec4(*self.desk.palette.back, 1.0)
         imgui.get_style().font_scale_main = likes.text
         if not self._headless:
             self.params.fps_idling.fps_max = self._rate()

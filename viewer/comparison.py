@@ -21,12 +21,12 @@ class Comparison:
 
     def draw_choice(self) -> None:
         """A line of modes."""
-        gap = 0.25 * hello_imgui.em_size()
+        gap = imgui.get_style().item_spacing.x  # half of it, on either side, is in the colour of the chosen one
+        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
         for number, mode in enumerate(_MODES):
             if number:
                 imgui.same_line(0, gap)
-            extent = ImVec2(imgui.calc_text_size(mode).x + 2 * gap, 0)
-            if imgui.selectable(mode, self._mode == mode, size=extent)[0]:
+            if imgui.selectable(mode, self._mode == mode, size=ImVec2(imgui.calc_text_size(mode).x, 0))[0]:
                 self._mode = mode
 
     def draw(self, desk: Desk, height: float) -> None:
@@ -110,6 +110,7 @@ def _draw_picture(
         draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), packed(_WHITE, share), 0.3 * em)
     else:
         draw.add_rect_filled(corner, opposite, packed(_WHITE, share), 0.3 * em)
-    across = side - imgui.calc_text_size(caption).x - 0.5 * em if to_right else 0.5 * em
-    if caption:
+    width = imgui.calc_text_size(caption).x
+    across = side - width - 0.5 * em if to_right else 0.5 * em
+    if caption and 2 * width < side:
         draw.add_text(corner + ImVec2(across, 0.3 * em), packed((0.38, 0.38, 0.38)), caption)

@@ -36,8 +36,8 @@ class Cut:
     cut: CutOut
     shown: UInt8[np.ndarray, "height width 3"]
     """the photo with its ground darkened"""
-    framed: UInt8[np.ndarray, "size size 3"]
-    """as it will be fitted"""
+    framed: UInt8[np.ndarray, "size size 3"] | None = None
+    """as it will be fitted; None until that is known"""
 
 
 class Cutting:
@@ -119,8 +119,13 @@ class Cutting:
         if model is None or image is None:
             return
 
-        def stream() -> Iterator[Cut]:
-            yield _cut(model, image, hints, framing, known)
+        def stream() -> Iterator[Cut | None]:
+            cut = known if known and known.hints == hints else _cut(image, hints)
+            waiting: Cut | None = cut
+            for _ in self._session.streams.preparing(model):  # framing needs it, and it may take seconds
+                yield waiting
+                waiting = None
+            yield _framed(cut, model, framing)
 
         def keep(cut: Cut) -> None:
             self.cut, self.problem = cut, ""
@@ -134,14 +139,15 @@ class Cutting:
         self._session.worker.submit(Job("cut out", stream, keep, ended, urgent=True))
 
 
-def _cut(model: Model, image: Image.Image, hints: Hints, framing: Framing, known: Cut | None) -> Cut:
-    if known is None or known.hints != hints:
-        found = cut_out(image, hints)
-        shown = _on_white(image)
-        mask = np.asarray(Image.fromarray(found.mask).resize(shown.shape[1::-1]))
-        known = Cut(hints, found, (shown * np.where(mask[..., None], 1, _DARK)).astype(np.uint8), shown)
-    photo = framed(known.cut, model, framing=framing)
-    return replace(known, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+def _cut(image: Image.Image, hints: Hints) -> Cut:
+    found, shown = cut_out(image, hints), _on_white(image)
+    mask = np.asarray(Image.fromarray(found.mask).resize(shown.shape[1::-1]))
+    return Cut(hints, found, (shown * np.where(mask[..., None], 1, _DARK)).astype(np.uint8))
+
+
+def _framed(cut: Cut, model: Model, framing: Framing) -> Cut:
+    photo = framed(cut.cut, model, framing=framing)
+    return replace(cut, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
 
 
 def _on_white(image: Image.Image) -> UInt8[np.ndarray, "height width 3"]:

@@ -45,6 +45,7 @@ class Desk:
     reset_layout: Callable[[], None] = lambda: None
     autosave: Autosave | None = None
     """none where nothing is kept"""
+    _fitting: bool = False
 
     @property
     def palette(self) -> Palette:
@@ -69,6 +70,12 @@ class Desk:
         for path in paths:
             self._remember(path)
         self.session.fitting.start(*paths)
+
+    def follow_fit(self) -> None:
+        """Bring the race to the front when a fit begins, and the objects, which the result joins, when it ends."""
+        if self._fitting != self.session.fitting.running:
+            self._fitting = self.session.fitting.running
+            self.beside = "Race" if self._fitting else "Objects"
 
     def paste(self) -> None:
         """Fit the images in the clipboard."""

@@ -108,6 +108,7 @@ class Film:
         here = self.key
         if here is None:
             self._retime(self.timeline.added(self.seconds, self._shown))
+            self.seconds = min(self.seconds, self.timeline.keys[-1].seconds)  # a loop has no key at its very end
         else:
             self.replace_key(here)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -188,7 +189,10 @@ class Fitting:
             if isinstance(error, NoGroundError):
                 self._session.cutting.open(course.sources, read)
 
-        def stream() -> Iterator[Shot | FitStep]:
+        def stream() -> Iterator[Shot | FitStep | None]:
+            if begin is None:
+                with suppress(ValueError):  # where there is no bank, what needs one says why
+                    yield from self._session.streams.preparing(model)
             photos = [shot.photo for shot in course.shots]
             for source in course.sources[len(photos) :]:
                 photos.append(self._session.streams.load_photo(source.path, model, *source[1:]))

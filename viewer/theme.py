@@ -87,8 +87,9 @@ def _colours(p: Palette) -> dict[str, Colour]:
         "title_bg": p.back, "title_bg_active": p.back, "title_bg_collapsed": p.back,
         "button": p.raised, "button_hovered": mixed(p.raised, p.accent, 0.3), "button_active": strong,
         "header": mixed(p.raised, p.accent, 0.2), "header_hovered": mixed(p.raised, p.accent, 0.3),
-        "header_active": strong, "check_mark": p.accent, "slider_grab": mixed(p.accent, p.panel, 0.15),
-        "slider_grab_active": p.accent, "tab": p.back, "tab_hovered": p.raised, "tab_selected": p.panel,
+        "header_active": strong, "check_mark": p.accent, "slider_grab": mixed(p.accent, p.panel, 0.45),
+        "slider_grab_active": mixed(p.accent, p.panel, 0.3),
+        "tab": p.back, "tab_hovered": p.raised, "tab_selected": p.panel,
         "tab_selected_overline": p.accent, "tab_dimmed": p.back, "tab_dimmed_selected": p.panel,
         "scrollbar_bg": p.panel, "scrollbar_grab": p.raised, "scrollbar_grab_hovered": lit,
         "plot_histogram": p.accent, "plot_lines": p.accent, "docking_empty_bg": p.back,
@@ -105,6 +106,7 @@ def set_spacing() -> None:
     style.grab_rounding, style.tab_rounding, style.child_rounding = 4, 5, 6
     style.scrollbar_rounding, style.scrollbar_size, style.grab_min_size = 6, 11, 11
     style.window_border_size, style.frame_border_size, style.popup_border_size = 0, 0, 1
+    style.tab_min_width_shrink = 44  # all tabs of a narrow panel are seen, if abbreviated
     style.tab_bar_border_size, style.docking_separator_size = 0, 3
     style.window_menu_button_position = imgui.Dir.none
     style.separator_text_border_size = 1

@@ -1,12 +1,15 @@
 import math
+from collections import OrderedDict
+from itertools import zip_longest
 
 import pytest
 import torch
 
+from core import starts
 from core.metrics import rotation_error
 from core.model import Model
 from core.render import render_exact
-from core.starts import apparent, bank_of, ranked, surface
+from core.starts import apparent, bank_of, preparing, ranked, surface
 from tests.conftest import random_model
 from tests.core.tiny import EXTENT, tiny_model
 
@@ -65,6 +68,14 @@ def test_how_objects_stand_in_training_pictures(tiny: Model):
 
 def test_a_bank_is_made_once_per_model(tiny: Model):
     assert bank_of(tiny) is bank_of(tiny)
+
+
+def test_two_who_prepare_in_turn_share_the_work(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(starts, "_banks", OrderedDict())
+    alone = len(list(preparing(tiny)))
+    monkeypatch.setattr(starts, "_banks", OrderedDict())
+    turns = list(zip_longest(preparing(tiny), preparing(tiny)))
+    assert len(turns) == math.ceil(alone / 2)
 
 
 def test_a_model_that_shows_nothing_is_refused():

@@ -34,7 +34,7 @@ def model() -> Model:
 @pytest.fixture
 def streams(model: Model) -> Streams:
     """Stand-ins for all that takes time. Turntables are real."""
-    return Streams(lambda name: model, quick_photo, quick_frames, quick_fit)
+    return Streams(lambda name: model, quick_photo, quick_frames, quick_fit, lambda model: iter(()))
 
 
 @pytest.fixture

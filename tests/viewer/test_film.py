@@ -49,6 +49,14 @@ def test_playing_goes_with_the_clock_and_round(session: Session, film: Film, clo
     assert film.playing
 
 
+def test_a_key_at_the_end_of_a_loop_is_the_one_it_stands_on(film: Film) -> None:
+    film.seek(film.timeline.length)
+    film.add_key()
+    assert film.key == 2
+    film.add_key()
+    assert len(film.timeline.keys) == 3
+
+
 def test_what_is_no_loop_ends_and_begins_anew(session: Session, film: Film, clock: Clock) -> None:
     film.set_loop(False)
     film.play()

@@ -1,4 +1,5 @@
 import json
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,8 @@ from core.codes import CodeBook, Codes
 from core.fit import FitJob, FitStep
 from core.model import Model
 from core.photos import Framing
-from tests.viewer.window_driver import broken_fit, endless_fit, finish
+from tests.core.tiny import tiny_model
+from tests.viewer.window_driver import broken_fit, deliver, endless_fit, finish, quick_frames
 from viewer import orbit
 from viewer.course import Source
 from viewer.exporting import VideoChoice
@@ -377,6 +379,24 @@ def test_a_picture_that_is_cut_out_by_hand_must_be_one(session: Session, bad_fil
         assert session.history is before
         assert session.errors or session.cutting.problem, path.name
         session.cutting.close()
+
+
+def test_a_cut_out_is_shown_before_it_can_be_framed(worker: Worker, photo: Path) -> None:
+    ready, tiny = threading.Event(), tiny_model()
+
+    def preparing(model: Model) -> Iterator[None]:
+        while not ready.is_set():
+            yield None
+
+    session = Session(worker, Streams(lambda name: tiny, frames=quick_frames, preparing=preparing), seed=0)
+    session.open_model("chairs")
+    deliver(session, lambda: session.ready)
+    session.cutting.open((Source(photo),), 0)
+    deliver(session, lambda: session.cutting.cut is not None)
+    assert session.cutting.cut.framed is None
+    ready.set()
+    finish(session)
+    assert session.cutting.cut.framed is not None
 
 
 def test_files_that_are_no_pictures_are_told_and_change_nothing(

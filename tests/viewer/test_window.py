@@ -369,7 +369,8 @@ def test_a_fit_goes_on_from_a_step_and_from_the_view(drive: Drive, photo: Path) 
         window.wait(lambda: not fitting.running)
         window.click("Fit/scrub")
         kept = fitting.course.steps[: (fitting.course.at or 0) + 1]
-        window.click("Fit/###go on")
+        window.click("Fit/###fit again")
+        window.click("**/###go on")
         window.wait(lambda: not fitting.running)
         assert fitting.course.steps[: len(kept)] == kept
         assert len(fitting.course.steps) == len(kept) + 10
@@ -379,12 +380,14 @@ def test_a_fit_goes_on_from_a_step_and_from_the_view(drive: Drive, photo: Path) 
         assert session.gallery.names[:2] == ["block (2)", "block"]
         window.drag("View/orbit", 150)
         turned = session.scene.camera
-        window.click("Fit/###from view")
+        window.click("Fit/###fit again")
+        window.click("**/###from view")
         window.wait(lambda: not fitting.running)
         assert fitting.camera == turned
         window.click("Fit/##effort")
         window.click("**/draft")
-        window.click("Fit/###again")
+        window.click("Fit/###fit again")
+        window.click("**/###again")
         window.wait(lambda: not fitting.running)
         assert fitting.effort == "draft"
         assert len(fitting.course.steps) == 10
@@ -406,12 +409,15 @@ def test_the_race_is_seen_and_a_hypothesis_preferred(
         window.drag("Race/cameras", 40, 10)
         window.ctx.mouse_move("//Race/**/hypothesis 2")
         window.click("Race/**/hypothesis 3")
-        window.wait(lambda: fitting.running and len(fitting.course.steps) > 0)
+        window.wait(lambda: fitting.running and fitting.race.tiles[0].hypothesis.start == third.start)
         assert fitting.race.tiles[0].hypothesis.cameras[0].azimuth == third.cameras[0].azimuth
+        window.show("Objects")
         window.click("Fit/###stop fit")
         assert session.scene.camera.azimuth == third.cameras[0].azimuth
         window.wait()
         assert window.ctx.item_exists("//Objects/**/show block")
+        window.show("Race")
+        assert window.ctx.item_exists("//Race/cameras")
 
     def held(model: Model, job: FitJob) -> Iterator[FitStep]:
         while True:
@@ -487,6 +493,8 @@ def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Stream
         window.desk.drop([str(tmp_path / "busy.png")])
         window.wait(lambda: cutting.active and not session.worker.busy())
         assert "no plain ground" in cutting.problem
+        window.press(imgui.Key.f1)
+        assert not window.desk.help_open
         assert session.errors == []
         assert session.history is before
         canvas = "//Cut out###cutout/**/canvas"
@@ -642,7 +650,8 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, st
         window.click("Fit/###stop fit")
         window.click("Fit/###photo camera")
         begin.set()
-        window.click("Fit/###again")
+        window.click("Fit/###fit again")
+        window.click("**/###again")
         window.wait(lambda: not fitting.running)
         assert session.gallery.names[0] == "block"
         assert session.errors == []
@@ -851,6 +860,8 @@ def test_a_film_is_made_and_exported(drive: Drive, streams: Streams, tmp_path: P
     def act(window: Driver) -> None:
         session, made = window.session, window.session.film
         window.show("Timeline")
+        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###film form", "time"))
+        assert line.min.y > buttons.max.y
         window.click("Timeline/###add key")
         first = session.scene
         made.seek(2.0)

@@ -86,14 +86,19 @@ def broken_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         yield step
 
 
-def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
-    """Deliver until nothing is under way and ``until`` holds."""
+def deliver(session: Session, until: Callable[[], bool], longest: float = 60.0) -> None:
+    """Deliver until something holds."""
     end = time.monotonic() + longest
     session.tick()
-    while session.worker.busy() or not until():
+    while not until():
         session.tick()
         assert time.monotonic() < end, "the worker does not come to an end"
         time.sleep(0.002)
+
+
+def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
+    """Deliver until nothing is under way and ``until`` holds."""
+    deliver(session, lambda: not session.worker.busy() and until(), longest)
 
 
 class Driver:

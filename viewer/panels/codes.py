@@ -20,17 +20,13 @@ _REACH = 3.0
 """standard deviations to either side"""
 _STEPS = (-2, 0, 2)
 """standard deviations at which a strip shows the object"""
-_STILL = 64
+_STILL, _INFLUENCE = 64, 96
 """px"""
 _HELP = (
     "Direction {number}, {share:.0%} of how the trained objects differ in {part}.\n"
     "In standard deviations; 0 is the mean. Ctrl+click to type, right click for 0."
 )
 _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
-
-
-_INFLUENCE = 96
-"""px"""
 
 
 class CodesPanel:

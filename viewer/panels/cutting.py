@@ -132,9 +132,14 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     imgui.dummy((side, side))
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(desk.palette.raised))
-    if cutting.cut and desk.images:
+    if cutting.cut and cutting.cut.framed is not None and desk.images:
         texture = desk.images.texture(cutting.cut.framed, desk.palette)
         draw.add_image(texture, corner, corner + ImVec2(side, side))
+    else:
+        told = "Framing it …" if cutting.cut else f"{cutting.problem[:1].upper()}{cutting.problem[1:]}"
+        pad = 0.6 * hello_imgui.em_size()
+        font, colour = imgui.get_font(), packed(desk.palette.text)
+        draw.add_text(font, imgui.get_font_size(), corner + ImVec2(pad, pad), colour, told, wrap_width=side - 2 * pad)
     tip("As it will be fitted")
     framing, width = cutting.framing, -1.0
     imgui.set_next_item_width(width)
@@ -144,8 +149,6 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     imgui.set_next_item_width(width)
     down = imgui.slider_float("##down", framing.down, -0.3, 0.3, "Down %.2f")[1]
     cutting.frame(Framing(scale, across, down))
-    if cutting.problem:
-        imgui.text_wrapped(f"{cutting.problem[0].upper()}{cutting.problem[1:]}")
 
 
 def _draw_end(desk: Desk, cutting: Cutting) -> None:

@@ -8,10 +8,12 @@ from viewer.curve import Curve
 from viewer.desk import IMAGES, Desk, button, flow, tip
 from viewer.files import Wish
 from viewer.fitting import EFFORTS, Fitting
+from viewer.theme import WARM
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
 _ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS
 _SCISSORS = icons_fontawesome_4.ICON_FA_CUT
+_AGAIN = f"Fit again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 
 _OTHER_HELP = """Try the other camera, which explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
@@ -33,14 +35,10 @@ class Fit:
     def __init__(self) -> None:
         self._comparison = Comparison()
         self._curve = Curve()
-        self._running = False
 
     def draw(self, desk: Desk) -> None:
         """Buttons, the comparison, and the curve."""
         fitting = desk.session.fitting
-        if fitting.running and not self._running:
-            desk.beside = "Race"
-        self._running = fitting.running
         if fitting.running:
             _draw_progress(fitting)
         else:
@@ -95,35 +93,47 @@ def _draw_start(desk: Desk, fitting: Fitting) -> None:
 
 def _draw_more(desk: Desk, fitting: Fitting) -> None:
     """What can be done with a fit that is over, be it that it was stopped before its first step."""
-    _draw_trust(fitting)
-    fitted = bool(fitting.course.steps)
+    flow(_CAMERA)
     told = "Jump to the camera that the photo was found to be taken from"
-    if button(f"{_CAMERA}###photo camera", told, enabled=fitted):
+    if button(f"{_CAMERA}###photo camera", told, enabled=bool(fitting.course.steps)):
         desk.session.look(fitting.camera)
+    _draw_trust(desk, fitting)
     if (other := fitting.alternative) is not None:
         flow("Other camera")
         if button("Other camera###other camera", _OTHER_HELP):
             desk.session.look(other)
+    flow(_AGAIN)
+    if button(f"{_AGAIN}###fit again", "Fit the same photo once more: ways to begin"):
+        imgui.open_popup("again")
+    if imgui.begin_popup("again"):
+        _draw_ways(fitting)
+        imgui.end_popup()
+
+
+def _draw_ways(fitting: Fitting) -> None:
+    """Where to begin once more, with the work chosen above."""
     can = fitting.going_on is not None
-    flow("Go on")
-    if button("Go on###go on", _ON_HELP, enabled=can):
-        fitting.go_on()
-    flow("From the view")
-    if button("From the view###from view", _VIEW_HELP, enabled=can):
-        fitting.go_on_from_view()
-    flow("Again")
-    if button("Again###again", "Fit again from the beginning, with the work chosen above"):
-        fitting.again()
+    ways = (
+        ("From the step shown###go on", _ON_HELP, fitting.go_on, can),
+        ("From the view###from view", _VIEW_HELP, fitting.go_on_from_view, can),
+        ("From the beginning###again", "All cameras race again", fitting.again, True),
+    )
+    for label, told, act, enabled in ways:
+        if imgui.menu_item_simple(label, enabled=enabled):
+            act()
+        tip(told)
 
 
-def _draw_trust(fitting: Fitting) -> None:
-    """At the end of the line above."""
+def _draw_trust(desk: Desk, fitting: Fitting) -> None:
+    """How sure the camera is."""
     step = fitting.course.step
     if step is None or step.confidence is None:
         return
-    told = f"Camera: {in_words(step.confidence)}"
+    words = in_words(step.confidence)
+    told = f"Camera: {words}"
     flow(told)
-    imgui.text(told)
+    imgui.align_text_to_frame_padding()
+    imgui.text_colored((*(WARM if words == "doubtful" else desk.palette.text), 1.0), told)
     tip(
         f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees. A doubtful one may "
         "be seen from the object's other side"
@@ -133,12 +143,12 @@ def _draw_trust(fitting: Fitting) -> None:
 def _draw_told(fitting: Fitting) -> None:
     """At the end of the line of modes."""
     if (last := fitting.course.last) is not None and not fitting.running:
-        told = f"{last.psnr:.1f} dB   {last.seconds:.0f} s"
+        told = f"{last.psnr:.1f} dB"
         imgui.same_line()
         left = imgui.get_content_region_avail().x - imgui.calc_text_size(told).x
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, left))
         imgui.text_disabled(told)
-        tip(fitting.course.name)
+        tip(f"{fitting.course.name}, fitted in {last.seconds:.0f} s")
 
 
 def _draw_views(fitting: Fitting) -> None:

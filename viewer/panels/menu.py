@@ -10,6 +10,8 @@ from core.library import samples, shipped_models
 from viewer.desk import Desk, tip
 from viewer.preferences import LARGEST, SMALLEST
 
+_Chord = tuple[int, Callable[[], None]]
+
 
 def draw(desk: Desk) -> None:
     """Menus, and at their right what is going on."""
@@ -53,33 +55,43 @@ def draw(desk: Desk) -> None:
 
 def keys(desk: Desk) -> None:
     """Shortcuts; to be called once a frame, outside of any window."""
-    session, mod, key = desk.session, imgui.Key, imgui.Key
-    chords: list[tuple[int, Callable[[], None]]] = [(mod.mod_ctrl | key.q, desk.quit)]
-    if not session.cutting.active:  # where undo has another meaning
-        chords += [
-            (mod.mod_ctrl | key.z, session.undo),
-            (mod.mod_ctrl | mod.mod_shift | key.z, session.redo),
-            (mod.mod_ctrl | key.y, session.redo),
-        ]
-    for plus, minus in ((key.equal, key.minus), (key.keypad_add, key.keypad_subtract)):
-        chords += [
-            (mod.mod_ctrl | plus, partial(desk.size_text, 1)),
-            (mod.mod_ctrl | minus, partial(desk.size_text, -1)),
-        ]
-    if session.ready and not session.cutting.active:
-        for digit, view in enumerate(("front", "side", "top", "photo"), 1):
-            for pressed in (getattr(key, f"_{digit}"), getattr(key, f"keypad{digit}")):
-                chords.append((pressed, partial(session.see_from, view)))
-        chords += [(mod.mod_ctrl | key.s, desk.save_scene), (mod.mod_ctrl | key.o, desk.open_scene)]
-        chords += [(key.space, session.film.toggle), (key.k, session.film.add_key), (key.r, session.randomise_all)]
-        if not session.fitting.running:
-            chords += [(mod.mod_ctrl | key.i, desk.fit_image), (mod.mod_ctrl | key.v, desk.paste)]
+    key, typing = imgui.Key, imgui.get_io().want_text_input
+    chords = [(key.mod_ctrl | key.q, desk.quit), *_text_keys(desk)]
+    if not desk.session.cutting.active:  # which has keys of its own, and would hide the help
+        chords += _edit_keys(desk)
+        asked = imgui.is_key_chord_pressed(key.mod_shift | key.slash) and not typing
+        if asked or imgui.is_key_pressed(key.f1, repeat=False):
+            desk.help_open = not desk.help_open
     for chord, act in chords:
-        if not imgui.get_io().want_text_input and imgui.is_key_chord_pressed(chord):
+        if not typing and imgui.is_key_chord_pressed(chord):
             act()
-    asked = imgui.is_key_chord_pressed(mod.mod_shift | key.slash) and not imgui.get_io().want_text_input
-    if asked or imgui.is_key_pressed(key.f1, repeat=False):
-        desk.help_open = not desk.help_open
+
+
+def _text_keys(desk: Desk) -> list[_Chord]:
+    key, chords = imgui.Key, list[_Chord]()
+    for plus, minus in ((key.equal, key.minus), (key.keypad_add, key.keypad_subtract)):
+        chords.append((key.mod_ctrl | plus, partial(desk.size_text, 1)))
+        chords.append((key.mod_ctrl | minus, partial(desk.size_text, -1)))
+    return chords
+
+
+def _edit_keys(desk: Desk) -> list[_Chord]:
+    session, key = desk.session, imgui.Key
+    chords: list[_Chord] = [
+        (key.mod_ctrl | key.z, session.undo),
+        (key.mod_ctrl | key.mod_shift | key.z, session.redo),
+        (key.mod_ctrl | key.y, session.redo),
+    ]
+    if not session.ready:
+        return chords
+    for digit, view in enumerate(("front", "side", "top", "photo"), 1):
+        see = partial(session.see_from, view)
+        chords += [(getattr(key, f"_{digit}"), see), (getattr(key, f"keypad{digit}"), see)]
+    chords += [(key.mod_ctrl | key.s, desk.save_scene), (key.mod_ctrl | key.o, desk.open_scene)]
+    chords += [(key.space, session.film.toggle), (key.k, session.film.add_key), (key.r, session.randomise_all)]
+    if not session.fitting.running:
+        chords += [(key.mod_ctrl | key.i, desk.fit_image), (key.mod_ctrl | key.v, desk.paste)]
+    return chords
 
 
 def _item(label: str, keys: str, act: Callable[[], None], enabled: bool = True) -> None:

@@ -75,7 +75,9 @@ class MixPanel:
         for part in PARTS:
             imgui.begin_disabled(part in desk.session.locked)
             imgui.set_next_item_width(width)
-            amount, label = getattr(desk.session.state.mix, part), f"{part.capitalize()}  %.2f"
+            amount = getattr(desk.session.state.mix, part)
+            wide = width > imgui.calc_text_size("Texture  0.00").x
+            label = f"{part.capitalize() if wide else faces.ICONS[part]}  %.2f"
             moved, to = imgui.slider_float(f"##mix {part}", amount, 0.0, 1.0, label)
             imgui.end_disabled()
             if moved:

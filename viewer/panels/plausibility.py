@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer import faces
-from viewer.desk import Desk, tip
+from viewer.desk import Desk, flow, tip
 from viewer.session import PARTS, Part
 from viewer.theme import Colour
 
@@ -45,7 +45,7 @@ class Plausibility:
         session, distance = desk.session, desk.session.distance(part)
         far, colour = _verdict(desk, distance)
         imgui.text(part.capitalize())
-        imgui.same_line()
+        flow(far)
         imgui.text_colored((*colour, 1.0), far)
         imgui.set_next_item_width(-1)
         imgui.push_style_color(imgui.Col_.slider_grab, (*colour, 1.0))
@@ -62,12 +62,13 @@ class Plausibility:
         if nearest is None:
             return
         name, distance = nearest
-        corner, side = imgui.get_cursor_screen_pos(), 5 * hello_imgui.em_size()
+        corner = imgui.get_cursor_screen_pos()
+        side = min(5 * hello_imgui.em_size(), 0.4 * imgui.get_content_region_avail().x)
         imgui.dummy(ImVec2(side, side))
         faces.paint(desk, name, corner, side)
         imgui.same_line()
         imgui.begin_group()
-        imgui.text_disabled("Nearest trained" if distance > 1e-4 else "Just the trained")
+        imgui.text_disabled("Nearest")
         imgui.text_wrapped(name)
         imgui.text_disabled(f"{distance:.2f} SD away")
         imgui.end_group()

@@ -31,13 +31,9 @@ class RacePanel:
     def __init__(self) -> None:
         self._onlooker = Onlooker()
         self._hovered: int | None = None
-        self._running = False
 
     def draw(self, desk: Desk) -> None:
         """Tiles on the left, cameras on the right."""
-        if self._running and not desk.session.fitting.running:
-            desk.beside = "Objects"  # which the result has joined
-        self._running = desk.session.fitting.running
         tiles = desk.session.fitting.race.tiles
         if not tiles:
             imgui.text_wrapped("While a fit runs, you see here which cameras race for your photo, the best one first")

@@ -42,10 +42,10 @@ def _told(desk: Desk) -> list[tuple[str, str]]:
     session = desk.session
     assert session.model is not None and session.frame is not None
     frame, device = session.frame, session.model.device
-    asked = "" if frame.asked is None else f", {frame.asked.mean():.1f} of them evaluated"
+    asked = "" if frame.asked is None else f", {frame.asked.mean():.1f} evaluated"
     return [
         ("Samples a ray", f"{frame.samples}{asked}"),
-        ("In motion", f"1/{session.pace.divisor} of the size, for {1000 * session.pace.budget:.0f} ms a picture"),
+        ("In motion", f"1/{session.pace.divisor} of the size, for {1000 * session.pace.budget:.0f} ms"),
         ("Number format", str(linear_dtype(device.type)).removeprefix("torch.")),
         ("Device", device.type if device.type == "cpu" else str(device)),
         ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),

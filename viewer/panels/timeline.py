@@ -59,7 +59,6 @@ class TimelinePanel:
         self._draw_numbers(desk, film)
         imgui.same_line()
         self._draw_export(desk)
-        imgui.same_line()
         self._draw_check(desk, film)
 
     def _draw_numbers(self, desk: Desk, film: Film) -> None:
@@ -108,6 +107,7 @@ class TimelinePanel:
         timeline = film.timeline
         if not timeline.keys:
             return
+        imgui.same_line()
         if self._seam[0] is not timeline and not imgui.is_mouse_down(imgui.MouseButton_.left):
             self._seam = timeline, timeline.seam()
         seam = self._seam[1]
@@ -133,6 +133,7 @@ def _draw_line(desk: Desk, film: Film) -> None:
     if not timeline.keys:
         imgui.set_cursor_screen_pos(corner + ImVec2(0, ruler + 0.3 * em))
         imgui.text_wrapped(_INVITATION)
+        return
     x = left + width * film.seconds / timeline.length
     line = packed(desk.palette.accent)
     imgui.get_window_draw_list().add_line((x, corner.y), (x, corner.y + ruler + side), line, 2.0)
@@ -155,7 +156,7 @@ def _draw_key(desk: Desk, film: Film, index: int, key: Key, corner: ImVec2, side
         if imgui.menu_item_simple("Remove"):
             film.remove_key(index)
         imgui.end_popup()
-    picture = desk.session.stills.picture(key.shot.codes, key.shot.camera.resized(_STILL, _STILL))
+    picture = desk.session.stills.picture(key.shot.codes, key.shot.camera.resized(_STILL, _STILL), soon=True)
     faces.paint_frame(desk, picture, corner, side)
     chosen = film.key == index
     faces.frame(corner, side, desk.palette.accent if chosen else mixed(desk.palette.panel, desk.palette.text, 0.4))

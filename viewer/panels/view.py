@@ -18,6 +18,7 @@ _REST = 0.6
 """s without wheel or keys after which the next nudge is a new edit"""
 _FINE = 0.2
 _MODES = {mode: mode.capitalize() for mode in MODES}
+_HINT = "Drag to turn    Wheel to zoom    Drop a photo to fit it    F1 for help"
 
 
 class View:
@@ -166,9 +167,6 @@ class View:
 def _next(mode: str) -> str:
     names = list(_MODES)
     return names[(names.index(mode) + 1) % len(names)]
-
-
-_HINT = "Drag to turn    Wheel to zoom    Drop a photo to fit it    F1 for help"
 
 
 def _note(centre: ImVec2, text: str) -> None:

@@ -61,8 +61,9 @@ class Visited:
 
 def _picture(desk: Desk, state: State, moving: bool) -> Frame | None:
     """A state's picture; none of one that a hand is changing, as it is another in the next frame."""
-    scene = state.scene
-    return None if moving else desk.session.stills.picture(scene.codes, scene.camera.resized(_STILL, _STILL))
+    scene, now = state.scene, state is desk.session.state
+    camera = scene.camera.resized(_STILL, _STILL)
+    return None if moving else desk.session.stills.picture(scene.codes, camera, soon=now)
 
 
 def _told(steps: int) -> str:
