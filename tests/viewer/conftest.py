@@ -39,8 +39,8 @@ def streams(model: Model) -> Streams:
 
 @pytest.fixture
 def real_streams(model: Model) -> Streams:
-    """Nothing stands in but the model, which is tiny."""
-    return Streams(load_model=lambda name: model)
+    """Nothing stands in but a tiny model. Its bank of views is left out: that of a mist takes a minute."""
+    return Streams(load_model=lambda name: model, preparing=lambda _: iter(()))
 
 
 @pytest.fixture
