@@ -25,7 +25,8 @@ class Codes:
             return NotImplemented
         return torch.equal(self.shape, other.shape) and torch.equal(self.texture, other.texture)
 
-    __hash__ = None  # type: ignore[assignment]
+    def __hash__(self) -> int:
+        return hash((*self.shape.tolist(), *self.texture.tolist()))
 
     def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
         """These codes at 0, the other's at 1, straight lines between, for shape and texture separately."""

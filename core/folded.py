@@ -3,6 +3,9 @@
 Two foldings are exact. A code's part of a block is a bias (see :class:`core.field.Field`), so the cost per point does
 not depend on the codes. And the feature layer is linear with nothing between it and the two layers that follow, so
 it is multiplied into both.
+
+A third one is nearly so. An encoding looks at each axis by itself, and a layer is linear in it: what it makes of a
+point, or of a direction, is a function of x, plus one of y, plus one of z. These are tables.
 """
 
 from collections.abc import Sequence
@@ -22,16 +25,25 @@ from core.precision import linear_dtype
 
 _CHUNK_POINTS = 8192
 """Points evaluated in one go: few enough that activations stay in cache."""
+_ENTRIES = 8192
+"""Places along each axis at which a layer of an encoding is known."""
+_BEYOND = 1.1
+"""For points they reach so far, in half sizes of the scene's box: samples of rays may be moved out of it a little."""
+_PAINTED = 1.0
+"""Scene units that they reach where the network paints the ground, around the box too."""
 
 
 class FieldWeights(NamedTuple):
     """What no code changes, in the number format that this machine multiplies fastest."""
 
     point: tuple[Tensor, Tensor]
+    at_point: "_Tables"
+    """the same of a point that is not encoded yet"""
     shape_blocks: tuple[Tensor, ...]
     density: tuple[Tensor, Tensor]
     direction: Tensor
     view: tuple[Tensor, Tensor]
+    at_view: "_Tables"
     texture_blocks: tuple[Tensor, ...]
     hidden: tuple[Tensor, Tensor]
     rgb: tuple[Tensor, Tensor]
@@ -49,7 +61,7 @@ class Folded:
 
     def first(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """The activations of the first layer, which depend on no code."""
-        return _first(self.field, self._weights, points)
+        return self._weights.at_point(points).relu_()
 
     def density(
         self, first: Float[Tensor, "points width"]
@@ -59,8 +71,7 @@ class Folded:
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """The viewing direction's part of the first texture layer."""
-        encoded = encode(directions, self.field.config.direction_octaves).to(self.dtype)
-        return functional.linear(encoded, *self._weights.view)
+        return self._weights.at_view(directions)
 
     def colour(
         self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
@@ -82,16 +93,11 @@ def densities(
     weights = field_weights(model, linear_dtype(model.device.type))
     biases = shape_bias.to(weights.direction.dtype)
     rows = [
-        _density(model.field, weights, _first(model.field, weights, part), bias.unbind(0))[0]
+        _density(model.field, weights, weights.at_point(part).relu_(), bias.unbind(0))[0]
         for one, bias in zip(points, biases, strict=True)
         for part in one.split(_CHUNK_POINTS)
     ]
     return torch.cat(rows).reshape(points.shape[:-1])
-
-
-def _first(field: Field, weights: FieldWeights, points: Tensor) -> Tensor:
-    encoded = encode(points, field.config.point_octaves).to(weights.direction.dtype)
-    return linear_relu(encoded, *weights.point)
 
 
 def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
@@ -118,14 +124,43 @@ def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     def layer(name: str) -> tuple[Tensor, Tensor]:
         return cast(field.get_parameter(f"{name}.weight")), cast(field.get_parameter(f"{name}.bias"))
 
-    sigma = field.density_layer
+    sigma, point = field.density_layer, field.point_layer
+    view = entry.weight[:, width:], from_features @ features.bias + entry.bias
+    reach = torch.full_like(model.extent_tensor, _PAINTED) if model.painted_ground else _BEYOND * model.extent_tensor
     return FieldWeights(
         point=layer("point_layer"),
+        at_point=_Tables.of(field.config.point_octaves, point.weight, point.bias, reach, dtype),
         shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),
         density=(cast(sigma.weight @ features.weight), cast(sigma.weight @ features.bias + sigma.bias)),
         direction=cast(from_features @ features.weight),
-        view=(cast(entry.weight[:, width:]), cast(from_features @ features.bias + entry.bias)),
+        view=(cast(view[0]), cast(view[1])),
+        at_view=_Tables.of(field.config.direction_octaves, *view, torch.ones_like(reach), dtype),
         texture_blocks=tuple(layer(f"texture_block.{index}")[0] for index in range(field.config.texture_blocks)),
         hidden=layer("colour_hidden"),
         rgb=layer("colour_layer"),
     )
+
+
+class _Tables(NamedTuple):
+    """A linear layer of an encoding, whose axes it adds up, as a function of x, of y, of z."""
+
+    reach: Float[Tensor, "3"]
+    """from the middle to either end"""
+    entries: Float[Tensor, "entries outputs"]
+    """of x, of y, of z, one behind the other; the bias is in the first"""
+
+    @classmethod
+    def of(cls, octaves: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype) -> "_Tables":
+        """An entry is right in its middle."""
+        places = ((torch.arange(_ENTRIES, device=reach.device) + 0.5) * (2 / _ENTRIES) - 1)[:, None] * reach
+        origin = encode(torch.zeros_like(reach), octaves)
+        along = encode(torch.diag_embed(places).movedim(1, 0), octaves) - origin  # axes, entries, encoded
+        outputs = functional.linear(along, weight)
+        outputs[0] += functional.linear(origin, weight, bias)
+        return cls(reach, outputs.flatten(0, 1).to(dtype))
+
+    def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
+        """What the layer makes of the encoded values."""
+        entry = (values * (_ENTRIES / (2 * self.reach)) + _ENTRIES / 2).clamp_(0, _ENTRIES - 1).int()
+        entry += torch.arange(0, 3 * _ENTRIES, _ENTRIES, device=values.device, dtype=torch.int)
+        return functional.embedding_bag(entry, self.entries, mode="sum")

@@ -7,6 +7,7 @@ texture and is kept: a new texture is a second pass over what is kept. A new vie
 from collections import OrderedDict
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -50,7 +51,7 @@ def march(
             the move.
     """
     with torch.inference_mode():
-        folded = Folded(model, codes)
+        folded = _folded(model, codes)
     kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples, whole))
     parts = []
     for chunk in kept:
@@ -104,6 +105,12 @@ _kept: OrderedDict[View, list[Chunk]] = OrderedDict()
 def keeps(model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True) -> bool:
     """Whether :func:`march` has only colours to find, as it has drawn this shape from this camera lately."""
     return View(model, tuple(codes.shape.tolist()), camera, samples, whole) in _kept
+
+
+@lru_cache(maxsize=4)
+def _folded(model: Model, codes: Codes) -> Folded:
+    """Of the codes drawn last: a new view does not change them."""
+    return Folded(model, codes)
 
 
 def forget_views() -> None:
@@ -217,7 +224,7 @@ def _rounds(
 
 def _coloured(folded: Folded, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     """The colours of a chunk's rays, on white."""
-    direction_bias = folded.direction_bias(filled(chunk.directions))
+    direction_bias = folded.direction_bias(chunk.directions)
     mixed = torch.zeros_like(chunk.directions)
     for ray, share, y in zip(*(part.split(_BLOCK) for part in (chunk.ray, chunk.share, chunk.y)), strict=True):
         colour = folded.colour(filled(y), direction_bias.index_select(0, filled(ray)))[: len(ray)]
