@@ -105,8 +105,8 @@ class FitStep:
     alternative: Alternative | None = None
     """in the last step, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
-    """logarithm of the alternative's loss over the result's; comes with the alternative, but
-    where a fit went on from a given hypothesis"""
+    """logarithm of the alternative's loss over the result's at the end of the race, from where only the result goes on;
+    comes with the alternative, but where a fit went on from a given hypothesis"""
     race: tuple[Hypothesis, ...] = ()
     """those that have not diverged, the least loss first; the rival of the last stage among them. The pictures are
     those of the race: where several cameras are unknown, each has one of its own before they meet."""
@@ -128,7 +128,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     steps = whole.steps + sum(part.race.steps for part in parts)
     done, found, finalists = 0, list(whole.given), []
     for part in parts:
-        for pool in part.race.descended(part.race.entered()):
+        for pool in part.race.descended(part.race.entered(), part.race.plan):
             done += 1
             step = part.race.reported(_Standing(pool), done, steps, began)
             for view, camera in zip(part.views, step.cameras, strict=True):
@@ -159,9 +159,9 @@ class _Standing(NamedTuple):
 
     pool: Pool
     rival: Pool | None = None
-    """the best hypothesis of another basin, once measured"""
-    margin: float = 0.0
-    """logarithm of its objective over that of the best one"""
+    """the best hypothesis of another basin, from when only one goes on"""
+    margin: float = math.nan
+    """logarithm of its objective over that of the best one, when only one went on; in the end"""
 
 
 class _Part(NamedTuple):
@@ -218,7 +218,7 @@ class _Race:
         for view in unknown:
             views = [*known, view]
             race = _Race.of(self.model, replace(job, photos=tuple(job.photos[view] for view in views)))
-            parts.append(_Part(views, replace(race, plan=race.plan[:-2])))
+            parts.append(_Part(views, replace(race, plan=race.plan[:-3])))
         return parts
 
     @property
@@ -283,13 +283,25 @@ class _Race:
 
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured."""
-        descended = self._descended_as_in_the_paper if self.settings.paper else self.descended
-        for done, left in enumerate(descended(pool), 1):
-            yield _Standing(left) if done < self.steps else self._ended(left, pool)
+        if self.settings.paper:
+            yield from map(_Standing, self._descended_as_in_the_paper(pool))
+            return
+        *racing, last = self.plan
+        left = pool
+        for left in self.descended(pool, racing):
+            yield _Standing(left)
+        ended = self._ended(left, pool)
+        alone = descent(self.model, ended.pool, *self._pixels(last), last, self._during(last), self._free)
+        for done, best in enumerate(alone, 1):
+            if done < last.steps:
+                yield _Standing(best, ended.rival)
+        yield ended._replace(pool=self._better(ended.pool, best))
 
-    def descended(self, pool: Pool) -> Iterator[Pool]:
-        """What is left of the hypotheses after every step."""
-        *stages, last = self.plan
+    def descended(self, pool: Pool, plan: Sequence[Stage]) -> Iterator[Pool]:
+        """What is left of the hypotheses after every step of some stages."""
+        if not plan:
+            return
+        *stages, last = plan
         for stage in stages:
             pool = self.cut(pool, stage)
             for step in range(stage.steps):
@@ -319,15 +331,18 @@ class _Race:
 
     def _ended(self, pool: Pool, began: Pool) -> _Standing:
         """The best of what is left and of where that began, with what stands against it: mostly its twin."""
-        if self.settings.paper:
-            return _Standing(pool)
-        leader = pool.leader
-        rest = self.measured(joined(pool, began[pool.start.unique()], twin_of(pool, leader, self.unknown)))
+        leader, before = pool.leader, began[torch.isin(began.start, pool.start).nonzero()[:, 0]]
+        rest = self.measured(joined(pool, before, twin_of(pool, leader, self.unknown)))
         best = rest[torch.tensor([rest.leader])]
         if not bool(self.unknown.any()):
             return _Standing(best)
         rival = rival_of(best, rest, self.unknown)
         return _Standing(best, rival, math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)))
+
+    def _better(self, before: Pool, after: Pool) -> Pool:
+        """Of one hypothesis where it was and where it is now the better, as measured."""
+        rest = self.measured(joined(before, after))
+        return rest[torch.tensor([rest.leader])]
 
     def cut(self, pool: Pool, stage: Stage) -> Pool:
         """The best go on, one from each basin first; the leader's twin is set up again where it is lost."""
@@ -359,7 +374,7 @@ class _Race:
             cameras(self.model, pool.numbers, leader, self.given),
             codes(self.model, pool.numbers, leader, self.by),
             len(pool),
-            race=self._ranked(pool if rival is None else joined(pool, rival)),
+            race=self._ranked(pool) + (() if rival is None else self._ranked(rival)),
         )
         if rival is None or not math.isfinite(standing.margin) or int(self.unknown.sum()) > 1:
             return shown

@@ -12,8 +12,8 @@ class FitSettings:
     starts: int = 24
     """cameras to begin from, for every picture whose camera is unknown"""
     steps: int = 36
-    rays: int = 512
-    """per picture and step for the last hypotheses; the many in the beginning get fewer each"""
+    rays: int = 1024
+    """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
     samples: int = 64
     """along a ray"""
     prior: float = 1e-5
@@ -31,9 +31,9 @@ class FitSettings:
 
 
 PRESETS = {
-    "draft": FitSettings(starts=12, steps=20, rays=256),
+    "draft": FitSettings(starts=12, steps=20, rays=512),
     "normal": FitSettings(),
-    "fine": FitSettings(starts=40, steps=64, rays=768),
+    "fine": FitSettings(starts=40, steps=64, rays=1536),
     # Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the
     # same slopes on average.
     "paper": FitSettings(starts=1, steps=299, rays=512, samples=64, prior=1e-4, paper=True),
@@ -55,17 +55,18 @@ class Stage(NamedTuple):
     """while a camera is far off, codes must not explain what only the right camera can"""
 
 
-_MOST = (math.inf, math.inf, 6, 4, 2)
+_MOST = (math.inf, math.inf, 6, 4, 2, 1)
 """hypotheses in each stage; the second has half of the first's"""
-_STEPS = (6, 6, 6, 6, 8)
-_RAYS = (1 / 8, 3 / 16, 5 / 16, 1 / 2, 1)
-_SAMPLES = (3 / 4, 3 / 4, 1, 1, 1)
-_RANKS = (8, 16, 32, 64, 10_000)
-_PRIORS = (50, 30, 10, 3, 1)
+_STEPS = (6, 6, 6, 6, 4, 8)
+_RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
+_SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
+_RANKS = (8, 16, 32, 64, 10_000, 10_000)
+_PRIORS = (50, 30, 10, 3, 1, 1)
 
 
 def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
-    """The race: half of the starts after the first stage, then the best of six basins, of four, and of two.
+    """The race: half of the starts after the first stage, then the best of six basins, of four, of two; the last
+    stage is the winner's alone.
 
     Where there is nothing to race for, the same stages with one hypothesis; the paper has just one.
     """

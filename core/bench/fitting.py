@@ -13,7 +13,6 @@ import numpy as np
 
 from core.bench.rendering import machine
 from core.bench.subjects import OTHERS, Subject, looks_alike
-from core.camera import Camera
 from core.confidence import RIGHT_DEGREES, Calibration, calibrated, confidence, separation
 from core.evaluate import Mean, compared, mean_of, photo
 from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
@@ -53,7 +52,7 @@ class Trial:
     trace: tuple[float, ...]
     """degrees at :data:`TIMES`"""
     symmetric: bool
-    """far off, and yet the object looks as from its true camera; known of a model's own objects only"""
+    """far off, and yet the object looks as from its true camera, as far as the model knows it"""
 
     @property
     def off(self) -> float:
@@ -135,13 +134,9 @@ def _trial(model: Model, subject: Subject, preset: str, settings: FitSettings, s
     away = translation_error(last.cameras[0], subject.camera)
     quality = last.psnr, float(np.mean(held_out)) if held_out else math.nan
     trace = tuple(errors[_reached(steps, time)] for time in TIMES)
-    symmetric = errors[-1] > _FAR and _symmetric(model, subject, last.cameras[0])
+    symmetric = errors[-1] > _FAR and looks_alike(model, subject.codes, last.cameras[0], subject.camera, _ALIKE)
     found = (last.seconds, errors[0], errors[-1], away, *quality, last.margin, last.confidence, trace, symmetric)
     return Trial(preset, views.name, index, *found)
-
-
-def _symmetric(model: Model, subject: Subject, found: Camera) -> bool:
-    return subject.codes is not None and looks_alike(model, subject.codes, found, subject.camera, _ALIKE)
 
 
 def _reached(steps: Sequence[FitStep], seconds: float) -> int:

@@ -13,6 +13,8 @@ from torch import Tensor
 from core.camera import Camera
 from core.codes import Codes
 from core.dataset import ObjectPlace, ObjectViews
+from core.evaluate import photo
+from core.fit import PRESETS, FitJob, fit
 from core.frames import RenderSettings
 from core.march import marched
 from core.metrics import psnr
@@ -30,8 +32,8 @@ class Subject(NamedTuple):
 
     views: ObjectViews
     view: int
-    codes: Codes | None = None
-    """what it was drawn from, where that is known"""
+    codes: Codes
+    """what it was drawn from; or what a few of its views with their cameras were fitted to"""
 
     @property
     def camera(self) -> Camera:
@@ -50,11 +52,15 @@ def own_subjects(model: Model, count: int, generator: torch.Generator) -> Iterat
         )
 
 
-def dataset_subjects(places: Sequence[ObjectPlace], generator: torch.Generator) -> Iterator[Subject]:
+def dataset_subjects(model: Model, places: Sequence[ObjectPlace], generator: torch.Generator) -> Iterator[Subject]:
     """A view of every object of a dataset, drawn by lot."""
     for place in places:
         views = place.read()
-        yield Subject(views, int(torch.randint(len(views.cameras), (), generator=generator)))
+        some = tuple(
+            photo(views, index, True) for index in range(0, len(views.cameras), -(-len(views.cameras) // OTHERS))
+        )
+        *_, known = fit(model, FitJob(some, PRESETS["draft"]))
+        yield Subject(views, int(torch.randint(len(views.cameras), (), generator=generator)), known.codes)
 
 
 def spread_objects(model: Model, count: int) -> list[tuple[str, Codes]]:

@@ -59,7 +59,7 @@ def bench_fit(chosen: argparse.Namespace) -> None:
     generator = torch.Generator().manual_seed(chosen.seed)
     if chosen.dataset:
         places = _spread(_places(model, [chosen.dataset]), chosen.objects)
-        seen = dataset_subjects(places, generator)
+        seen = dataset_subjects(model, places, generator)
     else:
         seen = own_subjects(model, chosen.objects, generator)
     found = _watched(fitting.measured(model, tuple(seen)))
