@@ -64,10 +64,9 @@ class Autosave:
     def _write(self) -> None:
         session, self._when = self._session, self._clock()
         self._written = session.state
-        things = tuple(session.gallery[name] for name in session.gallery.names[::-1] if session.gallery[name].photo)
         try:
             with whole_file(self._file) as partial:
-                partial.write_text(Saved.of(session.opened, session.state, things).text)
+                partial.write_text(Saved.of(session.opened, session.state, session.gallery.added).text)
         except ValueError as error:
             self._session.report("Cannot save the session as it goes on", error)
 

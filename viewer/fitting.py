@@ -17,8 +17,10 @@ from core.camera import Camera
 from core.cutout import NoGroundError
 from core.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.frames import Frame, RenderJob, RenderSettings
+from viewer import orbit
 from viewer.course import Course, Shot, Source, paired
 from viewer.gallery import Thing
+from viewer.history import State
 from viewer.race import Race
 from viewer.worker import Job
 
@@ -51,11 +53,11 @@ class Fitting:
         """Forget the fit; one under way is dropped."""
         self._session.worker.cancel("fit")
         self._session.worker.cancel("fit picture")
-        self.race.stop()
-        self.race.tiles = ()
+        self.race.reset()
         self.course = Course()
         """of the fit under way, or of the last one"""
         self.running = False
+        self._untouched: State | None = None
         self._looked, self._unseen = 0.0, 0
 
     # What is fitted
@@ -130,6 +132,12 @@ class Fitting:
     # What is looked at
 
     @property
+    def followed(self) -> bool:
+        """The view shows the fit on its way: nobody has changed the scene since it began."""
+        session = self._session
+        return self.running and session.ready and session.state is self._untouched and not session.film.playing
+
+    @property
     def camera(self) -> Camera:
         """The photo's camera in the step looked at, at the size of the model's pictures. Only once there are steps."""
         assert self.course.step is not None, "no fit yet"
@@ -176,7 +184,8 @@ class Fitting:
         assert model is not None, "no model yet"
         self.reset()
         self.course, self.running = course, True
-        self.race.tiles = race if begin else ()
+        self.race.reset(race if begin else ())
+        self._untouched = self._session.state
         settings = PRESETS[self.effort]
         if begin:
             settings = replace(settings, steps=max(1, settings.steps // _GOING_ON))
@@ -184,7 +193,8 @@ class Fitting:
         def ended(error: Exception | None) -> None:
             read = len(self.course.shots)
             if error and len(self.course.steps) == len(course.steps):
-                self.course, self.race.tiles = before, race
+                self.course = before
+                self.race.reset(race)
             self._ended(error)
             if isinstance(error, NoGroundError):
                 self._session.cutting.open(course.sources, read)
@@ -218,13 +228,20 @@ class Fitting:
         self._looked, self._unseen = time.monotonic(), 0
         model, step, view = self._session.model, self.course.step, self.course.view
         assert model is not None and step is not None
-        job = RenderJob(step.codes, step.cameras[view], settings)
+        camera = step.cameras[view]
+        whole = orbit.filling(camera, *self._session.panel, camera.height)
+        if not self.followed:
+            whole = orbit.filling(camera, camera.width, camera.height, camera.height)
+        job = RenderJob(step.codes, whole.camera, settings)
 
         def pictured(frame: Frame) -> None:
+            if self.followed:
+                self._session.put(frame, whole)
             shot = self.course.shot
             if shot and view == self.course.view:
-                difference = _doubled_difference(shot.pixels, frame.image)
-                self.course = replace(self.course, picture=frame, difference=difference)
+                picture = whole.middle(camera).cropped(frame)
+                difference = _doubled_difference(shot.pixels, picture.image)
+                self.course = replace(self.course, picture=picture, difference=difference)
 
         def failed(error: Exception | None) -> None:
             if error:
@@ -240,16 +257,18 @@ class Fitting:
             self._finish("Fitted")
             return
         self.running = False
-        self.race.stop()
+        self.race.over()
+        self._session.render()
         if not isinstance(error, NoGroundError):  # for which there is a dialog
             self._session.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:
         self.running = False
-        self.race.stop()
+        self.race.over()
         self.course = replace(self.course, at=None)
         name, last = self.course.name, self.course.last
         if last is None:
+            self._session.render()
             self._session.say(f"{how} before there was a result")
             return
         self._look(_FINISHED)

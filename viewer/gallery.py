@@ -1,4 +1,4 @@
-"""The objects at hand: those the model was trained on, and those fitted since; with small pictures of them."""
+"""The objects at hand: those the model was trained on, and those added since; with small pictures of them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Thing:
     name: str
     codes: Codes
     photo: Photo | None = None
-    """what it was fitted to; None where it is one of the model's own"""
+    """what it was fitted to, if it was"""
 
 
 class Gallery:
@@ -38,6 +38,7 @@ class Gallery:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._things: dict[str, Thing] = {}
+        self._own = 0
         self._pictures: dict[str, Frame] = {}
         self._asked: set[str] = set()
         self._waiting: deque[str] = deque()
@@ -47,9 +48,14 @@ class Gallery:
 
     @property
     def names(self) -> list[str]:
-        """Fitted objects first, the newest in front, then the model's own."""
-        fitted = [name for name, thing in self._things.items() if thing.photo]
-        return fitted[::-1] + [name for name, thing in self._things.items() if not thing.photo]
+        """Added objects first, the newest in front, then the model's own."""
+        names = list(self._things)
+        return names[self._own :][::-1] + names[: self._own]
+
+    @property
+    def added(self) -> tuple[Thing, ...]:
+        """Those that are not the model's own, the oldest first: fitted, or opened."""
+        return tuple(self._things.values())[self._own :]
 
     def open(self, model: Model) -> None:
         """Hold the objects of a model but its broken ones, and nothing else."""
@@ -59,9 +65,10 @@ class Gallery:
             self._keep(Thing(model.codes.objects[index].name, model.codes[index]))
         if not self._things:
             self._keep(Thing("mean", model.codes.mean))
+        self._own = len(self._things)
 
     def add(self, thing: Thing) -> str:
-        """Take in a fitted object; its name, which is made unique."""
+        """Take in an object; its name, which is made unique."""
         return self._keep(thing)
 
     def picture(self, name: str) -> Frame | None:

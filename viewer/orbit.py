@@ -72,6 +72,11 @@ class Excerpt:
     top: int = 0
     """px before them"""
 
+    def middle(self, camera: Camera) -> "Excerpt":
+        """What a camera of fewer pixels sees of it, from the same place."""
+        left, top = (self.camera.width - camera.width) // 2, (self.camera.height - camera.height) // 2
+        return Excerpt(self.camera, camera.width, camera.height, left, top)
+
     def cropped(self, frame: Frame) -> Frame:
         """What is shown of the picture, at the size of any of its stages."""
         if (self.width, self.height) == (self.camera.width, self.camera.height):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING
@@ -81,27 +81,42 @@ class Race:
     def __init__(self, session: Session) -> None:
         self._session = session
         self.tiles: tuple[Tile, ...] = ()
+        self._over = True
 
-    def stop(self) -> None:
-        """Draw no more; the tiles stay."""
+    def over(self) -> None:
+        """The fit has ended: the tiles stay, and those that were out before their turn came get their picture now."""
+        self._over = True
+        self._draw()
+
+    def reset(self, tiles: tuple[Tile, ...] = ()) -> None:
+        """Another fit."""
         self._session.worker.cancel("race")
+        self.tiles = tiles
 
     def stepped(self, step: FitStep) -> None:
         """The fit has made a step."""
-        self.tiles = raced(self.tiles, step)
+        self.tiles, self._over = raced(self.tiles, step), False
+        self._draw()
+
+    def _draw(self) -> None:
         model = self._session.model
         assert model is not None, "no model yet"
         if self.tiles and not self._session.worker.busy("race"):
             self._session.worker.submit(Job("race", lambda: self._drawn(model), self._keep, self._ended, share=_SHARE))
 
     def _drawn(self, model: Model) -> Iterator[tuple[int, Frame]]:
-        """Every other picture is the leader's; between them comes whoever was drawn the longest ago."""
+        """Every other picture is the leader's; between them comes whoever was drawn the longest ago. After the race
+        come those that have no picture yet.
+        """
         turns, drawn = count(), dict[int, int]()
-        while racing := [tile for tile in self.tiles if tile.lost is None]:
+        while waiting := [tile for tile in self.tiles if self._due(tile, drawn)]:
             turn = next(turns)
-            tile = racing[0] if turn % 2 else min(racing, key=lambda tile: drawn.get(tile.name, -1))
+            tile = waiting[0] if turn % 2 else min(waiting, key=lambda tile: drawn.get(tile.name, -1))
             drawn[tile.name] = turn
             yield tile.name, _glance(model, tile.hypothesis)
+
+    def _due(self, tile: Tile, drawn: Container[int]) -> bool:
+        return tile.picture is None and tile.name not in drawn if self._over else tile.lost is None
 
     def _keep(self, drawn: tuple[int, Frame]) -> None:
         name, picture = drawn

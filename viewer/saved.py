@@ -1,4 +1,4 @@
-"""All that a person made in a session, as text: the state, the film, and the objects that were fitted."""
+"""All that a person made in a session, as text: the state, the film, and the objects fitted or opened."""
 
 import base64
 import io
@@ -31,7 +31,7 @@ class Saved:
         """Put a session away.
 
         Args:
-            things: fitted objects, the oldest first.
+            things: those that are not the model's own, the oldest first.
         """
         scene, mix, timeline = state.scene, state.mix, state.timeline
         about = {
@@ -44,9 +44,8 @@ class Saved:
             },
             "things": [
                 {"name": thing.name, "scene": _told(Scene(scene.model, thing.codes, scene.camera))}
-                | {"photo": _packed(thing.photo)}
+                | {"photo": thing.photo and _packed(thing.photo)}
                 for thing in things
-                if thing.photo
             ],
         }
         return cls(model, json.dumps(about))
@@ -60,13 +59,13 @@ class Saved:
             raise ValueError("not a saved session") from None
 
     def restored(self, model: Model) -> tuple[State, tuple[Thing, ...]]:
-        """The state, and the fitted objects. Raises ``ValueError`` where they are not whole, or of another model."""
+        """The state, and the added objects. Raises ``ValueError`` where they are not whole, or of another model."""
         about = json.loads(self.text)
         try:
             scene, mix, film = _scene(about["scene"], model), about["mix"], about["timeline"]
             keys = [Key(float(seconds), _shot(_scene(told, model))) for seconds, told in film.pop("keys")]
             things = tuple(
-                Thing(one["name"], _scene(one["scene"], model).codes, _unpacked(one["photo"]))
+                Thing(one["name"], _scene(one["scene"], model).codes, one["photo"] and _unpacked(one["photo"]))
                 for one in about["things"]
             )
             mixed = Mix(Pair(*mix["a"]), mix["b"], float(mix["shape"]), float(mix["texture"]))

@@ -281,7 +281,7 @@ class Session:
         self._slide(replace(self.state.mix, shape=shape, texture=texture), PARTS, gesture)
 
     def adopt(self, thing: Thing, camera: Camera) -> None:
-        """Take a fitted object among the objects and make it current, seen as in its photo."""
+        """Take an object among the objects and make it current, as A, seen from a camera."""
         name = self.gallery.add(thing)
         self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
 
@@ -290,15 +290,18 @@ class Session:
         self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
 
     def load_scene(self, path: Path) -> None:
-        """Open a scene, or a picture that holds one; what cannot be read, or is of another model, changes nothing."""
+        """Open a scene, or a picture that holds one: its object joins the objects. What cannot be read, or is of
+        another model, changes nothing.
+        """
         if self.model is None:
             self.when_ready = lambda: self.load_scene(path)
             return
         try:
-            self._edit(open_scene(path, self.model))
+            scene = open_scene(path, self.model)
         except ValueError as error:
             self.report("Cannot open the scene", error)
         else:
+            self.adopt(Thing(path.stem, scene.codes), scene.camera)
             self.say(f"Opened {path.name}")
 
     def change(self, scene: Scene, gesture: str = "") -> None:

@@ -41,11 +41,15 @@ def busy(session: Session, photo: Path) -> None:
 
 def test_a_session_comes_back_from_its_text(session: Session, photo: Path) -> None:
     busy(session, photo)
+    session.save_scene(photo.with_name("opened.json"))
+    session.load_scene(photo.with_name("opened.json"))
     state, thing = session.state, session.gallery["block"]
-    saved = Saved.read(Saved.of("chairs", state, (thing,)).text)
+    saved = Saved.read(Saved.of("chairs", state, session.gallery.added).text)
     found, things = saved.restored(session.model)
     assert saved.model == "chairs"
     assert found == state
+    assert [thing.name for thing in things] == ["block", "opened"]
+    assert things[1].photo is None
     assert things[0].codes == thing.codes
     assert things[0].photo.pixels == pytest.approx(thing.photo.pixels, abs=0.003)
     assert (things[0].photo.mask == thing.photo.mask).all()

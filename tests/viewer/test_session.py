@@ -317,6 +317,25 @@ def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, photo: Path
     assert session.gallery.names[0] == "block"
 
 
+def test_the_view_follows_a_fit_until_a_hand_changes_the_scene(session: Session, photo: Path) -> None:
+    session.streams = replace(session.streams, fit=endless_fit)
+    before = session.frame
+    session.resize(300, 200)
+    session.fitting.start(photo)
+    deliver(session, lambda: session.fitting.course.picture is not None)
+    assert session.fitting.followed
+    assert session.frame is not before
+    assert session.frame.resolution[0] > session.frame.resolution[1]
+    assert session.fitting.course.picture.resolution == (session.frame.resolution[1],) * 2
+    session.move_along("shape", 0, 1.0)
+    assert not session.fitting.followed
+    session.undo()
+    assert session.fitting.followed
+    session.fitting.stop()
+    finish(session)
+    assert not session.fitting.followed
+
+
 def test_a_fit_that_fails_changes_nothing(session: Session, photo: Path) -> None:
     session.streams = replace(session.streams, fit=broken_fit)
     before, names = session.history, session.gallery.names
@@ -350,11 +369,13 @@ def test_any_step_is_looked_at_and_a_new_fit_forgets_it(session: Session, photo:
     assert fitting.course.at is None
     assert len(fitting.race.tiles) == 4
     assert [tile.lost is None for tile in fitting.race.tiles] == [True, True, False, False]
+    finish(session)
+    assert all(tile.picture for tile in fitting.race.tiles)
 
 
 def test_a_fit_that_fails_to_go_on_keeps_what_there_was(session: Session, photo: Path) -> None:
     session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
+    finish(session)
     course, tiles = session.fitting.course, session.fitting.race.tiles
 
     def failing(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -431,6 +452,8 @@ def test_scenes_come_back_exactly(session: Session, tmp_path: Path) -> None:
     session.show("object 5")
     session.load_scene(tmp_path / "mine.json")
     assert session.scene == scene
+    assert session.gallery.names[0] == session.state.mix.a.shape == session.state.mix.a.texture == "mine"
+    assert session.gallery.added[0].codes == scene.codes
 
 
 def test_a_saved_picture_brings_its_scene_back_exactly(session: Session, tmp_path: Path) -> None:

@@ -847,7 +847,7 @@ def test_a_dropped_picture_of_this_program_restores_its_scene(drive: Drive, tmp_
         assert "another model" in session.errors[0]
         assert session.history is before
         assert not session.fitting.running
-        assert session.gallery.names == [f"object {number}" for number in range(6)]
+        assert session.gallery.names == ["mine", *(f"object {number}" for number in range(6))]
         testing.capture(window.ctx, str(tmp_path / "told.png"))
 
     drive(act)

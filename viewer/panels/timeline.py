@@ -4,7 +4,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.timeline import Key
 from viewer import faces
-from viewer.desk import VIDEOS, Desk, button, draw_progress, tip
+from viewer.desk import VIDEOS, Desk, button, draw_progress, flow, tip
 from viewer.files import Wish
 from viewer.film import Film
 from viewer.forms import VideoForm
@@ -107,11 +107,12 @@ class TimelinePanel:
         timeline = film.timeline
         if not timeline.keys:
             return
-        imgui.same_line()
         if self._seam[0] is not timeline and not imgui.is_mouse_down(imgui.MouseButton_.left):
             self._seam = timeline, timeline.seam()
         seam = self._seam[1]
-        imgui.text_disabled("Loops without a jump" if seam < _LOOPS else f"Jumps at the end ({seam:.0f} steps)")
+        told = "Loops without a jump" if seam < _LOOPS else f"Jumps at the end ({seam:.0f} steps)"
+        flow(told)
+        imgui.text_disabled(told)
         tip("The step from the last picture back to the first, against the longest step between any others")
 
 

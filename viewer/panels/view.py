@@ -10,6 +10,7 @@ from viewer.desk import Desk, button, tip
 from viewer.forms import choose
 from viewer.modes import MODES, seen_as
 from viewer.quality import QUALITIES
+from viewer.session import Session
 from viewer.theme import packed
 
 _KEY_TURN = 0.12
@@ -55,7 +56,7 @@ class View:
         every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
         imgui.invisible_button("orbit", size, every)
         self._hand(desk, size)
-        self._draw_badge(desk, session.frame, corner, size)
+        self._draw_badge(session, session.frame, corner, size)
         self._draw_buttons(desk, corner, size)
         if desk.likes.newcomer:
             _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
@@ -117,12 +118,14 @@ class View:
         text = f"Loading {session.loading} …" if session.loading else "Drawing …" if session.ready else "No model"
         _note(corner + size * 0.5, text)
 
-    def _draw_badge(self, desk: Desk, frame: Frame, corner: ImVec2, size: ImVec2) -> None:
+    def _draw_badge(self, session: Session, frame: Frame, corner: ImVec2, size: ImVec2) -> None:
         width, height = frame.resolution
         text = f"{width} x {height} px   {frame.samples} samples" + (
             f", smoothed {frame.across} x {frame.across}" if frame.across > 1 else ""
         )
-        if not frame.final:
+        if session.fitting.followed:
+            text = f"The fit on its way   {width} x {height} px"
+        elif not frame.final:
             text = f"Preview {frame.stage + 1} of {frame.stages}   {text}"
         em = hello_imgui.em_size()
         extent = imgui.calc_text_size(text)
@@ -130,7 +133,8 @@ class View:
         high = ImVec2(low.x + extent.x + 2.1 * em, low.y + extent.y + 0.5 * em)
         draw = imgui.get_window_draw_list()
         draw.add_rect_filled(low, high, packed((0.07, 0.08, 0.09), 0.72), 0.35 * em)
-        dot = (0.35, 0.8, 0.5) if frame.final else (0.95, 0.7, 0.25)
+        done = frame.final and not session.fitting.followed
+        dot = (0.35, 0.8, 0.5) if done else (0.95, 0.7, 0.25)
         draw.add_circle_filled(ImVec2(low.x + 0.75 * em, (low.y + high.y) / 2), 0.24 * em, packed(dot))
         draw.add_text(ImVec2(low.x + 1.4 * em, low.y + 0.25 * em), packed((0.95, 0.95, 0.96)), text)
 
@@ -152,7 +156,8 @@ class View:
             session.reset_view()
         imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 17.2 * em, 0.7 * em))
         self._mode = choose("mode", self._mode, _MODES, "What is shown of the object, and of how it was drawn (V)", 7)
-        if imgui.is_key_chord_pressed(imgui.Key.v) and not imgui.get_io().want_text_input:
+        behind = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        if imgui.is_key_chord_pressed(imgui.Key.v) and not (behind or imgui.get_io().want_text_input):
             self._mode = _next(self._mode)
         imgui.same_line(0, 0.3 * em)
         imgui.set_next_item_width(9 * em)
