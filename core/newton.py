@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import pad
 
+from core.camera import rotation
 from core.hypotheses import (
     SILHOUETTE,
     STRAY_PRIORS,
@@ -30,6 +31,7 @@ from core.hypotheses import (
 from core.model import Model
 from core.plan import Stage
 from core.precision import linear_dtype
+from core.rays import Rays
 from core.slopes import Entries, trace
 from core.targets import Drawn
 
@@ -131,8 +133,8 @@ def quadratic(
     seen = trace(model, rays, stage.samples, max(2, stage.samples // _KEPT), *biases, entries)
     count, views, pixels = rays.near.shape
     jacobian = torch.zeros(count, views, pixels, 4, views * _CAMERA + seen.codes.shape[-1])
-    for index, (origins, directions) in enumerate(_aims(model, numbers, drawn)):
-        along = (seen.origin.cpu() * origins[..., None, :] + seen.direction.cpu() * directions[..., None, :]).sum(-1)
+    for index, (origins, directions) in enumerate(_aims(numbers, rays)):
+        along = (seen.origin * origins[..., None, :] + seen.direction * directions[..., None, :]).sum(-1).cpu()
         for view in range(views):
             jacobian[:, view, ..., view * _CAMERA + index] = along[:, view]
     jacobian[..., views * _CAMERA :] = seen.codes.cpu()
@@ -173,18 +175,24 @@ def _slopes(bias: Callable[[Tensor], Tensor], numbers: Tensor, rank: int) -> Flo
     return torch.func.vmap(torch.func.jacfwd(of))(numbers[:, :rank], numbers[:, rank:])
 
 
-def _aims(model: Model, numbers: Numbers, drawn: Drawn) -> Iterator[tuple[Tensor, Tensor]]:
-    """How the rays' origins and directions change with each number of their camera."""
-    camera = (numbers.angles, numbers.distance, numbers.shift)
+def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
+    """How the rays' origins and directions change with each number of their camera; (hypotheses, views, rays, 3)."""
+    origins, directions = rays.origins, rays.directions
+    right, up, backward = rotation(*numbers.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
+    vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
+    shortened = -(directions * backward).sum(-1, keepdim=True)
 
-    def aim(angles: Tensor, distance: Tensor, shift: Tensor) -> tuple[Tensor, Tensor]:
-        rays = aimed(model, numbers._replace(angles=angles, distance=distance, shift=shift), drawn)
-        return rays.origins.cpu(), rays.directions.cpu()
+    def aside(axis: Tensor) -> Tensor:
+        """A direction through a place in the picture that moves by a focal length."""
+        return shortened * (axis - directions * (directions * axis).sum(-1, keepdim=True))
 
-    for part, column in ((0, 0), (0, 1), (1, None), (2, 0), (2, 1)):
-        tangents = [torch.zeros_like(one) for one in camera]
-        tangents[part][... if column is None else (..., column)] = 1.0
-        yield torch.func.jvp(aim, camera, tuple(tangents))[1]
+    return (
+        (torch.linalg.cross(vertical, origins), torch.linalg.cross(vertical, directions)),
+        (torch.linalg.cross(origins, right), torch.linalg.cross(directions, right)),
+        (origins, still),
+        (still, -aside(right)),
+        (still, aside(up)),
+    )
 
 
 def _step(around: Quadratic, damping: Tensor, movable: Bool[Tensor, "numbers"], cameras: int) -> Tensor:
