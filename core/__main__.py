@@ -205,7 +205,9 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     rendering = _command(kinds, "render", "measuring.bench_render", "milliseconds a frame against PSNR, part by part")
     rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another side")
     fitting = _command(kinds, "fit", "measuring.bench_fit", "seconds against degrees of blind fits, preset by preset")
-    fitting.add_argument("--dataset", type=Path, metavar="D", help="an SRN folder; else the model's own objects")
+    fitting.add_argument(
+        "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's own objects"
+    )
     fitting.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
     fitting.add_argument("--seed", type=int, default=0)
     stability = _command(

@@ -9,9 +9,9 @@ from typing import NamedTuple
 class FitSettings:
     """Every field is an axis of the charts."""
 
-    starts: int = 24
+    starts: int = 28
     """cameras to begin from, for every picture whose camera is unknown"""
-    steps: int = 36
+    steps: int = 40
     rays: int = 1024
     """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
     samples: int = 64
@@ -55,7 +55,7 @@ class Stage(NamedTuple):
     """while a camera is far off, codes must not explain what only the right camera can"""
 
 
-_MOST = (math.inf, math.inf, 6, 4, 2, 1)
+_MOST = (math.inf, math.inf, 8, 5, 2, 1)
 """hypotheses in each stage; the second has half of the first's"""
 _STEPS = (6, 6, 6, 6, 4, 8)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
@@ -65,7 +65,7 @@ _PRIORS = (50, 30, 10, 3, 1, 1)
 
 
 def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
-    """The race: half of the starts after the first stage, then the best of six basins, of four, of two; the last
+    """The race: half of the starts after the first stage, then the best of eight basins, of five, of two; the last
     stage is the winner's alone.
 
     Where there is nothing to race for, the same stages with one hypothesis; the paper has just one.

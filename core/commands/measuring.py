@@ -58,7 +58,7 @@ def bench_fit(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model)
     generator = torch.Generator().manual_seed(chosen.seed)
     if chosen.dataset:
-        places = _spread(_places(model, [chosen.dataset]), chosen.objects)
+        places = _spread(_places(model, chosen.dataset), chosen.objects)
         seen = dataset_subjects(model, places, generator)
     else:
         seen = own_subjects(model, chosen.objects, generator)

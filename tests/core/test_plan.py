@@ -7,7 +7,7 @@ def test_the_race_is_halved_and_ends_with_the_winner():
     stages = plan(PRESETS["normal"], racing=True)
     counts = [stage.hypotheses for stage in stages]
     assert counts == sorted(counts, reverse=True)
-    assert (counts[0], counts[-1]) == (24, 1)
+    assert (counts[0], counts[-1]) == (28, 1)
     assert sum(stage.steps for stage in stages) == PRESETS["normal"].steps
     assert stages[-1].prior == PRESETS["normal"].prior
     assert [stage.prior for stage in stages] == sorted((stage.prior for stage in stages), reverse=True)
