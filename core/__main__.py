@@ -205,11 +205,13 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     rendering = _command(kinds, "render", "measuring.bench_render", "milliseconds a frame against PSNR, part by part")
     rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another side")
     fitting = _command(kinds, "fit", "measuring.bench_fit", "seconds against degrees of blind fits, preset by preset")
-    fitting.add_argument(
-        "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's own objects"
-    )
-    fitting.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
-    fitting.add_argument("--seed", type=int, default=0)
+    parts = _command(kinds, "parts", "measuring.bench_parts", "what every part of a blind fit is worth")
+    for kind in (fitting, parts):
+        kind.add_argument(
+            "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's own objects"
+        )
+        kind.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
+        kind.add_argument("--seed", type=int, default=0)
     stability = _command(
         kinds, "stability", "measuring.bench_stability", "where blind fits fail: success against stressors"
     )
@@ -223,9 +225,9 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     size.add_argument("--objects", type=_count, default=12, metavar="N", help="of these are fitted")
     size.add_argument("--steps", type=_count, default=3000, help="that each model is trained")
     size.add_argument("--models", type=Path, required=True, metavar="DIR", help="where they are kept, to go on later")
-    for kind in (rendering, fitting, stability):
+    for kind in (rendering, fitting, parts, stability):
         kind.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
-    for kind in (rendering, fitting, stability, size):
+    for kind in (rendering, fitting, parts, stability, size):
         kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
 
 

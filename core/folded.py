@@ -33,17 +33,42 @@ _PAINTED = 1.0
 """Scene units that they reach where the network paints the ground, around the box too."""
 
 
+class Tables(NamedTuple):
+    """A linear layer of an encoding, whose axes it adds up, as a function of x, of y, of z."""
+
+    reach: Float[Tensor, "3"]
+    """from the middle to either end"""
+    entries: Float[Tensor, "entries outputs"]
+    """of x, of y, of z, one behind the other; the bias is in the first"""
+    octaves: int
+    layer: tuple[Tensor, Tensor]
+    """weight and bias, for encoded values"""
+
+    @classmethod
+    def of(cls, octaves: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype) -> "Tables":
+        """An entry is right in its middle."""
+        places = ((torch.arange(_ENTRIES, device=reach.device) + 0.5) * (2 / _ENTRIES) - 1)[:, None] * reach
+        origin = encode(torch.zeros_like(reach), octaves)
+        along = encode(torch.diag_embed(places).movedim(1, 0), octaves) - origin  # axes, entries, encoded
+        outputs = functional.linear(along, weight)
+        outputs[0] += functional.linear(origin, weight, bias)
+        return cls(reach, outputs.flatten(0, 1).to(dtype), octaves, (weight.to(dtype), bias.to(dtype)))
+
+    def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
+        """What the layer makes of the encoded values."""
+        entry = (values * (_ENTRIES / (2 * self.reach)) + _ENTRIES / 2).clamp_(0, _ENTRIES - 1).int()
+        entry += torch.arange(0, 3 * _ENTRIES, _ENTRIES, device=values.device, dtype=torch.int)
+        return functional.embedding_bag(entry, self.entries, mode="sum")
+
+
 class FieldWeights(NamedTuple):
     """What no code changes, in the number format that this machine multiplies fastest."""
 
-    point: tuple[Tensor, Tensor]
-    at_point: "_Tables"
-    """the same of a point that is not encoded yet"""
+    point: Tables
     shape_blocks: tuple[Tensor, ...]
     density: tuple[Tensor, Tensor]
     direction: Tensor
-    view: tuple[Tensor, Tensor]
-    at_view: "_Tables"
+    view: Tables
     texture_blocks: tuple[Tensor, ...]
     hidden: tuple[Tensor, Tensor]
     rgb: tuple[Tensor, Tensor]
@@ -61,7 +86,7 @@ class Folded:
 
     def first(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """The activations of the first layer, which depend on no code."""
-        return self._weights.at_point(points).relu_()
+        return self._weights.point(points).relu_()
 
     def density(
         self, first: Float[Tensor, "points width"]
@@ -71,7 +96,7 @@ class Folded:
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """The viewing direction's part of the first texture layer."""
-        return self._weights.at_view(directions)
+        return self._weights.view(directions)
 
     def colour(
         self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
@@ -93,7 +118,7 @@ def densities(
     weights = field_weights(model, linear_dtype(model.device.type))
     biases = shape_bias.to(weights.direction.dtype)
     rows = [
-        _density(model.field, weights, weights.at_point(part).relu_(), bias.unbind(0))[0]
+        _density(model.field, weights, weights.point(part).relu_(), bias.unbind(0))[0]
         for one, bias in zip(points, biases, strict=True)
         for part in one.split(_CHUNK_POINTS)
     ]
@@ -128,39 +153,12 @@ def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     view = entry.weight[:, width:], from_features @ features.bias + entry.bias
     reach = torch.full_like(model.extent_tensor, _PAINTED) if model.painted_ground else _BEYOND * model.extent_tensor
     return FieldWeights(
-        point=layer("point_layer"),
-        at_point=_Tables.of(field.config.point_octaves, point.weight, point.bias, reach, dtype),
+        point=Tables.of(field.config.point_octaves, point.weight, point.bias, reach, dtype),
         shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),
         density=(cast(sigma.weight @ features.weight), cast(sigma.weight @ features.bias + sigma.bias)),
         direction=cast(from_features @ features.weight),
-        view=(cast(view[0]), cast(view[1])),
-        at_view=_Tables.of(field.config.direction_octaves, *view, torch.ones_like(reach), dtype),
+        view=Tables.of(field.config.direction_octaves, *view, torch.ones_like(reach), dtype),
         texture_blocks=tuple(layer(f"texture_block.{index}")[0] for index in range(field.config.texture_blocks)),
         hidden=layer("colour_hidden"),
         rgb=layer("colour_layer"),
     )
-
-
-class _Tables(NamedTuple):
-    """A linear layer of an encoding, whose axes it adds up, as a function of x, of y, of z."""
-
-    reach: Float[Tensor, "3"]
-    """from the middle to either end"""
-    entries: Float[Tensor, "entries outputs"]
-    """of x, of y, of z, one behind the other; the bias is in the first"""
-
-    @classmethod
-    def of(cls, octaves: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype) -> "_Tables":
-        """An entry is right in its middle."""
-        places = ((torch.arange(_ENTRIES, device=reach.device) + 0.5) * (2 / _ENTRIES) - 1)[:, None] * reach
-        origin = encode(torch.zeros_like(reach), octaves)
-        along = encode(torch.diag_embed(places).movedim(1, 0), octaves) - origin  # axes, entries, encoded
-        outputs = functional.linear(along, weight)
-        outputs[0] += functional.linear(origin, weight, bias)
-        return cls(reach, outputs.flatten(0, 1).to(dtype))
-
-    def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
-        """What the layer makes of the encoded values."""
-        entry = (values * (_ENTRIES / (2 * self.reach)) + _ENTRIES / 2).clamp_(0, _ENTRIES - 1).int()
-        entry += torch.arange(0, 3 * _ENTRIES, _ENTRIES, device=values.device, dtype=torch.int)
-        return functional.embedding_bag(entry, self.entries, mode="sum")

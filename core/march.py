@@ -122,6 +122,7 @@ def forget() -> None:
     """Keep nothing of any shape: the next pictures cost what a new shape costs."""
     forget_views()
     _occupied.clear()
+    _folded.cache_clear()
 
 
 def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:

@@ -153,12 +153,12 @@ def _passed(
     config, weights = model.field.config, field_weights(model, linear_dtype(model.device.type))
     dtype = weights.direction.dtype
     place, look = encode(points, config.point_octaves), encode(directions, config.direction_octaves)
-    y = functional.linear(place.to(dtype), *weights.point).relu_()
+    y = functional.linear(place.to(dtype), *weights.point.layer).relu_()
     shape = [y]
     for weight, bias in zip(weights.shape_blocks, shape_bias.to(dtype).unbind(-2), strict=True):
         y = functional.linear(y, weight).add_(bias[:, None]).relu_()
         shape.append(y)
-    y = functional.linear(y, weights.direction).add_(functional.linear(look.to(dtype), *weights.view)).relu_()
+    y = functional.linear(y, weights.direction).add_(functional.linear(look.to(dtype), *weights.view.layer)).relu_()
     texture = [y]
     for weight, bias in zip(weights.texture_blocks, texture_bias.to(dtype).unbind(-2), strict=True):
         y = functional.linear(y, weight).add_(bias[:, None]).relu_()
@@ -197,11 +197,11 @@ def _back(
     g = (by_colour * passed.rgb).to(dtype)[..., None] * weights.rgb[0]
     g = g.mul_(passed.texture[-1].sign()[:, :, None]) @ weights.hidden[0]
     g, texture = _through(g, passed.texture[:-1], weights.texture_blocks, entries.texture)
-    looked = _along_axes(g @ weights.view[0], passed.seen_along)
+    looked = _along_axes(g @ weights.view.layer[0], passed.seen_along)
     g = pad(g @ weights.direction, (0, 0, 0, 1))
     g = g.add_((by_density * steep[..., None]).to(dtype)[..., None] * weights.density[0])
     g, shape = _through(g, passed.shape, weights.shape_blocks, entries.shape)
-    place = _along_axes(g @ weights.point[0], passed.encoded)
+    place = _along_axes(g @ weights.point.layer[0], passed.encoded)
     aimed = place * along[..., None, None]
     aimed[:, :, :3] += looked
     return torch.cat((place, aimed, shape, pad(texture, (0, 0, 0, 1))), -1)

@@ -4,7 +4,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.bench import fitting, sizes, stability
+from PIL import Image, ImageDraw
+
+from core.bench import fitting, parts, sizes, stability
 from core.bench.rendering import Measured, Point
 from core.evaluate import Mean
 from core.files import write_json
@@ -26,8 +28,15 @@ def write_fitting(found: fitting.Measured, folder: Path) -> None:
 
 
 def write_stability(found: stability.Atlas, folder: Path) -> None:
-    """``stability.json``, ``stability.md`` and ``stability.png``."""
+    """``stability.json``, ``stability.md``, ``stability.png``, and ``failures.png`` with every failure of ours."""
     _write(folder, "stability", found.told(), stability_table(found), lambda: _stability_chart(found))
+    ours = [trial for trial in found.trials if trial.seen and trial.preset == "normal"]
+    _failures_sheet(ours).save(folder / "failures.png", optimize=True)
+
+
+def write_parts(found: parts.Measured, folder: Path) -> None:
+    """``parts.json``, ``parts.md`` and ``parts.png``."""
+    _write(folder, "parts", found.told(), parts_table(found), lambda: _parts_chart(found))
 
 
 def write_sizes(found: sizes.Measured, folder: Path) -> None:
@@ -108,23 +117,18 @@ def fitting_table(found: fitting.Measured) -> str:
     first = found.summaries[0]
     lines = [f"{found.machine}; {first.fits} views, cameras unknown; shares with their 95 % intervals.", ""]
     head = "preset | s (median) | start off by | rotation (median) | within 5° | within 10° | within 3 % | other views"
-    lines += [f"| {head} |", "|" + "---|" * 8]
+    lines += [f"| {head} | confidence (AUROC) |", "|" + "---|" * 9]
     for one in found.summaries:
         shares = map(_share, (one.within_5_degrees, one.within_10_degrees, one.within_3_percent))
         times = f"{one.preset} | {one.seconds:.1f} | {one.first_rotation:.0f}° | {one.rotation:.2f}°"
-        lines.append(f"| {times} | {' | '.join(shares)} | {one.held_out.mean:.1f} dB |")
+        trust = "" if one.separation is None else f"{one.separation:.2f}"
+        lines.append(f"| {times} | {' | '.join(shares)} | {one.held_out.mean:.1f} dB | {trust} |")
     alike = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in found.trials if trial.symmetric]
     if alike:
         lines += ["", f"Counted as right, for the object looks the same from there: {', '.join(alike)}."]
-    trust = found.trust
-    lines += [
-        "",
-        f"Confidence: {trust.right} of {trust.fits} cameras right"
-        + ("." if trust.separation is None else f", AUROC {trust.separation:.2f}."),
-    ]
-    if trust.calibration:
-        told = ", ".join(f"{name} {value:.3f}" for name, value in trust.calibration._asdict().items())
-        lines.append(f"A calibration on these fits alone: {told}.")
+    if found.calibration:
+        told = ", ".join(f"{name} {value:.3f}" for name, value in found.calibration._asdict().items())
+        lines += ["", f"A calibration of the confidence on all these fits alone: {told}."]
     return "\n".join(lines) + "\n"
 
 
@@ -185,6 +189,53 @@ def _stability_chart(found: stability.Atlas) -> "Figure":
     panels[0].legend()
     figure.suptitle(f"{found.machine}, {found.objects} objects", fontsize=9)
     return figure
+
+
+def parts_table(found: parts.Measured) -> str:
+    """Markdown: the preset as it is, then without each part."""
+    whole = found.summaries[0]
+    lines = [f"{found.machine}; {whole.fits} views, cameras unknown; shares with their 95 % intervals.", ""]
+    head = "normal preset | s (median) | rotation (median) | within 5° | within 10° | other views"
+    lines += [f"| {head} |", "|" + "---|" * 6]
+    for one in found.summaries:
+        shares = " | ".join(map(_share, (one.within_5_degrees, one.within_10_degrees)))
+        times = f"{one.preset} | {one.seconds:.1f} | {one.rotation:.2f}°"
+        lines.append(f"| {times} | {shares} | {one.held_out.mean:.1f} dB |")
+    return "\n".join(lines) + "\n"
+
+
+def _parts_chart(found: parts.Measured) -> "Figure":
+    figure, (left, right) = _figure(2)
+    names = [one.preset for one in found.summaries]
+    for axes, values in (
+        (left, [100 * one.within_10_degrees.mean for one in found.summaries]),
+        (right, [one.held_out.mean for one in found.summaries]),
+    ):
+        axes.barh(names, values)
+        axes.axvline(values[0], color="black", linewidth=0.8)
+        axes.invert_yaxis()
+    left.set(xlabel="within 10 degrees (%)")
+    right.set(xlabel="other views (dB)", yticks=[])
+    figure.suptitle(f"{found.machine}, {found.summaries[0].fits} views", fontsize=9)
+    return figure
+
+
+def _failures_sheet(failures: Sequence[stability.Trial]) -> Image.Image:
+    """Every failure: the picture, what was found in it, and what they are called."""
+    across, side, line = 4, 96, 13
+    width, height = 2 * side + 12, side + 2 * line + 6
+    sheet = Image.new("RGB", (across * width, max(1, -(-len(failures) // across)) * height), "white")
+    draw = ImageDraw.Draw(sheet)
+    for number, trial in enumerate(failures):
+        left, top = number % across * width + 4, number // across * height + 2
+        for index, pixels in enumerate(trial.seen or ()):
+            if pixels is not None:
+                sheet.paste(Image.fromarray(pixels).resize((side, side)), (left + index * (side + 2), top))
+        draw.rectangle((left - 1, top - 1, left + 2 * side + 2, top + side), outline="lightgrey")
+        draw.text((left, top + side + 2), f"{trial.stressor} {trial.level:g}", "black")
+        trust = "" if trial.confidence is None else f", confidence {trial.confidence:.2f}"
+        draw.text((left, top + side + 2 + line), f"{trial.ended}"[:18] + trust, "dimgrey")
+    return sheet
 
 
 def sizes_table(found: sizes.Measured) -> str:

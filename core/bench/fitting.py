@@ -13,7 +13,7 @@ import numpy as np
 
 from core.bench.rendering import machine
 from core.bench.subjects import OTHERS, Subject, looks_alike
-from core.confidence import RIGHT_DEGREES, Calibration, calibrated, confidence, separation
+from core.confidence import RIGHT_DEGREES, Calibration, calibrated, separation
 from core.evaluate import Mean, compared, mean_of, photo
 from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
 from core.metrics import rotation_error, translation_error
@@ -79,20 +79,10 @@ class Summary:
     within_3_percent: Mean
     held_out: Mean
     """dB"""
+    separation: float | None
+    """of right cameras from wrong ones by the confidence (AUROC); None where it has none, or all are right or wrong"""
     curve: tuple[tuple[float, float, float], ...]
     """seconds, median rotation error in degrees, share within 5 degrees"""
-
-
-@dataclass(frozen=True)
-class Trust:
-    """How well confidence tells right cameras from wrong ones, and the calibration that these fits would give."""
-
-    fits: int
-    right: int
-    separation: float | None
-    """AUROC of the confidence as it is"""
-    calibration: Calibration | None
-    """None where all fits were right, or all wrong"""
 
 
 @dataclass(frozen=True)
@@ -102,7 +92,8 @@ class Measured:
     machine: str
     trials: tuple[Trial, ...]
     summaries: tuple[Summary, ...]
-    trust: Trust
+    calibration: Calibration | None
+    """that these fits would give the confidence; None where all were right, or all wrong"""
 
     def told(self) -> dict:
         """As plain values."""
@@ -119,12 +110,13 @@ def measured(
     for number, subject in enumerate(subjects):
         for name, settings in presets.items():
             yield f"{subject.views.name}, {name}"
-            trials.append(_trial(model, subject, name, settings, number))
-    summaries = tuple(_summary(name, [trial for trial in trials if trial.preset == name]) for name in presets)
-    yield Measured(machine(), tuple(trials), summaries, _trust(trials))
+            trials.append(trial(model, subject, name, settings, number))
+    summaries = tuple(summary(name, [one for one in trials if one.preset == name]) for name in presets)
+    yield Measured(machine(), tuple(trials), summaries, _calibration(trials))
 
 
-def _trial(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
+def trial(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
+    """Fit a subject's view without its camera. ``preset`` is only a name."""
     views, index = subject.views, subject.view
     steps = list(fit(model, FitJob((photo(views, index, False),), settings, seed)))
     last, errors = steps[-1], [rotation_error(step.cameras[0], subject.camera) for step in steps]
@@ -144,7 +136,9 @@ def _reached(steps: Sequence[FitStep], seconds: float) -> int:
     return max((index for index, step in enumerate(steps) if step.seconds <= seconds), default=0)
 
 
-def _summary(preset: str, trials: Sequence[Trial]) -> Summary:
+def summary(preset: str, trials: Sequence[Trial]) -> Summary:
+    """What the fits of one preset come to."""
+
     def share(values: Sequence[float], most: float) -> Mean:
         return mean_of([float(value <= most) for value in values])
 
@@ -165,14 +159,18 @@ def _summary(preset: str, trials: Sequence[Trial]) -> Summary:
         share(turns, 10.0),
         share(shifts, 0.03),
         mean_of([trial.held_out for trial in trials]),
+        _separation(trials),
         tuple(curve),
     )
 
 
-def _trust(trials: Sequence[Trial]) -> Trust:
+def _separation(trials: Sequence[Trial]) -> float | None:
+    told = [(trial.confidence, trial.off <= RIGHT_DEGREES) for trial in trials if trial.confidence is not None]
+    right = [one for _, one in told]
+    return separation([one for one, _ in told], right) if len(set(right)) == 2 else None
+
+
+def _calibration(trials: Sequence[Trial]) -> Calibration | None:
     told = [(trial.margin, trial.off <= RIGHT_DEGREES) for trial in trials if trial.margin is not None]
-    margins, right = [one for one, _ in told], [one for _, one in told]
-    if len(set(right)) < 2:
-        return Trust(len(told), sum(right), None, None)
-    scores = [confidence(one) for one in margins]
-    return Trust(len(told), sum(right), separation(scores, right), calibrated(margins, right))
+    right = [one for _, one in told]
+    return calibrated([one for one, _ in told], right) if len(set(right)) == 2 else None

@@ -8,7 +8,6 @@ import math
 import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import NamedTuple
@@ -17,9 +16,12 @@ import torch
 from torch import Tensor
 
 from core import folded, march, occupancy, precision
+from core.bench.ablation import Change, changed
 from core.bench.subjects import spread_objects
 from core.camera import Camera
 from core.codes import Codes
+from core.field import encode
+from core.folded import Tables
 from core.frames import RenderJob, RenderSettings, frames
 from core.metrics import psnr
 from core.model import Model
@@ -134,8 +136,10 @@ def _views(model: Model, count: int) -> list[_View]:
 
 class _Recipe(NamedTuple):
     draw: Callable[[Model, _View], Tensor]
-    changes: tuple[tuple[object, str, object], ...] = ()
-    """(module, name, value) that hold while it draws"""
+    changes: tuple[Change, ...] = ()
+    """that hold while it draws"""
+    warm: bool = True
+    """It is drawn once before it is timed: a shape has been seen before, and the recipe before has left the caches."""
 
 
 def _exact(model: Model, view: _View, samples: int) -> Tensor:
@@ -143,10 +147,10 @@ def _exact(model: Model, view: _View, samples: int) -> Tensor:
 
 
 def _naive(samples: int) -> _Recipe:
-    return _Recipe(lambda model, view: _exact(model, view, samples))
+    return _Recipe(lambda model, view: _exact(model, view, samples), warm=False)
 
 
-def _fast(samples: int, changes: tuple[tuple[object, str, object], ...] = ()) -> _Recipe:
+def _fast(samples: int, changes: tuple[Change, ...] = ()) -> _Recipe:
     """A new view of a known shape: an orbit."""
 
     def draw(model: Model, view: _View) -> Tensor:
@@ -162,16 +166,15 @@ def _points(
     """All recipes on all views, taking turns."""
     seconds: dict[tuple[str, int], list[list[float]]] = {key: [[] for _ in views] for key in recipes}
     found: dict[tuple[str, int], list[Tensor]] = {}
-    warm = any(recipe.changes for recipe in recipes.values())
     for turn in range(_ROUNDS + 1):
         for key, recipe in recipes.items():
             # The slow ones vary little, and one round of them takes as long as all others together.
             if key[0] == "naive" and turn > 2:
                 continue
-            with _changed(recipe.changes):
+            with changed(recipe.changes):
                 pictures = []
                 for index, view in enumerate(views):
-                    picture, spent = _timed(recipe, model, view, warm)
+                    picture, spent = _timed(recipe, model, view)
                     pictures.append(picture)
                     if turn:
                         seconds[key][index].append(spent)
@@ -186,36 +189,28 @@ def _points(
     return points
 
 
-def _timed(recipe: _Recipe, model: Model, view: _View, warm: bool) -> tuple[Tensor, float]:
-    if warm:
-        recipe.draw(model, view)  # what is kept for a shape was forgotten with the last changes
+def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
+    if recipe.warm:
+        march.forget()
+        recipe.draw(model, view)
     began = time.perf_counter()
     picture = recipe.draw(model, view)
     return picture, time.perf_counter() - began
 
 
-@contextmanager
-def _changed(changes: Sequence[tuple[object, str, object]]) -> Iterator[None]:
-    before = [getattr(module, name) for module, name, _ in changes]
-    for module, name, value in changes:
-        setattr(module, name, value)
-    if changes:
-        march.forget()
-    try:
-        yield
-    finally:
-        for (module, name, _), value in zip(changes, before, strict=True):
-            setattr(module, name, value)
-        if changes:
-            march.forget()
+def _encoded(tables: Tables, values: Tensor) -> Tensor:
+    """In place of looking up what the layer makes of the encoded values."""
+    weight, bias = tables.layer
+    return torch.nn.functional.linear(encode(values, tables.octaves).to(weight.dtype), weight, bias)
 
 
-_PARTS: dict[str, tuple[tuple[object, str, object], ...]] = {
-    "without occupancy": ((occupancy, "_EMPTY", -1.0), (occupancy, "_NEGLIGIBLE", -1.0)),
-    "without passing over faint fringes": ((occupancy, "_NEGLIGIBLE", -1.0),),
-    "without stopping spent rays": ((march, "SPENT", math.inf), (occupancy, "SPENT", math.inf)),
-    "colouring all intervals": ((march, "_UNSEEN", -1.0),),
-    "in float32": ((folded, "linear_dtype", lambda device: torch.float32),),
+_PARTS: dict[str, tuple[Change, ...]] = {
+    "without occupancy": (Change(occupancy, "_EMPTY", -1.0), Change(occupancy, "_NEGLIGIBLE", -1.0)),
+    "without passing over faint fringes": (Change(occupancy, "_NEGLIGIBLE", -1.0),),
+    "without stopping spent rays": (Change(march, "SPENT", math.inf), Change(occupancy, "SPENT", math.inf)),
+    "colouring all intervals": (Change(march, "_UNSEEN", -1.0),),
+    "encoding instead of tables": (Change(folded.Tables, "__call__", _encoded),),
+    "in float32": (Change(folded, "linear_dtype", lambda device: torch.float32),),
 }
 
 

@@ -6,7 +6,7 @@ same way into a fit as a person's: it is cut out by its alpha channel, or by its
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,9 @@ from core.bench.rendering import machine
 from core.bench.subjects import anywhere, drawn_on_white, looks_alike, spread_objects
 from core.camera import Camera
 from core.codes import Codes
+from core.confidence import DOUBTFUL
 from core.fit import PRESETS, FitJob, FitSettings, fit
+from core.library import load_model, shipped_models
 from core.metrics import rotation_error
 from core.model import Model
 from core.photos import photo_from_array
@@ -38,8 +40,14 @@ class Stressor(NamedTuple):
 
     unit: str
     levels: tuple[float, ...]
-    worsened: Callable[[Cutout, float, np.random.Generator], np.ndarray] | None = None
-    """a picture with 3 or 4 channels; None where it is the camera that is stressed"""
+    worsened: Callable[[Cutout, float, np.random.Generator], np.ndarray] = lambda cutout, *_: cutout
+    """a picture with 3 or 4 channels"""
+    viewed: Callable[[Camera, float], Camera] = lambda camera, _: camera
+    """the camera that it is drawn from"""
+    absent: bool = False
+    """It shows nothing that the model knows: to be refused, or doubted."""
+    other: bool = False
+    """It shows an object of another shipped category."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +62,21 @@ class Trial:
     """degrees; None where the picture was refused"""
     confidence: float | None
     ended: str
-    """"right", "symmetric", "near", "twin", "elsewhere", or why the picture was refused"""
+    """"right", "symmetric", "near", "twin", "elsewhere", or why the picture was refused; where there is nothing to be
+    found it is "refused", "doubted" or "believed"."""
+    seen: tuple[np.ndarray, np.ndarray | None] | None = None
+    """of a failure: the picture, and what was found in it; (height, width, 3), uint8"""
 
     @property
     def success(self) -> bool:
-        """The camera was found to 5 degrees, or another from which the object looks the same."""
-        return self.ended in ("right", "symmetric")
+        """The camera was found to 5 degrees, or another from which the object looks the same; or nothing was believed
+        to be seen where there is nothing.
+        """
+        return self.ended in ("right", "symmetric", "refused", "doubted")
+
+    def told(self) -> dict:
+        """As plain values."""
+        return {name: value for name, value in vars(self).items() if name != "seen"}
 
 
 @dataclass(frozen=True)
@@ -72,7 +89,9 @@ class Atlas:
 
     def told(self) -> dict:
         """As plain values, the failures once more by themselves."""
-        return {**asdict(self), "failures": [asdict(trial) for trial in self.trials if not trial.success]}
+        trials = [trial.told() for trial in self.trials]
+        failures = [trial.told() for trial in self.trials if not trial.success]
+        return {"machine": self.machine, "objects": self.objects, "trials": trials, "failures": failures}
 
     def cells(self) -> dict[tuple[str, float], dict[str, float]]:
         """The share of successes of every preset, by stressor and level."""
@@ -93,33 +112,51 @@ def measured(
         for level in stressor.levels:
             yield f"{what} {level:g} {stressor.unit}"
             for number, (name, codes, camera) in enumerate(seen):
-                truth = camera if stressor.worsened else model.camera(camera.azimuth, math.radians(level))
+                truth = stressor.viewed(camera, level)
                 picture = _picture(model, codes, truth, stressor, level, seed + number)
                 for preset, settings in presets.items():
-                    ended = _ended(model, codes, picture, truth, settings, seed + number)
-                    trials.append(Trial(what, level, preset, name, *ended))
+                    trial = Trial(what, level, preset, name, None, None, "")
+                    trials.append(_tried(model, codes, picture, truth, settings, seed + number, trial, stressor.absent))
     yield Atlas(machine(), len(seen), tuple(trials))
 
 
 def _picture(model: Model, codes: Codes, camera: Camera, stressor: Stressor, level: float, seed: int) -> np.ndarray:
+    if stressor.other:
+        model = load_model(next(name for name in shipped_models() if name != model.category))
+        codes, camera = model.codes[seed % len(model.codes.objects)], model.camera(camera.azimuth, camera.elevation)
     colour, mask = drawn_on_white(model, codes, camera)
     cutout = np.concatenate((colour.numpy(), mask[..., None].numpy().astype(np.float32)), -1)
-    return stressor.worsened(cutout, level, np.random.default_rng(seed)) if stressor.worsened else cutout
+    return stressor.worsened(cutout, level, np.random.default_rng(seed))
 
 
-def _ended(
-    model: Model, codes: Codes, picture: np.ndarray, truth: Camera, settings: FitSettings, seed: int
-) -> tuple[float | None, float | None, str]:
-    """Rotation error, confidence, and how the fit ended."""
+def _tried(
+    model: Model,
+    codes: Codes,
+    picture: np.ndarray,
+    truth: Camera,
+    settings: FitSettings,
+    seed: int,
+    trial: Trial,
+    absent: bool,
+) -> Trial:
+    """The trial with what came of it."""
+    before = (255 * picture[..., :3] + 0.5).astype(np.uint8) if picture.dtype != np.uint8 else picture[..., :3]
     try:
         *_, last = fit(model, FitJob((photo_from_array(picture, model),), settings, seed))
     except ValueError as error:
-        return None, None, str(error)
+        return replace(trial, ended="refused" if absent else str(error), seen=None if absent else (before, None))
     off = rotation_error(last.cameras[0], truth)
     kind = _kind(last.cameras[0], truth, off)
-    if kind in ("twin", "elsewhere") and looks_alike(model, codes, last.cameras[0], truth, SUCCESS_DEGREES):
+    if absent:
+        doubted = last.confidence is not None and last.confidence < DOUBTFUL
+        off, kind = None, "doubted" if doubted else "believed"
+    elif kind in ("twin", "elsewhere") and looks_alike(model, codes, last.cameras[0], truth, SUCCESS_DEGREES):
         kind = "symmetric"
-    return off, last.confidence, kind
+    trial = replace(trial, rotation=off, confidence=last.confidence, ended=kind)
+    if trial.success:
+        return trial
+    found = drawn_on_white(model, last.codes, last.cameras[0])[0]
+    return replace(trial, seen=(before, (255 * found + 0.5).byte().numpy()))
 
 
 def _kind(found: Camera, truth: Camera, off: float) -> str:
@@ -183,16 +220,56 @@ def _unmasked(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndarray
     return np.where(cutout[..., 3:] > 0.5, cutout[..., :3], np.float32(grey))
 
 
+def _cropped(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+    """The object's left part lies outside the picture."""
+    columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
+    return cutout[:, columns > share * columns[-1]]
+
+
+def _tinted(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
+    """The object under warmer light, or colder (below 1)."""
+    lit = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * np.float32((factor, 1, 1 / factor)), 1)
+    return np.concatenate((lit, cutout[..., 3:]), -1).clip(0, 1)
+
+
+def _faded(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+    """Colours nearer to the object's mean, so that there is less and less texture."""
+    mask = cutout[..., 3:] > 0.5
+    mean = cutout[mask[..., 0], :3].mean(0)
+    return np.concatenate((np.where(mask, cutout[..., :3] * (1 - share) + mean * share, 1), cutout[..., 3:]), -1)
+
+
+def _plain(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndarray:
+    return np.full_like(cutout[..., :3], grey)
+
+
+def _random(cutout: Cutout, _: float, numbers: np.random.Generator) -> np.ndarray:
+    return numbers.random(cutout[..., :3].shape, np.float32)
+
+
 STRESSORS = {
-    "nothing": Stressor("", (0.0,), lambda cutout, *_: cutout),
-    "elevation": Stressor("degrees", (0.0, 30.0, 60.0, 85.0)),
+    "nothing": Stressor("", (0.0,)),
+    "elevation": Stressor(
+        "degrees", (0.0, 30.0, 60.0, 89.0), viewed=lambda camera, level: replace(camera, elevation=math.radians(level))
+    ),
     "occlusion": Stressor("of the object", (0.1, 0.3, 0.5), _occluded),
+    "cropping": Stressor("of the object", (0.1, 0.3), _cropped),
     "off centre": Stressor("of the picture", (0.1, 0.3), _moved),
+    "focal length": Stressor(
+        "times, from as much further away",
+        (0.7, 1.3),
+        viewed=lambda camera, level: replace(camera, focal=level * camera.focal, distance=level * camera.distance),
+    ),
+    "input size": Stressor("px", (64.0, 32.0, 16.0), _shrunk),
     "blur": Stressor("px", (1.0, 3.0), _blurred),
     "noise": Stressor("of white", (0.05, 0.2), _noisy),
     "exposure": Stressor("times", (0.5, 0.75, 1.5), _exposed),
-    "input size": Stressor("px", (64.0, 32.0, 16.0), _shrunk),
+    "white balance": Stressor("times red, and as much less blue", (0.8, 1.25), _tinted),
+    "faded texture": Stressor("of the colours", (0.5, 1.0), _faded),
     "mask": Stressor("px too wide", (-2.0, 2.0, 4.0), _masked_wrongly),
     "no mask": Stressor("grey level", (1.0, 0.5), _unmasked),
+    "plain picture": Stressor("grey level", (0.0, 1.0), _plain, absent=True),
+    "random pixels": Stressor("", (0.0,), _random, absent=True),
+    "another category": Stressor("", (0.0,), absent=True, other=True),
 }
 """By name; every level of each is tried on every object."""

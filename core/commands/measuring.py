@@ -8,8 +8,8 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
-from core.bench import charts, fitting, rendering, sizes, stability
-from core.bench.subjects import dataset_subjects, own_subjects
+from core.bench import charts, fitting, parts, rendering, sizes, stability
+from core.bench.subjects import Subject, dataset_subjects, own_subjects
 from core.commands.progress import require_folder
 from core.dataset import ObjectPlace, find_objects, read_dataset
 from core.evaluate import ObjectScore, Protocol
@@ -55,16 +55,17 @@ def bench_render(chosen: argparse.Namespace) -> None:
 def bench_fit(chosen: argparse.Namespace) -> None:
     """``bench fit``: speed and accuracy of blind fits, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    model = load_model(chosen.model)
-    generator = torch.Generator().manual_seed(chosen.seed)
-    if chosen.dataset:
-        places = _spread(_places(model, chosen.dataset), chosen.objects)
-        seen = dataset_subjects(model, places, generator)
-    else:
-        seen = own_subjects(model, chosen.objects, generator)
-    found = _watched(fitting.measured(model, tuple(seen)))
+    found = _watched(fitting.measured(*_subjects(chosen)))
     charts.write_fitting(found, chosen.out)
     print(charts.fitting_table(found), flush=True)
+
+
+def bench_parts(chosen: argparse.Namespace) -> None:
+    """``bench parts``: blind fits without each part of the method, as numbers, table and chart."""
+    charts.prepare(chosen.out)
+    found = _watched(parts.measured(*_subjects(chosen)))
+    charts.write_parts(found, chosen.out)
+    print(charts.parts_table(found), flush=True)
 
 
 def bench_stability(chosen: argparse.Namespace) -> None:
@@ -84,6 +85,15 @@ def bench_size(chosen: argparse.Namespace) -> None:
     found = _watched(sizes.measured(dataset, tests, chosen.steps, chosen.models))
     charts.write_sizes(found, chosen.out)
     print(charts.sizes_table(found), flush=True)
+
+
+def _subjects(chosen: argparse.Namespace) -> tuple[Model, tuple[Subject, ...]]:
+    model = load_model(chosen.model)
+    generator = torch.Generator().manual_seed(chosen.seed)
+    if not chosen.dataset:
+        return model, tuple(own_subjects(model, chosen.objects, generator))
+    places = _spread(_places(model, chosen.dataset), chosen.objects)
+    return model, tuple(dataset_subjects(model, places, generator))
 
 
 def _watched(stream: Iterator[str | _Found]) -> _Found:

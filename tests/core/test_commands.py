@@ -11,8 +11,9 @@ import torch
 from PIL import ExifTags, Image
 
 from core import fit as fits
+from core import hypotheses
 from core.__main__ import main, parser
-from core.bench import stability
+from core.bench import parts, stability
 from core.commands import fitting
 from core.dataset import read_dataset, write_manifest, write_object
 from core.fit import PRESETS, Alternative, FitStep
@@ -192,8 +193,14 @@ def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch
     write_object(tmp_path / "d", views_of(tiny_model(), 0, 3))
     run("bench", "fit", *words, "--dataset", tmp_path / "d")
     assert json.loads((tmp_path / "charts/fit.json").read_text())["trials"][0]["name"] == "stool0"
+    for name, (_, changes) in parts._PARTS.items():
+        monkeypatch.setitem(parts._PARTS, name, (PRESETS["normal"], changes))
+    run("bench", "parts", *words)
+    assert "| nothing left out |" in capsys.readouterr().out
+    assert hypotheses.SILHOUETTE > 0
     assert sorted(path.name for path in (tmp_path / "charts").iterdir()) == [
-        f"{name}.{kind}" for name in ("fit", "stability") for kind in ("json", "md", "png")
+        "failures.png",
+        *(f"{name}.{kind}" for name in ("fit", "parts", "stability") for kind in ("json", "md", "png")),
     ]
 
 

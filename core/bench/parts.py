@@ -1,0 +1,83 @@
+"""What every part of a blind fit is worth: the ``normal`` preset, and the same without one part at a time."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import torch
+from jaxtyping import Bool, Int
+from torch import Tensor
+
+from core import fit, folded, hypotheses, newton, plan, slopes
+from core.bench.ablation import Change, changed
+from core.bench.fitting import Summary, summary, trial
+from core.bench.rendering import machine
+from core.bench.subjects import Subject, anywhere
+from core.hypotheses import Pool
+from core.model import Model
+from core.plan import PRESETS, FitSettings
+from core.starts import Bank, Starts, bank_of
+
+WHOLE = "nothing left out"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Everything that one run found."""
+
+    machine: str
+    summaries: tuple[Summary, ...]
+    """of :data:`WHOLE`, then without each part"""
+
+    def told(self) -> dict:
+        """As plain values."""
+        return asdict(self)
+
+
+def measured(model: Model, subjects: Sequence[Subject]) -> Iterator[str | Measured]:
+    """What is being measured now, and in the end all that was found. To stop, ask for no more."""
+    yield "bank of views"
+    bank_of(model)
+    summaries = []
+    for name, (settings, changes) in _PARTS.items():
+        trials = []
+        for number, subject in enumerate(subjects):
+            yield f"{name}: {subject.views.name}"
+            with changed(changes):
+                trials.append(trial(model, subject, name, settings, number))
+        summaries.append(summary(name, trials))
+    yield Measured(machine(), tuple(summaries))
+
+
+def _anywhere(bank: Bank, model: Model, pixels: Tensor, mask: Tensor, focal: float, count: int, framed: bool) -> Starts:
+    """In place of the cameras that promise most."""
+    generator = torch.Generator().manual_seed(int(mask.sum()))
+    cameras = [anywhere(model, generator) for _ in range(count)]
+    numbers = torch.tensor([(camera.azimuth, camera.elevation, camera.distance) for camera in cameras])
+    return Starts(numbers[:, 0], numbers[:, 1], numbers[:, 2], torch.zeros(count, dtype=torch.long))
+
+
+def _cheapest(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
+    """In place of the best of each basin."""
+    order = pool.cost.argsort()
+    return order[pool.cost[order].isfinite()]
+
+
+def _everywhere(name: str, value: object, *owners: object) -> tuple[Change, ...]:
+    return tuple(Change(owner, name, value) for owner in owners)
+
+
+_USUAL = PRESETS["normal"]
+_STAGES = len(plan.plan(_USUAL, racing=True))
+_PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
+    WHOLE: (_USUAL, ()),
+    "without the bank: starts anywhere": (_USUAL, _everywhere("ranked", _anywhere, fit)),
+    "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
+    "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, fit)),
+    "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, fit)),
+    "all code directions from the beginning": (_USUAL, _everywhere("_RANKS", (10_000,) * _STAGES, plan)),
+    "no firmer prior at first": (_USUAL, _everywhere("_PRIORS", (1,) * _STAGES, plan)),
+    "without a prior of codes": (replace(_USUAL, prior=0.0), ()),
+    "without a prior of cameras": (_USUAL, _everywhere("STRAY_PRIORS", (0.0, 0.0), hypotheses, newton)),
+    "without the silhouette": (_USUAL, _everywhere("SILHOUETTE", 0.0, hypotheses, newton)),
+    "in float32": (_USUAL, _everywhere("linear_dtype", lambda device: torch.float32, folded, newton, slopes)),
+}
