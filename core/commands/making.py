@@ -1,11 +1,13 @@
 """``dataset``, ``train`` and ``convert``: what models are made of, and from."""
 
 import argparse
+import json
 from dataclasses import replace
 
 from tqdm import tqdm
 
 from core.authors import load_authors
+from core.bench.charts import write_training
 from core.commands.progress import drive, require_folder
 from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural, swap_plan
@@ -44,7 +46,7 @@ def dataset_swap(chosen: argparse.Namespace) -> None:
 
 
 def train(chosen: argparse.Namespace) -> None:
-    """``train``: a model from datasets, saved with its state as it goes."""
+    """``train``: a model from datasets, saved with its state and its curve as it goes."""
     require_folder(chosen.out)
     recipe = RECIPES[chosen.recipe]
     sizes = {"width": chosen.width} if chosen.width else {}
@@ -53,9 +55,10 @@ def train(chosen: argparse.Namespace) -> None:
     settings = replace(recipe, field=replace(recipe.field, **sizes), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
     trainer = Trainer(training, settings, chosen.device)
-    state = chosen.out.with_suffix(".state")
+    state, curve, points = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json"), []
     if chosen.resume:
         trainer.load_state(state)
+        points = json.loads(curve.read_text())[chosen.out.stem] if curve.exists() else []
     with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
         for step in trainer.steps():
             bar.update()
@@ -67,6 +70,8 @@ def train(chosen: argparse.Namespace) -> None:
                 trainer.save_state(state)
                 found = held_out_psnr(model, held_out)
                 tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
+                points.append({"step": step.step, "seconds": step.seconds, "psnr": found})
+                write_training({chosen.out.stem: points}, curve)
 
 
 def convert(chosen: argparse.Namespace) -> None:

@@ -175,6 +175,9 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     run(*words, "--steps", 8)
     run(*words, "--steps", 12, "--resume")
     assert load_model(str(out)).category == "chairs"
+    curve = json.loads((tmp_path / "m.curve.json").read_text())
+    assert [point["step"] for point in curve["m"]] == [8, 12]
+    assert (tmp_path / "m.curve.png").exists()
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
     shutil.rmtree(tmp_path / "d")
 
