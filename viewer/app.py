@@ -1,10 +1,11 @@
 """The program: a session, its panels, and the window around them."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import moderngl
+import torch
 from imgui_bundle import hello_imgui, imgui
 
 from viewer import theme, window
@@ -18,6 +19,7 @@ from viewer.panels.cutting import CuttingDialog
 from viewer.preferences import Preferences
 from viewer.quality import QUALITIES
 from viewer.session import Session
+from viewer.worker import Job
 
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
 """Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody
@@ -128,6 +130,8 @@ class App:
     def _opened(self) -> None:
         self._context = moderngl.get_context()
         self._software = window.in_software(self._context)
+        if self._software:
+            self.session.worker.submit(Job("threads", _sparing_a_core, lambda _: None))
         self.desk.canvas, self.desk.images = Canvas(self._context), Images(self._context)
         # A mistake in a panel is logged by imgui, and does not end the program.
         io = imgui.get_io()
@@ -200,3 +204,9 @@ class App:
 
     def _reset_layout(self) -> None:
         self.params.docking_params.layout_reset = True
+
+
+def _sparing_a_core() -> Iterator[None]:
+    """Beside a window that the processor draws, threads that wait for each other are slower than one thread less."""
+    torch.set_num_threads(max(1, torch.get_num_threads() - 1))
+    yield None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _NEAR = 45.0
 """degrees: one step turns no camera so far, so what is farther is another hypothesis of the same start"""
-_SHARE = 0.1
+_SHARE = 0.06
 """of the worker's time, which the fit has otherwise"""
 _SIZE, _SAMPLES = 32, 16
 """px, and along a ray"""
