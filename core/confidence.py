@@ -29,7 +29,9 @@ class Calibration(NamedTuple):
 
 
 CALIBRATION = Calibration(-0.69, 5.46)
-"""Of chairs and cars together: 80 blind fits by ``normal``, half of them of held-out objects, six of them wrong."""
+"""Of chairs and cars together: 80 blind fits by ``normal``, half of them of held-out objects, six of them wrong. On 82
+others, four of them wrong, it told them apart with an AUROC of 0.97.
+"""
 
 
 def confidence(margin: float, by: Calibration = CALIBRATION) -> float:
