@@ -58,6 +58,8 @@ class Fitting:
         """of the fit under way, or of the last one"""
         self.running = False
         self._untouched: State | None = None
+        self.live: Frame | None = None
+        """the newest picture of the fit that was shown in the view"""
         self._looked, self._unseen = 0.0, 0
 
     # What is fitted
@@ -237,6 +239,7 @@ class Fitting:
         def pictured(frame: Frame) -> None:
             if self.followed:
                 self._session.put(frame, whole)
+                self.live = self._session.frame
             shot = self.course.shot
             if shot and view == self.course.view:
                 picture = whole.middle(camera).cropped(frame)

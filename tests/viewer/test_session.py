@@ -324,6 +324,7 @@ def test_the_view_follows_a_fit_until_a_hand_changes_the_scene(session: Session,
     session.fitting.start(photo)
     deliver(session, lambda: session.fitting.course.picture is not None)
     assert session.fitting.followed
+    assert session.frame is session.fitting.live
     assert session.frame is not before
     assert session.frame.resolution[0] > session.frame.resolution[1]
     assert session.fitting.course.picture.resolution == (session.frame.resolution[1],) * 2

@@ -148,7 +148,7 @@ def _draw_told(fitting: Fitting) -> None:
         left = imgui.get_content_region_avail().x - imgui.calc_text_size(told).x
         imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, left))
         imgui.text_disabled(told)
-        tip(f"{fitting.course.name}, fitted in {last.seconds:.0f} s")
+        tip(f"{fitting.course.name}, fitted in {last.seconds:.0f} s; on the way the curve estimates it from fewer rays")
 
 
 def _draw_views(fitting: Fitting) -> None:

@@ -123,7 +123,8 @@ class View:
         text = f"{width} x {height} px   {frame.samples} samples" + (
             f", smoothed {frame.across} x {frame.across}" if frame.across > 1 else ""
         )
-        if session.fitting.followed:
+        live = frame is session.fitting.live
+        if live:
             text = f"The fit on its way   {width} x {height} px"
         elif not frame.final:
             text = f"Preview {frame.stage + 1} of {frame.stages}   {text}"
@@ -133,7 +134,7 @@ class View:
         high = ImVec2(low.x + extent.x + 2.1 * em, low.y + extent.y + 0.5 * em)
         draw = imgui.get_window_draw_list()
         draw.add_rect_filled(low, high, packed((0.07, 0.08, 0.09), 0.72), 0.35 * em)
-        done = frame.final and not session.fitting.followed
+        done = frame.final and not live
         dot = (0.35, 0.8, 0.5) if done else (0.95, 0.7, 0.25)
         draw.add_circle_filled(ImVec2(low.x + 0.75 * em, (low.y + high.y) / 2), 0.24 * em, packed(dot))
         draw.add_text(ImVec2(low.x + 1.4 * em, low.y + 0.25 * em), packed((0.95, 0.95, 0.96)), text)
