@@ -4,7 +4,11 @@ import time
 from dataclasses import dataclass, field
 from enum import Enum
 
+import torch
+
 _SECONDS = 5.0
+_NO_MEMORY = "can't allocate memory"
+"""What torch says in a RuntimeError where the processor's memory does not suffice."""
 
 
 class Kind(Enum):
@@ -31,7 +35,7 @@ class Message:
 
 def explain(error: Exception) -> str:
     """An exception as a line of text; its type is told where the message alone would not do."""
-    text = str(error).strip()
-    if isinstance(error, MemoryError):
+    text = (str(error).strip().splitlines() or [""])[0]
+    if isinstance(error, MemoryError | torch.OutOfMemoryError) or _NO_MEMORY in text:
         return "not enough memory; try a smaller size"
     return text if isinstance(error, ValueError) and text else f"{type(error).__name__}: {text}"

@@ -1,3 +1,4 @@
+import errno
 import json
 import threading
 from collections.abc import Iterator
@@ -556,9 +557,32 @@ def test_a_picture_that_cannot_be_saved_is_told(session: Session, tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_render_that_fails_is_told(session: Session) -> None:
+def test_a_full_disk_is_told_and_leaves_nothing(
+    session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Image.Image, "save", full)
+    scene = session.scene
+    session.exporting.picture(tmp_path / "a.png", size=16)
+    finish(session)
+    assert session.errors == [f"Cannot save the picture: cannot write {tmp_path / 'a.png'}: No space left on device"]
+    assert list(tmp_path.iterdir()) == []
+    assert session.scene == scene
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        torch.OutOfMemoryError("CUDA out of memory.\nTried to allocate 2 GiB"),
+        RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory: you tried to allocate 9 bytes"),
+    ],
+)
+def test_a_render_that_fails_is_told(session: Session, error: Exception) -> None:
     def broken(model: Model, job: object):
-        raise MemoryError
+        raise error
         yield
 
     session.streams = replace(session.streams, frames=broken)
