@@ -145,12 +145,13 @@ def _tried(
         *_, last = fit(model, FitJob((photo_from_array(picture, model),), settings, seed))
     except ValueError as error:
         return replace(trial, ended="refused" if absent else str(error), seen=None if absent else (before, None))
-    off = rotation_error(last.cameras[0], truth)
-    kind = _kind(last.cameras[0], truth, off)
+    off: float | None = None
     if absent:
-        doubted = last.confidence is not None and last.confidence < DOUBTFUL
-        off, kind = None, "doubted" if doubted else "believed"
-    elif kind in ("twin", "elsewhere") and looks_alike(model, codes, last.cameras[0], truth, SUCCESS_DEGREES):
+        kind = "doubted" if last.confidence is not None and last.confidence < DOUBTFUL else "believed"
+    else:
+        off = rotation_error(last.cameras[0], truth)
+        kind = _kind(last.cameras[0], truth, off)
+    if kind in ("twin", "elsewhere") and looks_alike(model, codes, last.cameras[0], truth, SUCCESS_DEGREES):
         kind = "symmetric"
     trial = replace(trial, rotation=off, confidence=last.confidence, ended=kind)
     if trial.success:
@@ -228,7 +229,7 @@ def _cropped(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray
 
 def _tinted(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
     """The object under warmer light, or colder (below 1)."""
-    lit = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * np.float32((factor, 1, 1 / factor)), 1)
+    lit = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * np.array((factor, 1, 1 / factor), np.float32), 1)
     return np.concatenate((lit, cutout[..., 3:]), -1).clip(0, 1)
 
 

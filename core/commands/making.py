@@ -55,7 +55,8 @@ def train(chosen: argparse.Namespace) -> None:
     settings = replace(recipe, field=replace(recipe.field, **sizes), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
     trainer = Trainer(training, settings, chosen.device)
-    state, curve, points = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json"), []
+    state, curve = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json")
+    points: list[dict[str, float]] = []
     if chosen.resume:
         trainer.load_state(state)
         points = json.loads(curve.read_text())[chosen.out.stem] if curve.exists() else []
