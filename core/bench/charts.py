@@ -195,12 +195,15 @@ def stability_table(found: stability.Atlas) -> str:
 def _stability_chart(found: stability.Atlas) -> "Figure":
     cells = found.cells()
     names = list(dict.fromkeys(name for name, _ in cells))
-    figure, panels = _figure((len(names) + 1) // 2, 2, 2.8)
+    across = min(5, len(names))
+    figure, panels = _figure(across, -(-len(names) // across), 2.6)
+    for axes in panels[len(names) :]:
+        axes.remove()
     for axes, name in zip(panels, names, strict=False):
         levels = [level for stressor, level in cells if stressor == name]
         for preset in next(iter(cells.values())):
             shares = [100 * cells[name, level][preset] for level in levels]
-            axes.plot(range(len(levels)), shares, "o-", label=preset)
+            axes.plot(range(len(levels)), shares, "o-", alpha=0.7, label=preset)
         axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
         axes.set(title=name, ylim=(-5, 105), xlabel=stability.STRESSORS[name].unit)
         axes.grid(alpha=0.3)
