@@ -108,7 +108,7 @@ class FitStep:
     """logarithm of the alternative's loss over the result's at the end of the race, from where only the result goes on;
     comes with the alternative, but where a fit went on from a given hypothesis"""
     race: tuple[Hypothesis, ...] = ()
-    """those that have not diverged, the least loss first; the rival of the last stage among them. The pictures are
+    """those that have not diverged, the least loss first; behind the winner its rival. The pictures are
     those of the race: where several cameras are unknown, each has one of its own before they meet."""
 
     @property

@@ -29,8 +29,6 @@ _ENTRIES = 8192
 """Places along each axis at which a layer of an encoding is known."""
 _BEYOND = 1.1
 """For points they reach so far, in half sizes of the scene's box: samples of rays may be moved out of it a little."""
-_PAINTED = 1.0
-"""Scene units that they reach where the network paints the ground, around the box too."""
 
 
 class Tables(NamedTuple):
@@ -56,9 +54,15 @@ class Tables(NamedTuple):
 
     def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
         """What the layer makes of the encoded values."""
-        entry = (values * (_ENTRIES / (2 * self.reach)) + _ENTRIES / 2).clamp_(0, _ENTRIES - 1).int()
+        entry = (values * (_ENTRIES / (2 * self.reach)) + _ENTRIES / 2).nan_to_num_(0.0)
+        entry = entry.clamp_(0, _ENTRIES - 1).int()
         entry += torch.arange(0, 3 * _ENTRIES, _ENTRIES, device=values.device, dtype=torch.int)
         return functional.embedding_bag(entry, self.entries, mode="sum")
+
+    def exactly(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
+        """The same without tables, anywhere."""
+        weight, bias = self.layer
+        return functional.linear(encode(values, self.octaves).to(weight.dtype), weight, bias)
 
 
 class FieldWeights(NamedTuple):
@@ -117,8 +121,10 @@ def densities(
     """Density per scene unit of many objects at once, each at its own points; not differentiable."""
     weights = field_weights(model, linear_dtype(model.device.type))
     biases = shape_bias.to(weights.direction.dtype)
+    # A network that paints the ground is asked around the box too.
+    first = weights.point.exactly if model.painted_ground else weights.point
     rows = [
-        _density(model.field, weights, weights.point(part).relu_(), bias.unbind(0))[0]
+        _density(model.field, weights, first(part).relu_(), bias.unbind(0))[0]
         for one, bias in zip(points, biases, strict=True)
         for part in one.split(_CHUNK_POINTS)
     ]
@@ -151,7 +157,7 @@ def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
 
     sigma, point = field.density_layer, field.point_layer
     view = entry.weight[:, width:], from_features @ features.bias + entry.bias
-    reach = torch.full_like(model.extent_tensor, _PAINTED) if model.painted_ground else _BEYOND * model.extent_tensor
+    reach = _BEYOND * model.extent_tensor
     return FieldWeights(
         point=Tables.of(field.config.point_octaves, point.weight, point.bias, reach, dtype),
         shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),

@@ -17,10 +17,10 @@ from core.camera import Camera
 from core.cutout import NoGroundError
 from core.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.frames import Frame, RenderJob, RenderSettings
+from core.scene import Scene
 from viewer import orbit
 from viewer.course import Course, Shot, Source, paired
 from viewer.gallery import Thing
-from viewer.history import State
 from viewer.race import Race
 from viewer.worker import Job
 
@@ -57,7 +57,7 @@ class Fitting:
         self.course = Course()
         """of the fit under way, or of the last one"""
         self.running = False
-        self._untouched: State | None = None
+        self._untouched: Scene | None = None
         self.live: Frame | None = None
         """the newest picture of the fit that was shown in the view"""
         self._looked, self._unseen = 0.0, 0
@@ -137,7 +137,7 @@ class Fitting:
     def followed(self) -> bool:
         """The view shows the fit on its way: nobody has changed the scene since it began."""
         session = self._session
-        return self.running and session.ready and session.state is self._untouched and not session.film.playing
+        return self.running and session.ready and session.scene == self._untouched and not session.film.playing
 
     @property
     def camera(self) -> Camera:
@@ -187,7 +187,7 @@ class Fitting:
         self.reset()
         self.course, self.running = course, True
         self.race.reset(race if begin else ())
-        self._untouched = self._session.state
+        self._untouched = self._session.scene
         settings = PRESETS[self.effort]
         if begin:
             settings = replace(settings, steps=max(1, settings.steps // _GOING_ON))
@@ -231,13 +231,14 @@ class Fitting:
         model, step, view = self._session.model, self.course.step, self.course.view
         assert model is not None and step is not None
         camera = step.cameras[view]
-        whole = orbit.filling(camera, *self._session.panel, camera.height)
+        whole = orbit.filling(camera, *self._session.panel, camera.height, self._session.pan)
         if not self.followed:
             whole = orbit.filling(camera, camera.width, camera.height, camera.height)
         job = RenderJob(step.codes, whole.camera, settings)
 
         def pictured(frame: Frame) -> None:
             if self.followed:
+                self._session.worker.cancel("view")
                 self._session.put(frame, whole)
                 self.live = self._session.frame
             shot = self.course.shot

@@ -332,11 +332,13 @@ class Session:
         except ValueError as error:
             self.report("Cannot restore the session", error)
             return
+        names = {name: name for name in self.gallery.names}
         for thing in things:
-            if thing.name not in self.gallery.names:
-                self.gallery.add(thing)
+            if thing.name not in names or self.gallery[thing.name].codes != thing.codes:
+                names[thing.name] = self.gallery.add(thing)
+        mix = replace(state.mix, a=Pair(*(names[name] for name in state.mix.a)), b=names[state.mix.b])
         assert self.history is not None
-        self._go(self.history.changed(state))
+        self._go(self.history.changed(replace(state, mix=mix)))
         self.say("Restored the session")
         done()
 
@@ -407,8 +409,12 @@ class Session:
         self.messages = [other for other in self.messages if other is not message]
 
     def render(self) -> None:
-        """Ask for a picture of the scene, coarse to fine; the newest wish wins. While the film plays, it draws."""
+        """Ask for a picture of the scene, coarse to fine; the newest wish wins. While the film plays, it draws, and
+        so does a fit while it is followed.
+        """
         if self.model is None or self.history is None or self.film.playing:
+            return
+        if self.fitting.followed and self.frame is self.fitting.live:
             return
         model = self.model
         excerpt = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)

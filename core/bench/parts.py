@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from core import fit, folded, hypotheses, newton, plan, slopes
+from core import fit, folded, hypotheses, newton, plan, precision, slopes
 from core.bench.ablation import Change, changed
 from core.bench.fitting import Summary, summary, trial
 from core.bench.rendering import machine
@@ -70,7 +70,7 @@ _USUAL = PRESETS["normal"]
 _STAGES = len(plan.plan(_USUAL, racing=True))
 _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     WHOLE: (_USUAL, ()),
-    "without the bank: starts anywhere": (_USUAL, _everywhere("ranked", _anywhere, fit)),
+    "without the bank: starts anywhere": (_USUAL, (Change(fit, "ranked", _anywhere), Change(fit, "_LIKENESS", 0.0))),
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, fit)),
     "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, fit)),
@@ -79,5 +79,8 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "without a prior of codes": (replace(_USUAL, prior=0.0), ()),
     "without a prior of cameras": (_USUAL, _everywhere("STRAY_PRIORS", (0.0, 0.0), hypotheses, newton)),
     "without the silhouette": (_USUAL, _everywhere("SILHOUETTE", 0.0, hypotheses, newton)),
-    "in float32": (_USUAL, _everywhere("linear_dtype", lambda device: torch.float32, folded, newton, slopes)),
+    "in float32": (
+        _USUAL,
+        _everywhere("linear_dtype", lambda device: torch.float32, folded, newton, precision, slopes),
+    ),
 }

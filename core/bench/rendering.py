@@ -20,7 +20,6 @@ from core.bench.ablation import Change, changed
 from core.bench.subjects import spread_objects
 from core.camera import Camera
 from core.codes import Codes
-from core.field import encode
 from core.folded import Tables
 from core.frames import RenderJob, RenderSettings, frames
 from core.metrics import psnr
@@ -198,18 +197,12 @@ def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
     return picture, time.perf_counter() - began
 
 
-def _encoded(tables: Tables, values: Tensor) -> Tensor:
-    """In place of looking up what the layer makes of the encoded values."""
-    weight, bias = tables.layer
-    return torch.nn.functional.linear(encode(values, tables.octaves).to(weight.dtype), weight, bias)
-
-
 _PARTS: dict[str, tuple[Change, ...]] = {
     "without occupancy": (Change(occupancy, "_EMPTY", -1.0), Change(occupancy, "_NEGLIGIBLE", -1.0)),
     "without passing over faint fringes": (Change(occupancy, "_NEGLIGIBLE", -1.0),),
     "without stopping spent rays": (Change(march, "SPENT", math.inf), Change(occupancy, "SPENT", math.inf)),
     "colouring all intervals": (Change(march, "_UNSEEN", -1.0),),
-    "encoding instead of tables": (Change(folded.Tables, "__call__", _encoded),),
+    "encoding instead of tables": (Change(Tables, "__call__", Tables.exactly),),
     "in float32": (Change(folded, "linear_dtype", lambda device: torch.float32),),
 }
 

@@ -329,6 +329,10 @@ def test_the_view_follows_a_fit_until_a_hand_changes_the_scene(session: Session,
     assert session.frame is not before
     assert session.frame.resolution[0] > session.frame.resolution[1]
     assert session.fitting.course.picture.resolution == (session.frame.resolution[1],) * 2
+    session.film.add_key()
+    session.push(0.1, 0.0)
+    assert session.fitting.followed
+    assert not session.worker.busy("view")
     session.move_along("shape", 0, 1.0)
     assert not session.fitting.followed
     session.undo()
