@@ -8,6 +8,7 @@ import pytest
 
 from tests.viewer.window_driver import finish
 from viewer.autosave import Autosave
+from viewer.gallery import Thing
 from viewer.saved import Saved
 from viewer.session import Session
 
@@ -127,3 +128,16 @@ def test_a_session_of_another_model_opens_it_first(session: Session, photo: Path
     assert session.opened == "other"
     assert session.gallery.names[0] == "block"
     assert len(session.state.timeline.keys) == 2
+
+
+def test_a_restored_object_whose_name_is_taken_gets_another(session: Session, photo: Path) -> None:
+    busy(session, photo)
+    session.show("block")
+    saved = Saved.of("chairs", session.state, session.gallery.added)
+    codes = session.gallery["block"].codes
+    session.open_model("chairs")
+    finish(session)
+    session.gallery.add(Thing("block", session.gallery["object 1"].codes))
+    session.restore(saved)
+    assert session.state.mix.a == ("block (2)", "block (2)")
+    assert session.gallery["block (2)"].codes == codes
