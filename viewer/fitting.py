@@ -231,9 +231,8 @@ class Fitting:
         model, step, view = self._session.model, self.course.step, self.course.view
         assert model is not None and step is not None
         camera = step.cameras[view]
-        whole = orbit.filling(camera, *self._session.panel, camera.height, self._session.pan)
-        if not self.followed:
-            whole = orbit.filling(camera, camera.width, camera.height, camera.height)
+        wide = (*self._session.panel, camera.height, self._session.pan)
+        whole = orbit.filling(camera, *(wide if self.followed else (camera.width, camera.height, camera.height)))
         job = RenderJob(step.codes, whole.camera, settings)
 
         def pictured(frame: Frame) -> None:

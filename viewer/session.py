@@ -414,7 +414,7 @@ class Session:
         """
         if self.model is None or self.history is None or self.film.playing:
             return
-        if self.fitting.followed and self.frame is self.fitting.live:
+        if self.frame and self.frame is self.fitting.live and self.fitting.followed:
             return
         model = self.model
         excerpt = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
