@@ -264,12 +264,13 @@ def sizes_table(found: sizes.Measured) -> str:
     """Markdown: a line for every model."""
     what = f"{found.objects} objects, {found.steps} steps each"
     lines = [f"{found.machine}; {what}; held out: objects fitted on one view of known camera.", ""]
-    head = "differs in | parameters | file (kB) | own, new views (dB) | held out (dB) | frame (ms) | fit (s)"
-    lines += [f"| {head} |", "|" + "---|" * 7]
+    head = "differs in | parameters | file (kB) | own, new views (dB) | held out (dB) | against the first (dB)"
+    lines += [f"| {head} | cameras within 10° | frame (ms) | blind fit (s) |", "|" + "---|" * 9]
     for one in found.sizes:
         name = one.axis if one.axis == "default" else f"{one.axis} {one.value}"
-        quality = f"{one.own:.2f} | {one.held_out.mean:.2f} ({one.held_out.low:.2f} to {one.held_out.high:.2f})"
-        costs = f"{one.frame_ms:.1f} | {one.fit_seconds:.1f}"
+        quality = f"{one.own:.2f} | {one.held_out.mean:.2f}"
+        quality += f" | {one.gain.mean:+.2f} ({one.gain.low:+.2f} to {one.gain.high:+.2f})"
+        costs = f"{_share(one.found)} | {one.frame_ms:.1f} | {one.fit_seconds:.1f}"
         lines.append(f"| {name} | {one.parameters} | {one.bytes / 1000:.0f} | {quality} | {costs} |")
     return "\n".join(lines) + "\n"
 

@@ -11,19 +11,24 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+import torch
+
+from core.bench import fitting
 from core.bench.rendering import machine
-from core.bench.subjects import spread_objects
+from core.bench.subjects import dataset_subjects, spread_objects
 from core.dataset import Dataset, ObjectPlace
 from core.evaluate import Mean, Protocol, evaluate, mean_of
 from core.field import FieldConfig
+from core.fit import PRESETS
 from core.frames import RenderSettings
 from core.march import forget_views, marched
 from core.model import Model
+from core.starts import bank_of
 from core.train import RECIPES, Trainer, held_out_psnr, hold_out
 
 DEFAULT = FieldConfig(shape_latent=64, texture_latent=32)
 AXES = {
-    "width": (32, 64, 96, 192),
+    "width": (32, 64, 96, 256),
     "shape_latent": (8, 16, 32, 128),
     "texture_latent": (8, 16, 64),
     "shape_blocks": (1, 3),
@@ -49,8 +54,12 @@ class Size:
     """dB, views not trained on of training objects"""
     held_out: Mean
     """dB, other views of objects never trained on, fitted on one view from its true camera"""
+    gain: Mean
+    """dB, of the same objects over the first model's"""
+    found: Mean
+    """share of the same objects' cameras found within 10 degrees, from a view drawn by lot"""
     fit_seconds: float
-    """mean of those fits"""
+    """median of these blind fits"""
     frame_ms: float
     """a 128 px frame from a new side, 64 intervals"""
 
@@ -96,16 +105,21 @@ def measured(
     for (_, _, config), path in zip(chosen, paths, strict=True):
         models.append((yield from _trained(training, config, steps, path)))
     yield "frames"
-    sizes = []
+    sizes, first = [], list[float]()
     for (axis, value, config), path, model, ms in zip(chosen, paths, models, _frame_ms(models), strict=True):
         yield f"fits, {path.stem}"
-        scores = list(evaluate(model, (place.read() for place in tests), Protocol()))
+        psnrs = [score.psnr for score in evaluate(model, (place.read() for place in tests), Protocol())]
+        first = first or psnrs
+        yield f"blind fits, {path.stem}"
+        blind = _blind(model, tests)
         sizes.append(
             Size(
                 *(axis, value, config, sum(p.numel() for p in model.field.parameters()), path.stat().st_size),
                 own=held_out_psnr(model, unseen),
-                held_out=mean_of([score.psnr for score in scores]),
-                fit_seconds=mean_of([score.seconds for score in scores]).mean,
+                held_out=mean_of(psnrs),
+                gain=mean_of([psnr - other for psnr, other in zip(psnrs, first, strict=True)]),
+                found=blind.within_10_degrees,
+                fit_seconds=blind.seconds,
                 frame_ms=ms,
             )
         )
@@ -121,6 +135,15 @@ def _trained(training: Dataset, config: FieldConfig, steps: int, path: Path) -> 
                 yield f"training, {path.stem}, step {step.step} of {steps}, {step.psnr:.1f} dB"
         trainer.model().save(path)
     return Model.load(path)
+
+
+def _blind(model: Model, tests: Sequence[ObjectPlace]) -> fitting.Summary:
+    bank_of(model)  # made before the first fit is timed
+    subjects = dataset_subjects(model, tests, torch.Generator().manual_seed(0))
+    trials = [
+        fitting.trial(model, subject, "normal", PRESETS["normal"], number) for number, subject in enumerate(subjects)
+    ]
+    return fitting.summary("normal", trials)
 
 
 def _frame_ms(models: Sequence[Model]) -> list[float]:
