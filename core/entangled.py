@@ -7,6 +7,7 @@ exactly; neither the fast renderer nor fitting, which live on those signatures, 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+from torch.nn import functional
 
 from core.field import Field, FieldConfig, encode, folded_biases
 
@@ -27,13 +28,22 @@ class _ViewInShape(Field):
         """The direction's part of the first layer."""
         return self.early_direction(encode(directions, self.config.direction_octaves))
 
+    def density(
+        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
+        """As :meth:`core.field.Field.density`, looked at from outside, towards the middle of the scene."""
+        return self._density_towards(points, self.direction_bias(-functional.normalize(points, dim=-1)), shape_bias)
+
     def radiance(
         self, points: Tensor, direction_bias: Tensor, shape_bias: Tensor, texture_bias: Tensor
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
         """As :meth:`core.field.Field.radiance`, with a density that the direction moves."""
-        first = self.point_layer(encode(points, self.config.point_octaves))
-        density, features = self.density_of((first + direction_bias.to(first.dtype)).relu(), shape_bias)
+        density, features = self._density_towards(points, direction_bias, shape_bias)
         return density, self.colour(features, self.direction_layer.bias, texture_bias)
+
+    def _density_towards(self, points: Tensor, direction_bias: Tensor, shape_bias: Tensor) -> tuple[Tensor, Tensor]:
+        first = self.point_layer(encode(points, self.config.point_octaves))
+        return self.density_of((first + direction_bias.to(first.dtype)).relu(), shape_bias)
 
 
 class _OneEmbedding(Field):

@@ -50,6 +50,13 @@ def test_m1_is_a_first_layer_that_sees_point_and_direction():
     torch.testing.assert_close(found[0], density)
 
 
+def test_m1_shows_a_point_without_a_direction_as_from_outside():
+    field, shape_bias = entangled("M1"), entangled("M1").biases(torch.ones(8), torch.ones(4))[0]
+    for index, point in enumerate(POINTS[:5]):
+        seen = asked(field, -point, torch.ones(8), torch.ones(4))[0][index]
+        torch.testing.assert_close(field.density(point, shape_bias)[0], seen)
+
+
 @pytest.mark.parametrize("design", ["M1", "M2"])
 def test_a_model_of_another_design_is_kept_and_drawn_exactly_only(design: str, tmp_path):
     codes = CodeBook(torch.randn(2, 8), torch.randn(2, 4), (Entry("a", 0, 0), Entry("b", 1, 1)))
