@@ -57,8 +57,17 @@ def _command(commands: argparse._SubParsersAction, name: str, run: str, about: s
     return command
 
 
-def _add_object_options(command: argparse.ArgumentParser) -> None:
+def _add_model(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    _add_device(command)
+
+
+def _add_device(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs")
+
+
+def _add_object_options(command: argparse.ArgumentParser) -> None:
+    _add_model(command)
     what = command.add_mutually_exclusive_group()
     what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
     what.add_argument("--scene", type=Path, metavar="S.json", help="a saved scene, or a picture (png) that holds one")
@@ -108,7 +117,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "find camera and codes of an object in pictures; ends with one JSON line",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="pictures of one object")
-    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    _add_model(command)
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
@@ -170,7 +179,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--latent", type=_count, nargs=2, metavar=("SHAPE", "TEXTURE"), help="numbers of a code (default: ours: 64 64)"
     )
-    command.add_argument("--device", default="cpu", help="cpu or cuda")
+    _add_device(command)
     command.add_argument("--seed", type=int, default=0)
 
 
@@ -188,7 +197,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
         commands, "evaluate", "measuring.evaluate", "the paper's protocol: fit a view, draw the others, compare"
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
-    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    _add_model(command)
     command.add_argument("--swap", action="store_true", help="instead: codes of two objects for untrained pairs, leaks")
     command.add_argument("--inputs", type=_views, default=(64,), metavar="V,V", help="the views that are fitted")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
@@ -226,7 +235,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     size.add_argument("--steps", type=_count, default=3000, help="that each model is trained")
     size.add_argument("--models", type=Path, required=True, metavar="DIR", help="where they are kept, to go on later")
     for kind in (rendering, fitting, parts, stability):
-        kind.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+        _add_model(kind)
     for kind in (rendering, fitting, parts, stability, size):
         kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
 

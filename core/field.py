@@ -159,6 +159,7 @@ def _matrices(blocks: nn.ModuleList) -> list[Tensor]:
 def folded_biases(
     latent: nn.ModuleList, blocks: nn.ModuleList, code: Float[Tensor, "*batch latent"]
 ) -> Float[Tensor, "*batch blocks width"]:
-    """The biases of blocks with a code folded in through their latent layers."""
+    """The biases of blocks with a code, wherever it is kept, folded in through their latent layers."""
+    code = code.to(blocks[0].get_parameter("weight").device)
     biases = [block(layer(code).relu()) for layer, block in zip(latent, blocks, strict=True)]
     return torch.stack(biases, -2).float()

@@ -114,12 +114,11 @@ def judged(
     Args:
         jitter: (views, rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
     """
-    device = model.device
     rays = aimed(model, numbers, drawn, samples, jitter)
     shapes, textures = by.spaces(model)
-    shape = model.field.shape_bias(shapes.code(numbers.shape.to(device)))
-    texture = model.field.texture_bias(textures.code(numbers.texture.to(device)))
-    with autocast(device):
+    shape = model.field.shape_bias(shapes.code(numbers.shape))
+    texture = model.field.texture_bias(textures.code(numbers.texture))
+    with autocast(model.device):
         colour, opacity = render_seen(model, rays, samples, _kept(samples), shape, texture)
     error = (colour.cpu() - drawn.colours).square().mean(-1)
     squared = (error * drawn.shares).sum((1, 2)) / error.shape[1]

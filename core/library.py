@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import torch
+
 from core.authors import load_authors
 from core.model import Model
 
@@ -19,11 +21,22 @@ def samples(category: str) -> tuple[Path, ...]:
     return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
 
 
-def load_model(name: str) -> Model:
+def load_model(name: str, device: str = "cpu") -> Model:
     """The model of a shipped name (``chairs``) or of a path; ``.pth`` is a checkpoint of the authors' trainer.
 
-    Raises ``ValueError`` where there is none.
+    Args:
+        device: where its network runs, "cpu" or "cuda"; codes, cameras and pictures stay with the processor.
+
+    Raises ``ValueError`` where there is no such model or no such device.
     """
+    if device == "cuda" and not torch.cuda.is_available():
+        raise ValueError("torch finds no CUDA device on this machine")
+    model = _read(name)
+    model.field.to(device)
+    return model
+
+
+def _read(name: str) -> Model:
     if name in shipped_models():
         return Model.load(SHIPPED / f"{name}.safetensors")
     path = Path(name)

@@ -160,7 +160,7 @@ def _occupancy(view: View) -> Occupancy:
     key = view.model, view.shape
     known = _occupied.get(key)
     if known is None or (view.whole and not known.whole):
-        code = torch.tensor(view.shape, device=view.model.device)
+        code = torch.tensor(view.shape, device=view.model.codes.shapes.device)
         folded = Folded(view.model, Codes(code, view.model.codes.mean.texture))
         _occupied[key] = Occupancy(view.model, folded, None if view.whole else _similar(view.model, code))
     _occupied.move_to_end(key)

@@ -123,13 +123,15 @@ def quadratic(
     """The objective around hypotheses, of the numbers that a stage moves."""
     rays = aimed(model, numbers, drawn, stage.samples, jitter)
     shapes, textures = by.spaces(model)
-    shape, texture = numbers.shape.to(model.device), numbers.texture.to(model.device)
     dtype = linear_dtype(model.device.type)
     entries = Entries(
-        _slopes(lambda x: model.field.shape_bias(shapes.code(x)), shape, stage.rank).to(dtype),
-        _slopes(lambda x: model.field.texture_bias(textures.code(x)), texture, stage.rank).to(dtype),
+        _slopes(lambda x: model.field.shape_bias(shapes.code(x)), numbers.shape, stage.rank).to(dtype),
+        _slopes(lambda x: model.field.texture_bias(textures.code(x)), numbers.texture, stage.rank).to(dtype),
     )
-    biases = model.field.shape_bias(shapes.code(shape)), model.field.texture_bias(textures.code(texture))
+    biases = (
+        model.field.shape_bias(shapes.code(numbers.shape)),
+        model.field.texture_bias(textures.code(numbers.texture)),
+    )
     seen = trace(model, rays, stage.samples, max(2, stage.samples // _KEPT), *biases, entries)
     count, views, pixels = rays.near.shape
     jacobian = torch.zeros(count, views, pixels, 4, views * _CAMERA + seen.codes.shape[-1])

@@ -191,8 +191,8 @@ def _most_of_corners(corners: Float[Tensor, "corners corners corners"]) -> Float
 @lru_cache(maxsize=2)
 def _corner_activations(model: Model, dtype: torch.dtype) -> Float[Tensor, "all width"]:
     """First-layer activations at all corners of the grid."""
-    axes = [torch.linspace(-half, half, CELLS + 1) for half in model.extent]
-    corners = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3).to(model.device)
+    axes = [torch.linspace(-half, half, CELLS + 1, device=model.device) for half in model.extent]
+    corners = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     folded = Folded(model, model.codes.mean)
     assert folded.dtype == dtype
     with torch.inference_mode():

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 _LONGEST = 900.0
@@ -13,15 +14,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window. Without a display: one line on stderr, status 1."""
     chosen = parser().parse_args(arguments)
     # Imported late: `--help` and a wrong word answer before torch is loaded.
+    from core.library import load_model
     from viewer.app import App
     from viewer.screenshot import Screenshot
-    from viewer.session import Session
+    from viewer.session import Session, Streams
     from viewer.window import NoDisplayError, config_folder
     from viewer.worker import Worker
 
     worker = Worker()
     try:
-        session = Session(worker)
+        session = Session(worker, Streams(partial(load_model, device=chosen.device)))
         headless = chosen.screenshot is not None
         app = App(session, chosen.size, None if headless else config_folder(), headless)
         session.open_model(chosen.model)
@@ -43,6 +45,7 @@ def parser() -> argparse.ArgumentParser:
     """The words of the command line."""
     words = argparse.ArgumentParser(prog="python -m viewer", description=__doc__, allow_abbrev=False)
     words.add_argument("--model", default="chairs", help="a shipped name, or the path of a model file")
+    words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--image", type=Path, help="fit this image at once")
     words.add_argument(
         "--screenshot", type=_picture, metavar="PNG", help="draw the window with no display, save it, end"

@@ -122,7 +122,7 @@ def measured(
 
 def _picture(model: Model, codes: Codes, camera: Camera, stressor: Stressor, level: float, seed: int) -> np.ndarray:
     if stressor.other:
-        model = load_model(next(name for name in shipped_models() if name != model.category))
+        model = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
         codes, camera = model.codes[seed % len(model.codes.objects)], model.camera(camera.azimuth, camera.elevation)
     colour, mask = drawn_on_white(model, codes, camera)
     cutout = np.concatenate((colour.numpy(), mask[..., None].numpy().astype(np.float32)), -1)

@@ -27,7 +27,7 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     if chosen.box and len(chosen.box) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
-    model = load_model(chosen.model)
+    model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
     hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
     each = zip(chosen.images, poses, hints, strict=True)

@@ -29,7 +29,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
     protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.preset, chosen.seed)
     if chosen.swap and protocol != Protocol(seed=chosen.seed):
         raise ValueError("--swap draws cells with their true cameras: it goes with no --inputs, --pose or --preset")
-    model = load_model(chosen.model)
+    model = load_model(chosen.model, chosen.device)
     places = _places(model, chosen.datasets)
     if chosen.report:
         require_folder(chosen.report)
@@ -47,7 +47,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
 def bench_render(chosen: argparse.Namespace) -> None:
     """``bench render``: speed and accuracy of the renderer, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(rendering.measured(load_model(chosen.model), chosen.views))
+    found = _watched(rendering.measured(load_model(chosen.model, chosen.device), chosen.views))
     charts.write_rendering(found, chosen.out)
     print(charts.rendering_table(found), flush=True)
 
@@ -71,7 +71,7 @@ def bench_parts(chosen: argparse.Namespace) -> None:
 def bench_stability(chosen: argparse.Namespace) -> None:
     """``bench stability``: the atlas of where fits fail, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(stability.measured(load_model(chosen.model), chosen.objects, chosen.seed))
+    found = _watched(stability.measured(load_model(chosen.model, chosen.device), chosen.objects, chosen.seed))
     charts.write_stability(found, chosen.out)
     print(charts.stability_table(found), flush=True)
 
@@ -88,7 +88,7 @@ def bench_size(chosen: argparse.Namespace) -> None:
 
 
 def _subjects(chosen: argparse.Namespace) -> tuple[Model, tuple[Subject, ...]]:
-    model = load_model(chosen.model)
+    model = load_model(chosen.model, chosen.device)
     generator = torch.Generator().manual_seed(chosen.seed)
     if not chosen.dataset:
         return model, tuple(own_subjects(model, chosen.objects, generator))

@@ -66,7 +66,7 @@ def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
 
 def _chosen(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     """The model and the codes that the options name, with the scene's own camera or one from the front."""
-    model = load_model(chosen.model)
+    model = load_model(chosen.model, chosen.device)
     if chosen.scene:
         scene = open_scene(chosen.scene, model)
         return model, scene.codes, scene.camera

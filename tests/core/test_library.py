@@ -16,6 +16,12 @@ def test_an_unknown_name_lists_the_known_ones():
         load_model("boats")
 
 
+def test_a_device_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(ValueError, match="no CUDA device"):
+        load_model("chairs", "cuda")
+
+
 @pytest.mark.parametrize("name", ["gone.safetensors", "gone.pth"])
 def test_a_missing_file_is_named(name: str, tmp_path):
     with pytest.raises(ValueError, match=name):

@@ -213,3 +213,13 @@ def test_finer_intervals_never_cost_quality():
     exact = render_exact(MODEL, codes, camera, 512).colour.clamp(0, 1)
     found = [psnr(marched(MODEL, codes, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
     assert found == sorted(found)
+
+
+def test_everything_is_made_on_the_models_device():
+    model = random_model(seed=5)
+    codes, camera = model.codes[0], model.camera(0.4, 0.3)
+    truth, exact = marched(model, codes, camera, 32), render_exact(model, codes, camera, 8)
+    fresh = random_model(seed=5)  # with nothing kept
+    with torch.device("meta"):  # where whatever names no device ends up, and cannot meet what has values
+        assert torch.equal(marched(fresh, codes, camera, 32).colour, truth.colour)
+        assert torch.equal(render_exact(fresh, codes, camera, 8).colour, exact.colour)
