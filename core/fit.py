@@ -233,7 +233,7 @@ class _Race:
         if self.begin:
             return self._entered_where(self.begin)
         count, views = self.plan[0].hypotheses, len(self.given)
-        angles, distance = torch.zeros(count, views, 2), torch.zeros(count, views)
+        angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
         ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
         alike, texture = (torch.zeros(count, rank) for rank in ranks)
         for view, (photo, camera) in enumerate(zip(self.photos, self.given, strict=True)):
@@ -246,9 +246,10 @@ class _Race:
                 away = (starts.distance / self.model.distance).log()
                 # Objects differ in size too: only what that does not explain is put down to the distance.
                 distance[:, view] = away - away.clamp(-_SIZES, _SIZES)
+                shift[:, view] = starts.shift * photo.framed
                 space = self.model.codes.shape_space
                 alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
-        return Pool.of(Numbers(angles, distance, torch.zeros_like(angles), _LIKENESS * alike, texture))
+        return Pool.of(Numbers(angles, distance, shift, _LIKENESS * alike, texture))
 
     def _entered_where(self, begin: Hypothesis) -> Pool:
         """One hypothesis, where an earlier fit left it; known cameras are those of the pictures."""

