@@ -35,7 +35,7 @@ from core.hypotheses import (
 )
 from core.metrics import psnr_of
 from core.model import Model
-from core.newton import descent, stride
+from core.newton import descent, stride, tried
 from core.photos import Photo
 from core.plan import PRESETS, FitSettings, Stage, plan
 from core.starts import bank_of, ranked
@@ -107,6 +107,9 @@ class FitStep:
     margin: float | None = None
     """logarithm of the alternative's loss over the result's at the end of the race, from where only the result goes on;
     comes with the alternative, but where a fit went on from a given hypothesis"""
+    directions: tuple[int, int] = (0, 0)
+    """how many principal directions of shape and of texture were free to move so far; in the paper's recipe the numbers
+    of the codes"""
     race: tuple[Hypothesis, ...] = ()
     """those that have not diverged, the least loss first; behind the winner its rival. The pictures are
     those of the race: where several cameras are unknown, each has one of its own before they meet."""
@@ -146,6 +149,14 @@ _LEAST = 1e-6
 """An objective below this counts as this: nobody tells a perfect picture from a more perfect one."""
 _MEASURED_RAYS = 2048
 """per picture, always the same ones"""
+_HELD_RAYS = 512
+"""per picture, that are not those of the steps: they tell what pays"""
+_LEADING = 16
+"""principal directions that are never asked whether they pay"""
+_PAYS = 0.002
+"""Further ones must lower what held rays cost by this share, in the step that they are tried in."""
+_STILL = 0.001
+"""A step that lowers the objective by less than this share gains nothing; after two of them a fit stops."""
 _NEWS = 0.4
 """What a step's cost counts in the running mean by which hypotheses are cut."""
 _LIKENESS = 0.6
@@ -187,6 +198,8 @@ class _Race:
     generator: torch.Generator
     measure: Drawn
     """the rays that hypotheses are measured on"""
+    held: tuple[Drawn, Drawn]
+    """the rays that code directions are tried on, and those that say what came of it"""
     begin: Hypothesis | None = None
     """where a single hypothesis goes on from"""
 
@@ -200,8 +213,9 @@ class _Race:
         stages = plan(job.settings, bool(unknown.any()))
         if job.begin:  # there is nothing to race for, and what was found must not be lost to the early stages
             stages = (stages[-1]._replace(hypotheses=1, steps=sum(stage.steps for stage in stages)),)
-        measure = draw(targets, _MEASURED_RAYS, generator)
-        return cls(model, job.settings, job.photos, targets, given, unknown, stages, generator, measure, job.begin)
+        measure, *held = (draw(targets, count, generator) for count in (_MEASURED_RAYS, _HELD_RAYS, _HELD_RAYS))
+        rays = measure, (held[0], held[1])
+        return cls(model, job.settings, job.photos, targets, given, unknown, stages, generator, *rays, job.begin)
 
     @property
     def steps(self) -> int:
@@ -285,6 +299,7 @@ class _Race:
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured."""
         if self.settings.paper:
+            pool, _ = self._opened(pool, self.plan[0])
             yield from map(_Standing, self._descended_as_in_the_paper(pool))
             return
         *racing, last = self.plan
@@ -292,10 +307,15 @@ class _Race:
         for left in self.descended(pool, racing):
             yield _Standing(left)
         ended = self._ended(left, pool)
-        alone = descent(self.model, ended.pool, *self._pixels(last), last, self._during(last), self._free)
-        for done, best in enumerate(alone, 1):
-            if done < last.steps:
-                yield _Standing(best, ended.rival)
+        best, still = ended.pool, 0
+        for done, after in enumerate(self._descent(best, last), 1):
+            gained = 1 - float(after.cost) / float(best.cost)
+            if done > 1 and gained > 0:  # else it was a step too long, and the next one is shorter
+                still = still + 1 if gained < _STILL else 0
+            best = after
+            if done == last.steps or (self.settings.sparing and still == 2):
+                break
+            yield _Standing(best, ended.rival)
         yield ended._replace(pool=self._better(ended.pool, best))
 
     def descended(self, pool: Pool, plan: Sequence[Stage]) -> Iterator[Pool]:
@@ -304,14 +324,37 @@ class _Race:
             return
         *stages, last = plan
         for stage in stages:
-            pool = self.cut(pool, stage)
+            pool, stage = self._opened(self.cut(pool, stage), stage)
             for step in range(stage.steps):
                 after = stride(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
                 smooth = torch.lerp(pool.cost, after.cost, _NEWS if step else 1.0).nan_to_num(math.inf, math.inf)
                 pool = replace(after, cost=smooth)
                 yield pool
-        pool = self.cut(pool, last)
-        yield from descent(self.model, pool, *self._pixels(last), last, self._during(last), self._free)
+        yield from self._descent(self.cut(pool, last), last)
+
+    def _descent(self, pool: Pool, stage: Stage) -> Iterator[Pool]:
+        """The hypotheses after every step of a stage that keeps to its pixels."""
+        pool, stage = self._opened(pool, stage)
+        return descent(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
+
+    def _opened(self, pool: Pool, stage: Stage) -> tuple[Pool, Stage]:
+        """Both with as many code directions as the stage has; a sparing fit opens those of shape, and those of texture,
+        only where a step of the leader along them lowers what held rays cost.
+        """
+        numbers, before = pool.numbers, pool.opened
+        most = min(stage.ranks[0], numbers.shape.shape[1]), min(stage.ranks[1], numbers.texture.shape[1])
+        stage = stage._replace(ranks=most)
+        if self.settings.sparing and min(before) >= _LEADING and most != before:
+            leader = pool[torch.tensor([pool.leader])]
+            choices = before, (most[0], before[1]), (before[0], most[1])
+            by, (steps, asked) = self._during(stage), self.held
+            there = tried(self.model, leader, steps, stage, by, self._free, choices)
+            with torch.no_grad():
+                found = judged(self.model, there, asked, stage.samples, by._replace(prior=0.0)).objective
+            few, shape, texture = found.tolist()
+            worth = (1 - _PAYS) * few
+            most = (most[0] if shape < worth else before[0]), (most[1] if texture < worth else before[1])
+        return replace(pool, opened=most), stage._replace(ranks=most)
 
     def _pixels(self, stage: Stage) -> tuple[Drawn, Tensor]:
         """Some of every picture, and by how much the samples of their rays are moved."""
@@ -375,6 +418,7 @@ class _Race:
             cameras(self.model, pool.numbers, leader, self.given),
             codes(self.model, pool.numbers, leader, self.by),
             len(pool),
+            directions=pool.opened,
             race=self._ranked(pool) + (() if rival is None else self._ranked(rival)),
         )
         if rival is None or not math.isfinite(standing.margin) or int(self.unknown.sum()) > 1:

@@ -83,6 +83,8 @@ class Pool:
     squared: Float[Tensor, "hypotheses"]
     """as in :class:`Judged`"""
     start: Int[Tensor, "hypotheses"]
+    opened: tuple[int, int] = (0, 0)
+    """how many principal directions of shape and texture were free to move so far"""
 
     @classmethod
     def of(cls, numbers: Numbers) -> "Pool":
@@ -95,7 +97,7 @@ class Pool:
 
     def __getitem__(self, index: Int[Tensor, "some"]) -> "Pool":
         numbers = Numbers(*(part[index] for part in self.numbers))
-        return Pool(numbers, self.cost[index], self.squared[index], self.start[index])
+        return Pool(numbers, self.cost[index], self.squared[index], self.start[index], self.opened)
 
     @property
     def leader(self) -> int:
@@ -238,4 +240,4 @@ def joined(*pools: Pool) -> Pool:
     """All hypotheses of some pools."""
     numbers = Numbers(*(torch.cat(parts) for parts in zip(*(pool.numbers for pool in pools), strict=True)))
     cost, squared, start = (torch.cat([getattr(pool, name) for pool in pools]) for name in ("cost", "squared", "start"))
-    return Pool(numbers, cost, squared, start)
+    return Pool(numbers, cost, squared, start, max(pool.opened for pool in pools))

@@ -6,7 +6,7 @@ that the valleys in which one makes up for the other are walked along and not ac
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -105,11 +105,35 @@ def descent(
         yield pool
 
 
+def tried(
+    model: Model,
+    one: Pool,
+    drawn: Drawn,
+    stage: Stage,
+    by: Objective,
+    free: Bool[Tensor, "views 5"],
+    choices: Sequence[tuple[int, int]],
+) -> Numbers:
+    """Where one step takes a single hypothesis if only so many directions of shape and texture move: for each choice.
+
+    The other arguments are those of :func:`stride`; no choice is beyond the stage's own directions.
+    """
+    around = quadratic(model, one.numbers, drawn, None, stage, by)
+    (shapes, textures), movable = _movable(one, stage, free)
+    damping, moved = torch.full((1,), _DAMPING), []
+    for shape, texture in choices:
+        few = movable.clone()
+        few[free.numel() + shape : free.numel() + shapes] = False
+        few[free.numel() + shapes + texture :] = False
+        moved.append(_moved(one.numbers, _step(around, damping, few, free.numel()), (shapes, textures)))
+    return Numbers(*(torch.cat(parts) for parts in zip(*moved, strict=True)))
+
+
 def _movable(
     pool: Pool, stage: Stage, free: Bool[Tensor, "views 5"]
 ) -> tuple[tuple[int, int], Bool[Tensor, "numbers"]]:
     """How many numbers of shape and texture a stage moves, and which of all the numbers of its quadratics."""
-    ranks = min(stage.rank, pool.numbers.shape.shape[1]), min(stage.rank, pool.numbers.texture.shape[1])
+    ranks = min(stage.ranks[0], pool.numbers.shape.shape[1]), min(stage.ranks[1], pool.numbers.texture.shape[1])
     return ranks, torch.cat((free.flatten(), torch.ones(sum(ranks), dtype=torch.bool)))
 
 
@@ -125,8 +149,8 @@ def quadratic(
     shapes, textures = by.spaces(model)
     dtype = linear_dtype(model.device.type)
     entries = Entries(
-        _slopes(lambda x: model.field.shape_bias(shapes.code(x)), numbers.shape, stage.rank).to(dtype),
-        _slopes(lambda x: model.field.texture_bias(textures.code(x)), numbers.texture, stage.rank).to(dtype),
+        _slopes(lambda x: model.field.shape_bias(shapes.code(x)), numbers.shape, stage.ranks[0]).to(dtype),
+        _slopes(lambda x: model.field.texture_bias(textures.code(x)), numbers.texture, stage.ranks[1]).to(dtype),
     )
     biases = (
         model.field.shape_bias(shapes.code(numbers.shape)),
@@ -151,7 +175,7 @@ def quadratic(
         (residual[:, None] @ jacobian)[:, 0],
         jacobian.mT @ jacobian,
     )
-    codes = torch.cat((numbers.shape[:, : stage.rank], numbers.texture[:, : stage.rank]), -1)
+    codes = torch.cat((numbers.shape[:, : stage.ranks[0]], numbers.texture[:, : stage.ranks[1]]), -1)
     return _with_priors(fit, numbers, codes, by)
 
 

@@ -19,6 +19,8 @@ class FitSettings:
     prior: float = 1e-5
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2): in the
     last stage; before, it weighs more"""
+    sparing: bool = True
+    """open further code directions only where they pay on rays that are not fitted, and stop where steps do not"""
     paper: bool = False
     """one random start without bank or race, mean codes, plain Eq. 5, AdamW at the authors' rates; in any number of
     starts but one there is nothing of the paper's"""
@@ -49,8 +51,8 @@ class Stage(NamedTuple):
     steps: int
     rays: int
     samples: int
-    rank: int
-    """of the codes: how many principal directions may move"""
+    ranks: tuple[int, int]
+    """of shape and texture: how many principal directions may move"""
     prior: float
     """while a camera is far off, codes must not explain what only the right camera can"""
 
@@ -71,13 +73,13 @@ def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
     Where there is nothing to race for, the same stages with one hypothesis; the paper has just one.
     """
     if settings.paper:
-        return (Stage(1, settings.steps, settings.rays, settings.samples, _RANKS[-1], settings.prior),)
+        return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior),)
     count, stages, done = settings.starts if racing else 1, list[Stage](), 0
     for index, most in enumerate(_MOST):
         count = int(min(count if index != 1 else -(-count // 2), most))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))
         steps, rays = max(1, until - done), max(32, round(settings.rays * _RAYS[index]))
         samples, prior = max(2, round(settings.samples * _SAMPLES[index])), settings.prior * _PRIORS[index]
-        stages.append(Stage(count, steps, min(settings.rays, rays), samples, _RANKS[index], prior))
+        stages.append(Stage(count, steps, min(settings.rays, rays), samples, (_RANKS[index],) * 2, prior))
         done += steps
     return tuple(stages)

@@ -51,7 +51,10 @@ def fit(chosen: argparse.Namespace) -> None:
         Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
     if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
-    print(json.dumps(_told(last)), flush=True)
+    book = model.codes
+    (shape, texture), shapes, textures = last.directions, len(book.shape_space.spread), len(book.texture_space.spread)
+    spent = {"shape_directions": [shape, shapes], "texture_directions": [texture, textures]}
+    print(json.dumps(_told(last) | (spent if chosen.preset != "paper" else {})), flush=True)
 
 
 def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:

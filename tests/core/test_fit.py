@@ -6,6 +6,8 @@ from statistics import median
 import pytest
 import torch
 
+from core import fit as fitting
+from core import plan
 from core.camera import Camera
 from core.codes import Codes
 from core.fit import PRESETS, FitJob, FitSettings, FitStep, _Race, fit
@@ -39,6 +41,26 @@ def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int 
 
 
 # What is found
+
+
+@pytest.mark.parametrize(("pays", "sparing", "directions"), [(0.002, True, 2), (2.0, True, 1), (2.0, False, 2)])
+def test_code_directions_are_opened_while_they_pay(
+    tiny: Model, monkeypatch: pytest.MonkeyPatch, pays: float, sparing: bool, directions: int
+):
+    monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 2, 2, 2))
+    monkeypatch.setattr(fitting, "_LEADING", 1)
+    monkeypatch.setattr(fitting, "_PAYS", pays)
+    photo = replace(photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)), camera=tiny.camera(0.9, 0.5))
+    found = last(tiny, photo, settings=replace(QUICK, sparing=sparing))
+    assert found.directions == (directions, directions)
+
+
+def test_a_sparing_fit_is_as_good_as_a_lavish_one(tiny: Model):
+    for index in range(4):
+        photo = photo_of(tiny, tiny.codes[index], tiny.camera(0.9 + index, 0.5))
+        spared, lavish = (last(tiny, photo, settings=replace(QUICK, sparing=sparing)) for sparing in (True, False))
+        assert spared.psnr > lavish.psnr - 0.1
+        assert spared.step <= lavish.step
 
 
 @pytest.mark.parametrize("index, azimuth, elevation", [(0, 1.2, 0.3), (1, 2.9, 0.6), (2, 4.5, 0.2), (3, 6.0, 1.35)])

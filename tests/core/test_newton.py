@@ -8,13 +8,13 @@ import torch
 from core import hypotheses, newton
 from core.hypotheses import Numbers, Objective, Pool, judged
 from core.model import Model
-from core.newton import descent, quadratic
+from core.newton import descent, quadratic, tried
 from core.plan import Stage
 from core.targets import Drawn, Target, draw
 from tests.core.test_fit import photo_of
 from tests.core.tiny import tiny_model
 
-STAGE = Stage(3, 4, 96, 24, 100, 1e-4)
+STAGE = Stage(3, 4, 96, 24, (100, 100), 1e-4)
 BY = Objective(1e-4)
 FREE = torch.tensor([[True, True, True, False, False]])
 
@@ -53,6 +53,16 @@ def test_its_objective_and_slope_are_those_of_hypotheses(tiny: Model, monkeypatc
     for one, other in zip(found.slope, whole, strict=True):
         assert float(torch.cosine_similarity(one, other, dim=0)) > 0.98
     assert bool((found.bend.diagonal(dim1=1, dim2=2) >= 0).all())
+
+
+def test_closed_directions_do_not_move(tiny: Model):
+    one, stage = Pool.of(Numbers(*(part[:1] for part in numbers_of()))), STAGE._replace(ranks=(2, 2))
+    there = tried(tiny, one, drawn_of(tiny), stage, BY, FREE, ((1, 1), (2, 1), (1, 2)))
+    moved = [(part - start).abs() > 0 for part, start in zip(there[3:], one.numbers[3:], strict=True)]
+    assert moved[0].tolist() == [[True, False], [True, True], [True, False]]
+    assert moved[1].tolist() == [[True, False], [True, False], [True, True]]
+    whole = tried(tiny, one, drawn_of(tiny), stage, BY, FREE, ((2, 2),))
+    assert bool((whole.angles != one.numbers.angles).all())
 
 
 def test_two_views_share_codes_and_not_cameras(tiny: Model):

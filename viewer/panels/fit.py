@@ -108,6 +108,20 @@ def _draw_more(desk: Desk, fitting: Fitting) -> None:
     if imgui.begin_popup("again"):
         _draw_ways(fitting)
         imgui.end_popup()
+    _draw_spent(desk, fitting)
+
+
+def _draw_spent(desk: Desk, fitting: Fitting) -> None:
+    """What the fit took, in one line."""
+    step = fitting.course.last
+    if step is None or not any(step.directions):
+        return
+    shape, texture = (len(desk.session.space(part).spread) for part in ("shape", "texture"))
+    parts = f"{step.directions[0]} of {shape} shape, {step.directions[1]} of {texture} texture directions"
+    imgui.push_text_wrap_pos(0.0)
+    imgui.text_disabled(f"{parts}, {step.step} steps")
+    imgui.pop_text_wrap_pos()
+    tip("Directions of the codes that the photo needed: further ones are opened only where they lower its error")
 
 
 def _draw_ways(fitting: Fitting) -> None:
