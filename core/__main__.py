@@ -105,7 +105,12 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
     command = _command(commands, "mesh", "showing.mesh", "write an object as a closed mesh with coloured vertices")
     _add_object_options(command)
-    command.add_argument("--resolution", type=_count, default=256, metavar="N", help="cells along the longest side")
+    command.add_argument(
+        "--resolution",
+        type=_count,
+        metavar="N",
+        help="cells along the longest side (else as many as its detail asks)",
+    )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
 
 

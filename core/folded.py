@@ -82,7 +82,7 @@ class Folded:
     """Density and colour of one object, asked in two steps so that only what is visible is coloured."""
 
     def __init__(self, model: Model, codes: Codes) -> None:
-        self.field, self.dtype = model.field, linear_dtype(model.device.type)
+        self.field, self.device, self.dtype = model.field, model.device, linear_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
         with torch.no_grad():
             self._shape = tuple(model.field.shape_bias(codes.shape).to(self.dtype).unbind(-2))

@@ -8,6 +8,7 @@ import math
 from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -26,9 +27,19 @@ from core.glb import WORLD_FROM_GLTF, glb
 from core.model import Model
 from core.occupancy import Occupancy
 
+_Found = TypeVar("_Found")
+
 FORMATS = (".glb", ".ply", ".obj")
 MOST = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
+RESOLUTIONS = (96, 128, 192, 256, 384)
+"""cells along the longest side, tried one after another where none are asked for"""
+WITHIN = 0.001
+"""scene units: how near to its place a mesh of unasked resolution has the surface, all but a thirtieth of it"""
+_STRAY = 1 / 30
+"""of a surface's area: so much may lie further off, and so much may still be missing"""
+_PLACES = 4096
+"""on the surface, by which that is judged"""
 _INTERVALS = 64
 """Along the longest side of the box in training: within one of them an opaque surface takes half of the light, which
 is the density that the surface is cut at. A lower one would show the fringe that no picture shows."""
@@ -70,7 +81,7 @@ class Mesh:
         whole.export(path, vertex_normal=True) if path.suffix.lower() == ".ply" else whole.export(path)
 
 
-def export_mesh(model: Model, codes: Codes, path: Path, resolution: int = 256) -> Generator[float, None, None]:
+def export_mesh(model: Model, codes: Codes, path: Path, resolution: int | None = None) -> Generator[float, None, None]:
     """Write an object's mesh to ``path``.
 
     Yields the share that is done, many times and 1.0 at the end; nothing is left at ``path`` unless the mesh is whole:
@@ -85,27 +96,43 @@ def export_mesh(model: Model, codes: Codes, path: Path, resolution: int = 256) -
     yield 1.0
 
 
-def surface(model: Model, codes: Codes, resolution: int = 256) -> Generator[float, None, Mesh]:
+def surface(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:
     """The surface of an object; yields the share that is done.
 
     Pieces smaller than a twentieth of the object's diagonal are left out, and so are walls of hollows that nothing
     sees from outside. Raises ``ValueError`` for a resolution out of range, or where there is no surface.
 
     Args:
-        resolution: cells along the longest side of the model's box.
+        resolution: cells along the longest side of the model's box; None: the fewest of :data:`RESOLUTIONS` that put
+            the surface where it belongs, to within :data:`WITHIN`.
     """
-    if not 8 <= resolution <= MOST:
+    if resolution is not None and not 8 <= resolution <= MOST:
         raise ValueError(f"a mesh has a resolution of 8 to {MOST}, got {resolution}")
     folded = Folded(model, codes)
-    grid = _Grid.of(model, resolution)
-    pieces = yield from _pieces(folded, Occupancy(model, folded), grid)
-    if not pieces:
-        raise ValueError("the object has no surface: it is nowhere dense enough")
-    vertices, faces = _solid(*_sewn(pieces), grid.step)
-    placed = ((vertices - 1) * grid.step - grid.half).astype(np.float32)
-    normals = _normals(placed, faces)
-    colours = yield from _coloured(folded, placed, normals, grid.interval)
-    return Mesh(placed, normals, colours, faces)
+    occupancy, area = Occupancy(model, folded), 0.0
+    tries = (resolution,) if resolution else RESOLUTIONS
+    for index, cells in enumerate(tries):
+        grid = _Grid.of(model, cells)
+        begin, end = (_GRID_SHARE * number / len(tries) for number in (index, index + 1))
+        vertices, faces = yield from _part_of_all(_cut(folded, occupancy, grid), begin, end)
+        across = _across(vertices, faces)
+        before, area = area, float(np.linalg.norm(across, axis=1).sum())
+        # What is thinner than a cell is missing, and shows in the area once it is there.
+        if area < (1 + _STRAY) * before and _strayed(folded, grid, vertices, faces, across) < _STRAY:
+            break
+    normals = _normals(vertices, faces, across)
+    colours = yield from _part_of_all(_coloured(folded, vertices, normals, grid.interval), end, 1.0)
+    return Mesh(vertices, normals, colours, faces)
+
+
+def _part_of_all(stream: Generator[float, None, _Found], begin: float, end: float) -> Generator[float, None, _Found]:
+    """A stream whose shares are a part of those of a longer one."""
+    while True:
+        try:
+            share = next(stream)
+        except StopIteration as done:
+            return done.value
+        yield begin + (end - begin) * share
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +161,28 @@ class _Grid:
         return torch.stack(torch.meshgrid(*(torch.from_numpy(axis).float() for axis in axes), indexing="ij"), -1)
 
 
+def _cut(folded: Folded, occupancy: Occupancy, grid: _Grid) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+    """Vertices (scene units) and triangles of the object's surface on a grid."""
+    pieces = yield from _pieces(folded, occupancy, grid)
+    if not pieces:
+        raise ValueError("the object has no surface: it is nowhere dense enough")
+    vertices, faces = _solid(*_sewn(pieces), grid.step)
+    return ((vertices - 1) * grid.step - grid.half).astype(np.float32), faces
+
+
+def _strayed(folded: Folded, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> float:
+    """The share of a surface that lies further than :data:`WITHIN` from where the object's begins."""
+    areas = np.linalg.norm(across, axis=1)
+    chosen = np.searchsorted(areas.cumsum(), (np.arange(_PLACES) + 0.5) / _PLACES * areas.sum())
+    middles = vertices[faces[chosen]].mean(1)
+    outward = across[chosen] / areas[chosen, None]
+    sides = torch.from_numpy(np.concatenate((middles - WITHIN * outward, middles + WITHIN * outward))).float()
+    with torch.inference_mode():
+        thickness = folded.density(folded.first(sides.to(folded.device)))[0] * grid.interval
+    below, above = (thickness.cpu() > math.log(2)).chunk(2)
+    return 1 - float((below & ~above).float().mean())
+
+
 def _pieces(
     folded: Folded, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray]]]:
@@ -145,7 +194,7 @@ def _pieces(
         if logits.max() > 0:
             vertices, faces, _, _ = marching_cubes(logits, 0.0, gradient_direction="ascent")
             pieces.append((vertices.astype(np.float64) + np.array([first, 0, 0]), faces))
-        yield _GRID_SHARE * min(first + _SLAB, last) / last
+        yield min(first + _SLAB, last) / last
     return pieces
 
 
@@ -166,7 +215,7 @@ def _logits(
         with torch.inference_mode():
             thickness = folded.density(folded.first(part))[0] * grid.interval
             found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_SURE, _SURE))
-        yield _GRID_SHARE * first / (grid.counts[0] - 1)
+        yield first / (grid.counts[0] - 1)
     if found:
         values = torch.cat(found)
         # A corner that lies on the surface would be the corner of empty triangles: none lies nearer than this.
@@ -207,10 +256,14 @@ def _solid(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) -> tuple[n
     return vertices[used], renamed.reshape(-1, 3)
 
 
-def _normals(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
-    """Unit normals of vertices, averaged over the triangles by their areas."""
+def _across(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "faces 3"]:
+    """Outward of every triangle, as long as twice its area."""
     a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-    across = np.cross(b - a, c - a)
+    return np.cross(b - a, c - a)
+
+
+def _normals(vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
+    """Unit normals of vertices, averaged over the triangles by their areas."""
     sums = [sum(np.bincount(faces[:, i], across[:, axis], len(vertices)) for i in range(3)) for axis in range(3)]
     normals = np.stack(sums, -1)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -225,9 +278,9 @@ def _coloured(
     colours = []
     parts = [torch.from_numpy(array).split(_BLOCK // _LOOKS) for array in (vertices, normals)]
     for done, (places, outward) in enumerate(zip(*parts, strict=True)):
-        yield _GRID_SHARE + (1 - _GRID_SHARE) * done / len(parts[0])
+        yield done / len(parts[0])
         with torch.inference_mode():
-            device = folded.field.density_layer.weight.device
+            device = folded.device
             colours.append(_looked(folded, places.to(device), outward.to(device), edges.to(device)).cpu().numpy())
     return np.concatenate(colours)
 

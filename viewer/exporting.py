@@ -42,7 +42,7 @@ def film(model: Model, shots: Sequence[Shot], path: Path, choice: VideoChoice) -
     return stream(model, shots, path, VideoSettings(**asdict(choice)))
 
 
-def mesh(model: Model, codes: Codes, path: Path, resolution: int = 256) -> Iterator[float]:
+def mesh(model: Model, codes: Codes, path: Path, resolution: int | None = None) -> Iterator[float]:
     """core.mesh.export_mesh; imported on the worker, as the mesh libraries take their time."""
     from core.mesh import export_mesh
 
@@ -86,11 +86,11 @@ class Exporting:
         timeline, rate = self._session.state.timeline, (choice or VideoChoice()).rate
         self._film("film", path, lambda _: timeline.shots(rate), timeline.count(rate), choice)
 
-    def mesh(self, path: Path, resolution: int = 256) -> None:
+    def mesh(self, path: Path, resolution: int | None = None) -> None:
         """Write the object as a coloured mesh, glb, ply or obj by the file's name.
 
         Args:
-            resolution: cells along the longest side of the model's box.
+            resolution: cells along the longest side of the model's box; None: as many as the object's detail asks for.
         """
         self._begin(
             "mesh",

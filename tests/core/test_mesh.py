@@ -13,7 +13,7 @@ from core.codes import Codes
 from core.frames import picture
 from core.glb import WORLD_FROM_GLTF
 from core.hull import project
-from core.mesh import Mesh, export_mesh, surface
+from core.mesh import WITHIN, Mesh, export_mesh, surface
 from core.model import Model
 from tests.core.tiny import tiny_model
 
@@ -157,3 +157,15 @@ def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
     with pytest.raises(ValueError, match="no surface"):
         list(export_mesh(model, codes, tmp_path / "a.glb", 16))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mesh_has_as_many_cells_as_its_surface_asks_for(ball, model: Model):
+    ball(((0.0, 0.0, 0.0), 0.2))
+    fine, found = drained(surface(model, model.codes[0], 384)), drained(surface(model, model.codes[0]))
+    radius = np.median(np.linalg.norm(fine.vertices, axis=1))
+    middles = found.vertices[found.faces].mean(1)
+    assert np.quantile(np.abs(np.linalg.norm(middles, axis=1) - radius), 0.95) < WITHIN
+    assert len(found.faces) < len(fine.faces) / 3
+    # Something thinner than the coarsest grid's cells is found all the same.
+    ball(((0.0, 0.0, 0.0), 0.2), *(((0.21 + 0.006 * step, 0.0, 0.0), 0.006) for step in range(15)))
+    assert drained(surface(model, model.codes[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)

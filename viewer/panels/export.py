@@ -16,7 +16,8 @@ _COUNTS = {count: f"{count} frames" for count in (36, 72, 144, 288)}
 _MESHES = {suffix: suffix for suffix in MESHES}
 _PICTURE_HELP = """The view as a square picture on white.
 A png holds codes and camera: drop it on the window to bring them back."""
-_CELLS = {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
+_CELLS: dict[int | None, str] = {None: "fitting"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
+_CELLS_HELP = "Along the object: more are finer, and slower. Fitting: as many as put its surface within a thousandth"
 
 
 class Export:
@@ -29,7 +30,7 @@ class Export:
         self._video = VideoForm()
         self._count = 72
         self._mesh = MESHES[0]
-        self._cells = 256
+        self._cells: int | None = None
         self._picture = 512
 
     def draw(self, desk: Desk) -> None:
@@ -74,7 +75,7 @@ class Export:
             return
         self._mesh = choose("mesh format", self._mesh, _MESHES, "glb opens in most programs")
         imgui.same_line()
-        self._cells = choose("cells", self._cells, _CELLS, "Along the object: more are finer, and slower")
+        self._cells = choose("cells", self._cells, _CELLS, _CELLS_HELP)
         idle = not desk.session.exporting.running
         about = "The object as a closed surface with coloured vertices"
         if button(f"{_CUBE}  Export mesh…###export mesh", about, enabled=idle):
