@@ -76,6 +76,7 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, fit)),
     "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, fit)),
     "all code directions from the beginning": (_USUAL, _everywhere("_RANKS", (10_000,) * _STAGES, plan)),
+    "no asking what pays": (replace(_USUAL, sparing=False), ()),
     "no firmer prior at first": (_USUAL, _everywhere("_PRIORS", (1,) * _STAGES, plan)),
     "without a prior of codes": (replace(_USUAL, prior=0.0), ()),
     "without a prior of cameras": (_USUAL, _everywhere("STRAY_PRIORS", (0.0, 0.0), hypotheses, newton)),
