@@ -283,7 +283,9 @@ class _Race:
             costs = enumerate(pool.cost.tolist())
             longer = [(cost + more, (*taken, index)) for index, more in costs for cost, taken in combinations]
             combinations = sorted(longer)[:count]
-        return Pool.of(self._merged(finalists, torch.tensor([taken for _, taken in combinations])))
+        pool = Pool.of(self._merged(finalists, torch.tensor([taken for _, taken in combinations])))
+        shape, texture = (max(counts) for counts in zip(*(part.opened for _, part in finalists), strict=True))
+        return replace(pool, opened=(shape, texture))
 
     def _merged(self, finalists: Sequence[tuple[list[int], Pool]], taken: Int[Tensor, "some parts"]) -> Numbers:
         """The cameras of the finalists, and the mean of the codes they came with."""
@@ -309,7 +311,7 @@ class _Race:
         ended = self._ended(left, pool)
         best, still = ended.pool, 0
         for done, after in enumerate(self._descent(best, last), 1):
-            gained = 1 - float(after.cost) / float(best.cost)
+            gained = 1 - float(after.cost) / max(float(best.cost), _LEAST)
             if done > 1 and gained > 0:  # else it was a step too long, and the next one is shorter
                 still = still + 1 if gained < _STILL else 0
             best = after
@@ -344,7 +346,8 @@ class _Race:
         numbers, before = pool.numbers, pool.opened
         most = min(stage.ranks[0], numbers.shape.shape[1]), min(stage.ranks[1], numbers.texture.shape[1])
         stage = stage._replace(ranks=most)
-        if self.settings.sparing and min(before) >= _LEADING and most != before:
+        leading = all(had >= min(_LEADING, all_of) for had, all_of in zip(before, most, strict=True))
+        if self.settings.sparing and leading and most != before:
             leader = pool[torch.tensor([pool.leader])]
             choices = before, (most[0], before[1]), (before[0], most[1])
             by, (steps, asked) = self._during(stage), self.held

@@ -240,4 +240,5 @@ def joined(*pools: Pool) -> Pool:
     """All hypotheses of some pools."""
     numbers = Numbers(*(torch.cat(parts) for parts in zip(*(pool.numbers for pool in pools), strict=True)))
     cost, squared, start = (torch.cat([getattr(pool, name) for pool in pools]) for name in ("cost", "squared", "start"))
-    return Pool(numbers, cost, squared, start, max(pool.opened for pool in pools))
+    shape, texture = (max(counts) for counts in zip(*(pool.opened for pool in pools), strict=True))
+    return Pool(numbers, cost, squared, start, (shape, texture))

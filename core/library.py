@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-import torch
-
 from core.authors import load_authors
 from core.model import Model
+from core.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parent.parent / "assets"
 SHIPPED = _ASSETS / "models"
@@ -29,10 +28,8 @@ def load_model(name: str, device: str = "cpu") -> Model:
 
     Raises ``ValueError`` where there is no such model or no such device.
     """
-    if device == "cuda" and not torch.cuda.is_available():
-        raise ValueError("torch finds no CUDA device on this machine")
     model = _read(name)
-    model.field.to(device)
+    model.field.to(require_device(device))
     return model
 
 

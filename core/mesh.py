@@ -33,7 +33,7 @@ FORMATS = (".glb", ".ply", ".obj")
 MOST = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
 RESOLUTIONS = (96, 128, 192, 256, 384)
-"""cells along the longest side, tried one after another where none are asked for"""
+"""cells along the longest side, tried one after another where none are asked for; the first only to be compared with"""
 WITHIN = 0.001
 """scene units: how near to its place a mesh of unasked resolution has the surface, all but a thirtieth of it"""
 _STRAY = 1 / 30
@@ -103,23 +103,28 @@ def surface(model: Model, codes: Codes, resolution: int | None = None) -> Genera
     sees from outside. Raises ``ValueError`` for a resolution out of range, or where there is no surface.
 
     Args:
-        resolution: cells along the longest side of the model's box; None: the fewest of :data:`RESOLUTIONS` that put
-            the surface where it belongs, to within :data:`WITHIN`.
+        resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose surface
+            is as large as the one before and lies where it belongs to within :data:`WITHIN`, else the last.
     """
     if resolution is not None and not 8 <= resolution <= MOST:
         raise ValueError(f"a mesh has a resolution of 8 to {MOST}, got {resolution}")
     folded = Folded(model, codes)
-    occupancy, area = Occupancy(model, folded), 0.0
+    occupancy, area, found = Occupancy(model, folded), 0.0, None
     tries = (resolution,) if resolution else RESOLUTIONS
     for index, cells in enumerate(tries):
         grid = _Grid.of(model, cells)
         begin, end = (_GRID_SHARE * number / len(tries) for number in (index, index + 1))
-        vertices, faces = yield from _part_of_all(_cut(folded, occupancy, grid), begin, end)
+        found = yield from _part_of_all(_cut(folded, occupancy, grid), begin, end)
+        if found is None:
+            continue
+        vertices, faces = found
         across = _across(vertices, faces)
         before, area = area, float(np.linalg.norm(across, axis=1).sum())
         # What is thinner than a cell is missing, and shows in the area once it is there.
         if area < (1 + _STRAY) * before and _strayed(folded, grid, vertices, faces, across) < _STRAY:
             break
+    if found is None:
+        raise ValueError("the object has no surface: it is nowhere dense enough")
     normals = _normals(vertices, faces, across)
     colours = yield from _part_of_all(_coloured(folded, vertices, normals, grid.interval), end, 1.0)
     return Mesh(vertices, normals, colours, faces)
@@ -161,11 +166,13 @@ class _Grid:
         return torch.stack(torch.meshgrid(*(torch.from_numpy(axis).float() for axis in axes), indexing="ij"), -1)
 
 
-def _cut(folded: Folded, occupancy: Occupancy, grid: _Grid) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-    """Vertices (scene units) and triangles of the object's surface on a grid."""
+def _cut(
+    folded: Folded, occupancy: Occupancy, grid: _Grid
+) -> Generator[float, None, tuple[np.ndarray, np.ndarray] | None]:
+    """Vertices (scene units) and triangles of the object's surface on a grid; None where the grid meets none."""
     pieces = yield from _pieces(folded, occupancy, grid)
     if not pieces:
-        raise ValueError("the object has no surface: it is nowhere dense enough")
+        return None
     vertices, faces = _solid(*_sewn(pieces), grid.step)
     return ((vertices - 1) * grid.step - grid.half).astype(np.float32), faces
 

@@ -31,7 +31,7 @@ class Photo:
     camera: Camera | None = None
     """None: find it"""
     framed: bool = False
-    """The picture was moved and scaled, so distance and middle are not those of the camera that took it."""
+    """The picture was moved, and perhaps scaled: the middle, and then the distance too, are not the camera's."""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -64,8 +64,9 @@ def load_photo(
     """Read a picture in any usual format, cut its object out and frame it for a model.
 
     The object is told from the ground by the alpha channel, else by a plain ground of any colour found from the
-    border. A picture that looks like a training picture keeps its framing, in which the distance is written; any
-    other is framed so that the object stands in the middle in the size usual in training.
+    border. A picture that looks like a training picture keeps its framing, in which the distance is written; one whose
+    object has the right size but lies beside its place is moved; any other is framed so that the object stands in the
+    middle in the size usual in training.
 
     Args:
         pose: a text file with the camera-to-world matrix of SRN (16 numbers); the picture is then only resized.
@@ -112,6 +113,8 @@ def framed(
     usual, framing = apparent(model), framing or Framing()
     if framing == Framing() and _like_training(cut, usual):
         pixels, mask = _resampled(cut, (0, 0, width, width), (size, size))
+        if not bool(mask.any()):
+            raise ValueError(f"the object is too thin to be seen at {size} px")
         if astray(bank_of(model), pixels, mask, model.focal) < _ASTRAY:
             return Photo(pixels, mask)
         half = width / 2  # only moved: of its size, which is right, the perspective is a part

@@ -8,6 +8,13 @@ import torch
 _ROUNDS = 20
 
 
+def require_device(name: str) -> torch.device:
+    """The device called "cpu" or "cuda". Raises ``ValueError`` where this machine has none."""
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ValueError("torch finds no CUDA device on this machine")
+    return torch.device(name)
+
+
 @cache
 def linear_dtype(device_type: str) -> torch.dtype:
     """bfloat16 where this machine multiplies it clearly faster than float32, else float32.

@@ -115,7 +115,7 @@ def ranked(
         pixels: on white, 0..1.
         mask: True on the object; anything on it at all.
         focal: px, of the picture.
-        framed: the picture was moved and scaled: size and place in it say nothing.
+        framed: the picture was moved and perhaps scaled: size and place in it are not asked.
     """
     look, light, size = _normalised(pixels, mask, focal)
     scores = _scores(bank, look, light)

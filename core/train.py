@@ -22,7 +22,7 @@ from core.field import Field, FieldConfig
 from core.hull import grid_centres, shared_extent, visual_hull
 from core.metrics import psnr
 from core.model import Model
-from core.precision import autocast
+from core.precision import autocast, require_device
 from core.rays import Rays, cast
 from core.render import render_exact
 from core.sampling import jittered, points_at, uniform_edges
@@ -187,7 +187,7 @@ class Trainer:
 
     def __init__(self, dataset: Dataset, settings: TrainSettings, device: str = "cpu") -> None:
         self.settings, self.dataset = settings, dataset
-        self.device = torch.device(device)
+        self.device = require_device(device)
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
         self.extent = shared_extent(dataset.objects)

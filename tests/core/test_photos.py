@@ -171,6 +171,14 @@ def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float,
     assert bool(photo.mask[inside].all())
 
 
+def test_what_is_too_thin_for_the_models_size(tiny: Model):
+    pixels = np.full((1024, 1024, 3), 255, np.uint8)
+    pixels[300:720, 300:720] = 0
+    pixels[302:718, 302:718] = 255
+    with pytest.raises(ValueError, match="too thin"):
+        photo_from_array(pixels, tiny)
+
+
 @pytest.mark.parametrize("across, down", [(6, 0), (0, -6), (-4, 5)])
 def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Model, across: int, down: int):
     seen = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)

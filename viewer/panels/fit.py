@@ -121,7 +121,7 @@ def _draw_spent(desk: Desk, fitting: Fitting) -> None:
     imgui.push_text_wrap_pos(0.0)
     imgui.text_disabled(f"{parts}, {step.step} steps")
     imgui.pop_text_wrap_pos()
-    tip("Directions of the codes that the photo needed: further ones are opened only where they lower its error")
+    tip("Directions of the codes that were free to move: further ones are opened only where they lower the error")
 
 
 def _draw_ways(fitting: Fitting) -> None:
