@@ -103,8 +103,8 @@ def surface(model: Model, codes: Codes, resolution: int | None = None) -> Genera
     sees from outside. Raises ``ValueError`` for a resolution out of range, or where there is no surface.
 
     Args:
-        resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose surface
-            is as large as the one before and lies where it belongs to within :data:`WITHIN`, else the last.
+        resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose
+            surface is as large as the one before and lies where it belongs to within :data:`WITHIN`, else the last.
     """
     if resolution is not None and not 8 <= resolution <= MOST:
         raise ValueError(f"a mesh has a resolution of 8 to {MOST}, got {resolution}")
