@@ -28,6 +28,7 @@ from core.hypotheses import (
     codes,
     joined,
     judged,
+    most_opened,
     rival_of,
     spread_out,
     twin_of,
@@ -284,8 +285,7 @@ class _Race:
             longer = [(cost + more, (*taken, index)) for index, more in costs for cost, taken in combinations]
             combinations = sorted(longer)[:count]
         pool = Pool.of(self._merged(finalists, torch.tensor([taken for _, taken in combinations])))
-        shape, texture = (max(counts) for counts in zip(*(part.opened for _, part in finalists), strict=True))
-        return replace(pool, opened=(shape, texture))
+        return replace(pool, opened=most_opened([part for _, part in finalists]))
 
     def _merged(self, finalists: Sequence[tuple[list[int], Pool]], taken: Int[Tensor, "some parts"]) -> Numbers:
         """The cameras of the finalists, and the mean of the codes they came with."""
@@ -340,24 +340,25 @@ class _Race:
         return descent(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
 
     def _opened(self, pool: Pool, stage: Stage) -> tuple[Pool, Stage]:
-        """Both with as many code directions as the stage has; a sparing fit opens those of shape, and those of texture,
-        only where a step of the leader along them lowers what held rays cost.
+        """Both with as many code directions as the stage has; a sparing fit opens further ones of shape, and of
+        texture, only where a step of the leader along them lowers what held rays cost.
         """
         numbers, before = pool.numbers, pool.opened
         most = min(stage.ranks[0], numbers.shape.shape[1]), min(stage.ranks[1], numbers.texture.shape[1])
         stage = stage._replace(ranks=most)
         leading = all(had >= min(_LEADING, all_of) for had, all_of in zip(before, most, strict=True))
-        if self.settings.sparing and leading and most != before:
+        few = min(before[0], most[0]), min(before[1], most[1])  # after races of single pictures it is fewer again
+        if self.settings.sparing and leading and few != most:
             leader = pool[torch.tensor([pool.leader])]
-            choices = before, (most[0], before[1]), (before[0], most[1])
+            choices = few, (most[0], few[1]), (few[0], most[1])
             by, (steps, asked) = self._during(stage), self.held
             there = tried(self.model, leader, steps, stage, by, self._free, choices)
             with torch.no_grad():
                 found = judged(self.model, there, asked, stage.samples, by._replace(prior=0.0)).objective
-            few, shape, texture = found.tolist()
-            worth = (1 - _PAYS) * few
-            most = (most[0] if shape < worth else before[0]), (most[1] if texture < worth else before[1])
-        return replace(pool, opened=most), stage._replace(ranks=most)
+            worth = (1 - _PAYS) * float(found[0])
+            most = (most[0] if found[1] < worth else few[0]), (most[1] if found[2] < worth else few[1])
+        opened = max(before[0], most[0]), max(before[1], most[1])
+        return replace(pool, opened=opened), stage._replace(ranks=most)
 
     def _pixels(self, stage: Stage) -> tuple[Drawn, Tensor]:
         """Some of every picture, and by how much the samples of their rays are moved."""

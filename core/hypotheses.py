@@ -240,5 +240,10 @@ def joined(*pools: Pool) -> Pool:
     """All hypotheses of some pools."""
     numbers = Numbers(*(torch.cat(parts) for parts in zip(*(pool.numbers for pool in pools), strict=True)))
     cost, squared, start = (torch.cat([getattr(pool, name) for pool in pools]) for name in ("cost", "squared", "start"))
-    shape, texture = (max(counts) for counts in zip(*(pool.opened for pool in pools), strict=True))
-    return Pool(numbers, cost, squared, start, (shape, texture))
+    return Pool(numbers, cost, squared, start, most_opened(pools))
+
+
+def most_opened(pools: Sequence[Pool]) -> tuple[int, int]:
+    """The directions of shape and of texture that were free to move in any of the pools."""
+    shape, texture = zip(*(pool.opened for pool in pools), strict=True)
+    return max(shape), max(texture)

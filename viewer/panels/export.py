@@ -16,8 +16,8 @@ _COUNTS = {count: f"{count} frames" for count in (36, 72, 144, 288)}
 _MESHES = {suffix: suffix for suffix in MESHES}
 _PICTURE_HELP = """The view as a square picture on white.
 A png holds codes and camera: drop it on the window to bring them back."""
-_CELLS: dict[int | None, str] = {None: "fitting"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
-_CELLS_HELP = "Along the object: more are finer, and slower. Fitting: as many as put its surface within a thousandth"
+_CELLS: dict[int | None, str] = {None: "auto"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
+_CELLS_HELP = "Along the object: more are finer, and slower. Auto: as many as its detail asks for"
 
 
 class Export:
