@@ -239,7 +239,8 @@ class _Race:
     @property
     def by(self) -> Objective:
         """What hypotheses are judged by in the end."""
-        return Objective(self.settings.prior, self.settings.paper)
+        framed = tuple(photo.framed for photo in self.photos)
+        return Objective(self.settings.prior, self.settings.paper, framed)
 
     def entered(self) -> Pool:
         """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""

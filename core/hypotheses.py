@@ -19,9 +19,11 @@ from core.targets import Drawn
 
 SILHOUETTE = 0.1
 """The squared error of opacity against that of colour."""
-STRAY_SPREADS = (0.2, 0.05)
+STRAY_SPREADS = (0.2, 0.02)
 """How far a camera strays before it costs much: rad below the ground's level, and the logarithm of the distance away
-from that of the training pictures."""
+from that of the training pictures, which all have one."""
+FRAMED_SPREAD = 0.05
+"""In place of the latter, of a picture that was framed by guess."""
 STRAY_PRIORS = (2e-3, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _BASIN = math.radians(25)
@@ -56,6 +58,8 @@ class Objective(NamedTuple):
     paper: bool = False
     """Eq. 5 as it stands, on the codes as they are and all pixels alike, by AdamW: nothing about silhouettes or
     usual distances, nothing about the cloud of the trained codes."""
+    framed: tuple[bool, ...] = ()
+    """of every picture whether it was framed; none was, where nothing is said"""
 
     def spaces(self, model: Model) -> tuple[CodeSpace, CodeSpace]:
         """In which shape and texture are searched for."""
@@ -63,6 +67,12 @@ class Objective(NamedTuple):
         if self.paper:
             return CodeSpace.raw(book.shapes.shape[-1]), CodeSpace.raw(book.textures.shape[-1])
         return book.shape_space, book.texture_space
+
+    @property
+    def spreads(self) -> Float[Tensor, "#views 2"]:
+        """Of :func:`strays`."""
+        guessed = STRAY_SPREADS[0], FRAMED_SPREAD
+        return torch.tensor([guessed if framed else STRAY_SPREADS for framed in self.framed or (False,)])
 
 
 class Judged(NamedTuple):
@@ -131,7 +141,7 @@ def judged(
     if not model.painted_ground:
         wrong = (opacity.cpu() - drawn.opaque).square() * drawn.sure
         objective = objective + SILHOUETTE * wrong.mean((1, 2))
-    return Judged(objective + by.prior * unlikely + astray(numbers), squared.detach())
+    return Judged(objective + by.prior * unlikely + astray(numbers, by), squared.detach())
 
 
 def strays(numbers: Numbers) -> Float[Tensor, "hypotheses views 2"]:
@@ -139,9 +149,9 @@ def strays(numbers: Numbers) -> Float[Tensor, "hypotheses views 2"]:
     return torch.stack((numbers.angles[..., 1].clamp_max(0), numbers.distance), -1)
 
 
-def astray(numbers: Numbers) -> Float[Tensor, "hypotheses"]:
+def astray(numbers: Numbers, by: Objective) -> Float[Tensor, "hypotheses"]:
     """What that costs, on average over the pictures."""
-    costs = (strays(numbers) / torch.tensor(STRAY_SPREADS)).square().log1p() * torch.tensor(STRAY_PRIORS)
+    costs = (strays(numbers) / by.spreads).square().log1p() * torch.tensor(STRAY_PRIORS)
     return costs.sum(-1).mean(-1)
 
 

@@ -19,7 +19,6 @@ from core.camera import rotation
 from core.hypotheses import (
     SILHOUETTE,
     STRAY_PRIORS,
-    STRAY_SPREADS,
     Numbers,
     Objective,
     Pool,
@@ -181,13 +180,13 @@ def quadratic(
 
 def _with_priors(fit: Quadratic, numbers: Numbers, codes: Tensor, by: Objective) -> Quadratic:
     """With what makes codes and cameras unlikely; the latter grows with a logarithm, reweighted as it bends."""
-    away, spreads = strays(numbers), torch.tensor(STRAY_SPREADS)
+    away, spreads = strays(numbers), by.spreads
     pull = torch.tensor(STRAY_PRIORS) / spreads**2 / (1 + (away / spreads).square()) / away.shape[1]
     pulls, where = (torch.zeros(*away.shape[:2], _CAMERA) for _ in range(2))
     pulls[..., 1:3], where[..., 1:3] = pull * (away != 0), away
     pulls = torch.cat((pulls.flatten(1), torch.full_like(codes, by.prior)), -1)
     unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
-    objective = fit.objective + by.prior * unlikely + astray(numbers)
+    objective = fit.objective + by.prior * unlikely + astray(numbers, by)
     slope = fit.slope + pulls * torch.cat((where.flatten(1), codes), -1)
     return fit._replace(objective=objective, slope=slope, bend=fit.bend + torch.diag_embed(pulls))
 

@@ -67,8 +67,9 @@ def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, mo
     monkeypatch.setattr(fitting, "_LEADING", 1)
     steps = 0
     for index in range(4):
-        photo = photo_of(tiny, tiny.codes[index], tiny.camera(0.9 + index, 0.5))
-        spared, lavish = (last(tiny, photo, settings=replace(QUICK, sparing=sparing)) for sparing in (True, False))
+        camera = tiny.camera(0.9 + index, 0.5)  # given: a race of so small a model is decided by chance
+        photo = replace(photo_of(tiny, tiny.codes[index], camera), camera=camera)
+        spared, lavish = (last(tiny, photo, settings=replace(QUICK, sparing=one), seed=1) for one in (True, False))
         assert spared.psnr > lavish.psnr - 0.1
         steps += lavish.step - spared.step
     assert steps > 0
