@@ -8,6 +8,7 @@ down, looking along +z.
 
 import math
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -47,6 +48,10 @@ class Camera:
         """The same view at another size: the vertical field of view stays."""
         return replace(self, focal=self.focal * height / self.height, width=width, height=height)
 
+    def placed(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
+        """The paper's R and p: the rotation from world to camera, and the camera's place in the world."""
+        return _placed(self, device)
+
     def pose(self) -> Float[Tensor, "4 4"]:
         """Camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
         angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
@@ -81,15 +86,21 @@ class Camera:
         return camera
 
 
+@lru_cache(maxsize=8)
+def _placed(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
+    with torch.inference_mode(False):  # whoever asks first, others may differentiate
+        azimuth, elevation = torch.tensor([camera.azimuth, camera.elevation], device=device)
+        turned = rotation(azimuth, elevation)
+        return turned, camera.distance * turned[2]
+
+
 def rotation(azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 3 3"]:
     """World-to-camera rotation, the paper's R: its rows are the camera's right, up and backward axes."""
     sin_a, cos_a, sin_e, cos_e = azimuth.sin(), azimuth.cos(), elevation.sin(), elevation.cos()
-    rows = (
-        torch.stack((-sin_a, cos_a, torch.zeros_like(sin_a)), -1),
-        torch.stack((-sin_e * cos_a, -sin_e * sin_a, cos_e), -1),
-        torch.stack((cos_e * cos_a, cos_e * sin_a, sin_e), -1),
-    )
-    return torch.stack(rows, -2)
+    right = -sin_a, cos_a, torch.zeros_like(sin_a)
+    up = -sin_e * cos_a, -sin_e * sin_a, cos_e
+    backward = cos_e * cos_a, cos_e * sin_a, sin_e
+    return torch.stack((*right, *up, *backward), -1).unflatten(-1, (3, 3))
 
 
 def position(

@@ -34,8 +34,11 @@ _BEYOND = 1.1
 class Tables(NamedTuple):
     """A linear layer of an encoding, whose axes it adds up, as a function of x, of y, of z."""
 
-    reach: Float[Tensor, "3"]
-    """from the middle to either end"""
+    scale: Float[Tensor, "3"]
+    """entries per scene unit"""
+    middle: Float[Tensor, "3"]
+    """the entries of the origin"""
+    last: Float[Tensor, "3"]
     entries: Float[Tensor, "entries outputs"]
     """of x, of y, of z, one behind the other; the bias is in the first"""
     octaves: int
@@ -50,13 +53,14 @@ class Tables(NamedTuple):
         along = encode(torch.diag_embed(places).movedim(1, 0), octaves) - origin  # axes, entries, encoded
         outputs = functional.linear(along, weight)
         outputs[0] += functional.linear(origin, weight, bias)
-        return cls(reach, outputs.flatten(0, 1).to(dtype), octaves, (weight.to(dtype), bias.to(dtype)))
+        first = torch.arange(3.0, device=reach.device) * _ENTRIES
+        where = _ENTRIES / (2 * reach), first + _ENTRIES / 2, first + (_ENTRIES - 1)
+        return cls(*where, outputs.flatten(0, 1).to(dtype), octaves, (weight.to(dtype), bias.to(dtype)))
 
     def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
         """What the layer makes of the encoded values."""
-        entry = (values * (_ENTRIES / (2 * self.reach)) + _ENTRIES / 2).nan_to_num_(0.0)
-        entry = entry.clamp_(0, _ENTRIES - 1).int()
-        entry += torch.arange(0, 3 * _ENTRIES, _ENTRIES, device=values.device, dtype=torch.int)
+        entry = torch.addcmul(self.middle, values, self.scale).nan_to_num_(0.0)
+        entry = entry.clamp_(self.last - (_ENTRIES - 1), self.last).int()
         return functional.embedding_bag(entry, self.entries, mode="sum")
 
     def exactly(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:

@@ -19,7 +19,7 @@ from core.codes import Codes
 from core.folded import Folded
 from core.layers import filled
 from core.model import Model
-from core.occupancy import SPENT, Occupancy
+from core.occupancy import Occupancy, Overlooked, overlooked
 from core.rays import Rays, pixel_centres, rays_through
 from core.render import Rendered
 
@@ -31,10 +31,8 @@ _SHAPES = 8
 """Shapes of which the occupied cells are kept."""
 _SIMILAR = 0.25
 """Standard deviations of the trained shapes within which one shape is looked for around another."""
-_BLOCK = 4096
+_BLOCK = 8192
 """Points evaluated at a time: few enough that activations stay in cache."""
-_UNSEEN = 0.001
-"""An interval that gives less than this of what the object gives to its ray is not coloured; the others make up."""
 
 
 def march(
@@ -139,12 +137,12 @@ def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:
         near = torch.maximum(rays.near, first.flatten().index_select(0, pixel))
         far = torch.minimum(rays.far, last.flatten().index_select(0, pixel))
         rays = replace(rays, near=near, far=torch.maximum(near, far))
-        step = 2 * float(occupancy.extent.max()) / view.samples
+        step, beyond = 2 * float(occupancy.extent.max()) / view.samples, overlooked(view.samples)
     chunks = []
     for start in range(0, len(rays.near), _CHUNK_RAYS):
         with torch.inference_mode():
             some = slice(start, start + _CHUNK_RAYS)
-            chunks.append(_chunk(folded, occupancy, pixel[some], rays[some], step))
+            chunks.append(_chunk(folded, occupancy, pixel[some], rays[some], step, beyond))
         yield None
     _kept[view] = chunks
     while len(_kept) > _VIEWS:
@@ -178,20 +176,21 @@ def _similar(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
     return None
 
 
-def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float) -> Chunk:
+def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float, beyond: Overlooked) -> Chunk:
     """Some rays, to the end; those that cross nothing are dropped."""
-    crossed = occupancy.crossed(rays, step)
+    crossed = occupancy.crossed(rays, step, beyond)
     some, ray, counts = torch.unique_consecutive(crossed.ray, return_inverse=True, return_counts=True)
     pixel, rays = pixel.index_select(0, some), rays[some]
     rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts).index_select(0, ray)
     places = rays.near.index_select(0, ray) + (crossed.interval + 0.5) * step
     points = rays.origins.index_select(0, ray) + rays.directions.index_select(0, ray) * places[:, None]
     thickness = torch.zeros(len(counts), int(counts.amax()) if len(counts) else 0, device=ray.device)
+    slot = ray * thickness.shape[1] + rank
     asked, found = [], []
-    for index in _rounds(ray, crossed.dark, thickness):
+    for index in _rounds(ray, crossed.dark, thickness, beyond.spent):
         for part in index.split(_BLOCK):
             density, y = folded.density(folded.first(filled(points.index_select(0, part))))
-            thickness[ray[part], rank[part]] = density[: len(part)] * step
+            thickness.view(-1).index_copy_(0, slot.index_select(0, part), density[: len(part)] * step)
             asked.append(part)
             found.append(y[: len(part)])
     passed = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
@@ -199,17 +198,17 @@ def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step
     shares, opacity = light[:, :-1] * -torch.expm1(-thickness), 1 - light[:, -1]
     order, y = torch.cat(asked), torch.cat(found)
     whose = ray.index_select(0, order)
-    share = shares[whose, rank.index_select(0, order)]
+    share = shares.flatten().index_select(0, slot.index_select(0, order))
     depth = torch.zeros_like(opacity).index_add_(0, whose, share * places.index_select(0, order))
     depth = depth / opacity.clamp_min(1e-6)
-    seen = (share > _UNSEEN * opacity.index_select(0, whose)).nonzero()[:, 0]
+    seen = (share > beyond.unseen * opacity.index_select(0, whose)).nonzero()[:, 0]
     kept = (part.index_select(0, seen) for part in (whose, share, y))
     evaluated = torch.bincount(whose, minlength=len(counts))
     return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluated, *kept)
 
 
 def _rounds(
-    ray: Int[Tensor, "crossed"], dark: Bool[Tensor, "crossed"], thickness: Float[Tensor, "rays ranks"]
+    ray: Int[Tensor, "crossed"], dark: Bool[Tensor, "crossed"], thickness: Float[Tensor, "rays ranks"], spent: float
 ) -> Iterator[Int[Tensor, "some"]]:
     """Which of the intervals to evaluate next: those that may be seen, then the dark ones of rays that are not spent.
 
@@ -219,7 +218,7 @@ def _rounds(
         ray, dark: of every interval: which ray it lies on, and whether it is expected to lie behind the object.
     """
     yield (~dark).nonzero()[:, 0]
-    alive = thickness.sum(-1) < SPENT
+    alive = thickness.sum(-1) < spent
     yield (dark & alive[ray]).nonzero()[:, 0]
 
 

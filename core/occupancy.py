@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.camera import Camera, position, rotation
+from core.camera import Camera
 from core.folded import Folded
 from core.layers import filled
 from core.model import Model
@@ -24,13 +24,31 @@ CELLS = 64
 """Cells along each axis of the box."""
 _EMPTY = 0.001
 """A corner whose cell would take less of the light than this is empty."""
-_NEGLIGIBLE = 0.003
-"""Optical thickness in front of an interval, taken at its most, below which what lies there is not looked at."""
-SPENT = 6.2
-"""Optical thickness behind which nothing is seen: 0.2 % of the light is left."""
+_TOLERANCE = 0.002
+"""Share of a ray's light that is not worth looking at where pictures are finished, with so many intervals:"""
+_FINE = 192
+_COARSEST = 0.03
+"""of the light, at the most"""
 _COARSE = 2
 """Cells along each axis that are joined where only the outline counts."""
 _BLOCK = 16384
+
+
+class Overlooked(NamedTuple):
+    """What of a ray is not looked at."""
+
+    faint: float
+    """Intervals that have less than this in front of them, taken at its most; optical thickness."""
+    spent: float
+    """Intervals that have more than this in front of them; optical thickness."""
+    unseen: float
+    """The colour of intervals that give less than this of what the object gives to their ray."""
+
+
+def overlooked(samples: int) -> Overlooked:
+    """For so many intervals: the error of their sum grows with the square of their length, and so may this."""
+    tolerance = min(_COARSEST, _TOLERANCE * (_FINE / samples) ** 2)
+    return Overlooked(faint=tolerance, spent=-math.log(tolerance), unseen=tolerance / 3)
 
 
 class Crossed(NamedTuple):
@@ -77,7 +95,7 @@ class Occupancy:
         cells = ((points + self.extent) / self.cell).long().clamp_(0, CELLS - 1)
         return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
 
-    def crossed(self, rays: Rays, step: float) -> Crossed:
+    def crossed(self, rays: Rays, step: float, beyond: Overlooked) -> Crossed:
         """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object.
 
         Their middle lies in an occupied cell, and up to there the densest corners of the cells crossed would take
@@ -85,12 +103,15 @@ class Occupancy:
         """
         cell, inside = self._cells_along(rays, step)
         held = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
-        ray, interval = held // (len(cell) // len(rays.near)), held % (len(cell) // len(rays.near))
+        ray = held // (len(cell) // len(rays.near))
+        interval = held - ray * (len(cell) // len(rays.near))
         at = cell.index_select(0, held)
         most, least = self._most.index_select(0, at) * step, self._least.index_select(0, at) * step
-        near = _summed(most, ray) > _NEGLIGIBLE
-        dark = _summed(least, ray) - least > SPENT
-        return Crossed(ray[near], interval[near], dark[near])
+        counts = torch.bincount(ray)
+        first = counts.cumsum(0) - counts
+        near = (_summed(most, first, ray) > beyond.faint).nonzero()[:, 0]
+        dark = _summed(least, first, ray) - least > beyond.spent
+        return Crossed(*(part.index_select(0, near) for part in (ray, interval, dark)))
 
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
         """The cell in which the middle of each interval lies, ray by ray, and whether the ray reaches it."""
@@ -99,10 +120,8 @@ class Occupancy:
         pace = rays.directions * step / self.cell
         first = (rays.origins + rays.directions * rays.near[:, None] + self.extent) / self.cell
         # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
-        cell = torch.zeros((), device=length.device)
-        for axis in range(3):
-            place = torch.addcmul(first[:, axis, None], pace[:, axis, None], along)
-            cell = torch.add(place.clamp_(0, CELLS - 1).floor_(), cell, alpha=CELLS)
+        x, y, z = torch.addcmul(first.T[..., None], pace.T[..., None], along).clamp_(0, CELLS - 1).floor_().unbind()
+        cell = torch.add(z, torch.add(y, x, alpha=CELLS), alpha=CELLS)
         return cell.int().flatten(), (along < length[:, None]).flatten()
 
     def span(
@@ -111,13 +130,13 @@ class Occupancy:
         """Between which distances from the camera the occupied cells behind every pixel lie; near > far: none does.
 
         Cells, joined to larger ones, are thrown on a raster whose pixels are at least as large as half a cell looks,
-        each on the 3x3 pixels around its centre: never too little, at most a cell too much. ``corner`` as in
+        and each covers the 3x3 pixels around its centre: never too little, at most a cell too much. ``corner`` as in
         :func:`core.rays.camera_rays`.
         """
         cell = self.cell * _COARSE
         centres = self._centres
-        angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=centres.device)
-        local = (centres - position(*angles)) @ rotation(angles[0], angles[1]).T
+        turned, place = camera.placed(centres.device)
+        local = (centres - place) @ turned.T
         reach = float(cell.norm()) / 2
         depth = local.norm(dim=-1)
         before = -local[:, 2]
@@ -126,34 +145,29 @@ class Occupancy:
         across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
         column = (camera.width / 2 + corner + local[:, 0] / before * camera.focal) * (across / camera.width)
         row = (camera.height / 2 + corner - local[:, 1] / before * camera.focal) * (down / camera.height)
-        near = torch.full((across * down + 1,), torch.inf, device=centres.device)
-        far = -near
-        tiles = _around(column.floor().long(), row.floor().long(), before > 1e-3, across, down)
-        depths = depth.expand(len(tiles), -1).flatten()
-        near.scatter_reduce_(0, tiles.flatten(), depths - reach, "amin")
-        far.scatter_reduce_(0, tiles.flatten(), depths + reach, "amax")
+        # A margin of one all round holds the centres of cells that reach in from outside; one more, all others.
+        size = down + 2, across + 2
+        x, y = column.floor().long() + 1, row.floor().long() + 1
+        on = (before > 1e-3) & (x >= 0) & (x < size[1]) & (y >= 0) & (y < size[0])
+        at = torch.where(on, y * size[1] + x, size[0] * size[1])
+        reached = torch.full((2, size[0] * size[1] + 1), -torch.inf, device=centres.device)
+        reached[0].scatter_reduce_(0, at, reach - depth, "amax")
+        reached[1].scatter_reduce_(0, at, reach + depth, "amax")
+        nearest, far = reached[:, :-1].reshape(2, *size).unfold(1, 3, 1).unfold(2, 3, 1).amax((-2, -1)).flatten(1)
+        near = -nearest
         rows = torch.arange(camera.height, device=centres.device) * down // camera.height
         columns = torch.arange(camera.width, device=centres.device) * across // camera.width
         at = rows[:, None] * across + columns
         return near[at], far[at]
 
 
-def _summed(values: Float[Tensor, "crossed"], ray: Int[Tensor, "crossed"]) -> Float[Tensor, "crossed"]:
-    """Sums along each ray up to and with every interval; intervals lie ray by ray."""
-    counts = torch.bincount(ray)
-    whole = values.double().cumsum(0)
-    before = functional.pad(whole, (1, 0)).index_select(0, counts.cumsum(0) - counts)
+def _summed(
+    values: Float[Tensor, "crossed"], first: Int[Tensor, "rays"], ray: Int[Tensor, "crossed"]
+) -> Float[Tensor, "crossed"]:
+    """Sums along each ray up to and with every interval; intervals lie ray by ray, each from its ``first`` one."""
+    whole = values.cumsum(0, dtype=torch.double)
+    before = functional.pad(whole, (1, 0)).index_select(0, first)
     return (whole - before.index_select(0, ray)).float()
-
-
-def _around(
-    column: Int[Tensor, "cells"], row: Int[Tensor, "cells"], shown: Bool[Tensor, "cells"], across: int, down: int
-) -> Int[Tensor, "nine cells"]:
-    """The flat indices of the 3x3 tiles around each one given; one more than there are for those off the raster."""
-    shifts = torch.tensor((-1, 0, 1), device=column.device)
-    x, y = column + shifts.repeat(3)[:, None], row + shifts.repeat_interleave(3)[:, None]
-    on = shown & (x >= 0) & (x < across) & (y >= 0) & (y < down)
-    return torch.where(on, y * across + x, across * down)
 
 
 def _spread(joined: Bool[Tensor, "x y z"], axis: int) -> Bool[Tensor, "more y2 z2"]:

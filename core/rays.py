@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.camera import Camera, position, rotation
+from core.camera import Camera, rotation
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,9 @@ def cast(
 
     Where a sample stands along its ray is no function of the camera: ``near`` and ``far`` carry no gradient.
     """
-    across = (pixels[..., 0] - size[0] / 2) / focal
-    down = (pixels[..., 1] - size[1] / 2) / focal
-    local = torch.stack(torch.broadcast_tensors(across, -down, -torch.ones_like(across)), -1)
-    local = torch.nn.functional.normalize(local, dim=-1)
-    directions = (local[..., None, :] @ rotation(azimuth, elevation))[..., 0, :]
-    origins = position(azimuth, elevation, distance).expand_as(directions)
+    turned = rotation(azimuth, elevation)
+    directions = (_local(pixels, focal, size)[..., None, :] @ turned)[..., 0, :]
+    origins = (distance[..., None] * turned[..., 2, :]).expand_as(directions)
     near, far = clip_to_box(origins.detach(), directions.detach(), extent)
     return Rays(origins, directions, near, far)
 
@@ -74,9 +71,20 @@ def camera_rays(camera: Camera, extent: Float[Tensor, "3"], corner: float = 0.0)
 
 def rays_through(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
     """The rays of a camera through some points of its picture: (x, y) in px from the top left corner."""
-    angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], device=extent.device)
-    size = (camera.width, camera.height)
-    return cast(pixels, angles[0], angles[1], angles[2], camera.focal, size, extent)
+    turned, place = camera.placed(extent.device)
+    directions = _local(pixels, camera.focal, (camera.width, camera.height)) @ turned
+    origins = place.expand_as(directions)
+    return Rays(origins, directions, *clip_to_box(origins, directions, extent))
+
+
+def _local(
+    pixels: Float[Tensor, "*batch 2"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
+) -> Float[Tensor, "*batch 3"]:
+    """Unit directions through points of the picture, in the camera's axes."""
+    across = (pixels[..., 0] - size[0] / 2) / focal
+    down = (pixels[..., 1] - size[1] / 2) / focal
+    local = torch.stack(torch.broadcast_tensors(across, -down, -torch.ones_like(across)), -1)
+    return torch.nn.functional.normalize(local, dim=-1)
 
 
 def clip_to_box(

@@ -197,11 +197,16 @@ def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
     return picture, time.perf_counter() - began
 
 
+def _looking(**at: float) -> Change:
+    """At more than is worth it."""
+    return Change(march, "overlooked", lambda samples: occupancy.overlooked(samples)._replace(**at))
+
+
 _PARTS: dict[str, tuple[Change, ...]] = {
-    "without occupancy": (Change(occupancy, "_EMPTY", -1.0), Change(occupancy, "_NEGLIGIBLE", -1.0)),
-    "without passing over faint fringes": (Change(occupancy, "_NEGLIGIBLE", -1.0),),
-    "without stopping spent rays": (Change(march, "SPENT", math.inf), Change(occupancy, "SPENT", math.inf)),
-    "colouring all intervals": (Change(march, "_UNSEEN", -1.0),),
+    "without occupancy": (Change(occupancy, "_EMPTY", -1.0), _looking(faint=-1.0)),
+    "without passing over faint fringes": (_looking(faint=-1.0),),
+    "without stopping spent rays": (_looking(spent=math.inf),),
+    "colouring all intervals": (_looking(unseen=-1.0),),
     "encoding instead of tables": (Change(Tables, "__call__", Tables.exactly),),
     "in float32": (Change(folded, "linear_dtype", lambda device: torch.float32),),
 }

@@ -9,14 +9,13 @@ from torch.nn import functional
 
 from core import folded as folding
 from core import march as marching
-from core import occupancy as occupying
 from core.bench.ablation import Change, changed
 from core.codes import Codes
 from core.field import encode
 from core.folded import Folded, Tables
 from core.march import marched
 from core.metrics import psnr
-from core.occupancy import Crossed, Occupancy
+from core.occupancy import Crossed, Occupancy, overlooked
 from core.rays import camera_rays
 from core.render import render_exact, render_rays
 from core.sampling import midpoints, points_at, uniform_edges
@@ -186,7 +185,7 @@ def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
 def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):
     """Behind the pixel lies an occupied cell, and yet the ray passes beside all of them."""
     none = torch.zeros(0, dtype=torch.long)
-    monkeypatch.setattr(Occupancy, "crossed", lambda self, rays, step: Crossed(none, none, none.bool()))
+    monkeypatch.setattr(Occupancy, "crossed", lambda self, *_: Crossed(none, none, none.bool()))
     marching.forget_views()
     seen = marched(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
     assert bool((seen.colour == 1).all())
@@ -202,8 +201,7 @@ def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
         return marched(model, model.codes[2], model.camera(0.5, 0.3), 96).colour
 
     seen = drawn_anew()
-    for module in (marching, occupying):
-        monkeypatch.setattr(module, "SPENT", math.inf)
+    monkeypatch.setattr(marching, "overlooked", lambda samples: overlooked(samples)._replace(spent=math.inf))
     assert float((drawn_anew() - seen).abs().max()) < 0.005
 
 
