@@ -49,7 +49,10 @@ class Camera:
         return replace(self, focal=self.focal * height / self.height, width=width, height=height)
 
     def placed(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
-        """The paper's R and p: the rotation from world to camera, and the camera's place in the world."""
+        """The paper's R and p: the rotation from world to camera, and the camera's place in the world.
+
+        Shared by all who ask: not to be written to.
+        """
         return _placed(self, device)
 
     def pose(self) -> Float[Tensor, "4 4"]:

@@ -21,6 +21,8 @@ from core.camera import Camera
 from core.codes import Codes
 from core.confidence import confidence
 from core.hypotheses import (
+    FRAMED_SPREAD,
+    STRAY_SPREADS,
     Numbers,
     Objective,
     Pool,
@@ -239,8 +241,10 @@ class _Race:
     @property
     def by(self) -> Objective:
         """What hypotheses are judged by in the end."""
-        framed = tuple(photo.framed for photo in self.photos)
-        return Objective(self.settings.prior, self.settings.paper, framed)
+        spreads = torch.tensor([STRAY_SPREADS]).repeat(len(self.photos), 1)
+        spreads[torch.tensor([photo.framed for photo in self.photos]), 1] = FRAMED_SPREAD
+        spreads[~self.unknown] = math.inf
+        return Objective(self.settings.prior, self.settings.paper, spreads)
 
     def entered(self) -> Pool:
         """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
@@ -348,7 +352,7 @@ class _Race:
         most = min(stage.ranks[0], numbers.shape.shape[1]), min(stage.ranks[1], numbers.texture.shape[1])
         stage = stage._replace(ranks=most)
         leading = all(had >= min(_LEADING, all_of) for had, all_of in zip(before, most, strict=True))
-        few = min(before[0], most[0]), min(before[1], most[1])  # after races of single pictures it is fewer again
+        few = min(before[0], most[0]), min(before[1], most[1])  # a stage may have fewer than opened before
         if self.settings.sparing and leading and few != most:
             leader = pool[torch.tensor([pool.leader])]
             choices = few, (most[0], few[1]), (few[0], most[1])

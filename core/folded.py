@@ -35,10 +35,12 @@ class Tables(NamedTuple):
     """A linear layer of an encoding, whose axes it adds up, as a function of x, of y, of z."""
 
     scale: Float[Tensor, "3"]
-    """entries per scene unit"""
+    """entries per unit of each axis"""
     middle: Float[Tensor, "3"]
-    """the entries of the origin"""
+    """where among the entries the origin stands on each axis"""
+    first: Float[Tensor, "3"]
     last: Float[Tensor, "3"]
+    """where each axis begins and ends among them"""
     entries: Float[Tensor, "entries outputs"]
     """of x, of y, of z, one behind the other; the bias is in the first"""
     octaves: int
@@ -54,13 +56,13 @@ class Tables(NamedTuple):
         outputs = functional.linear(along, weight)
         outputs[0] += functional.linear(origin, weight, bias)
         first = torch.arange(3.0, device=reach.device) * _ENTRIES
-        where = _ENTRIES / (2 * reach), first + _ENTRIES / 2, first + (_ENTRIES - 1)
+        where = _ENTRIES / (2 * reach), first + _ENTRIES / 2, first, first + (_ENTRIES - 1)
         return cls(*where, outputs.flatten(0, 1).to(dtype), octaves, (weight.to(dtype), bias.to(dtype)))
 
     def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
         """What the layer makes of the encoded values."""
         entry = torch.addcmul(self.middle, values, self.scale).nan_to_num_(0.0)
-        entry = entry.clamp_(self.last - (_ENTRIES - 1), self.last).int()
+        entry = entry.clamp_(self.first, self.last).int()
         return functional.embedding_bag(entry, self.entries, mode="sum")
 
     def exactly(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:

@@ -23,7 +23,7 @@ STRAY_SPREADS = (0.2, 0.02)
 """How far a camera strays before it costs much: rad below the ground's level, and the logarithm of the distance away
 from that of the training pictures, which all have one."""
 FRAMED_SPREAD = 0.05
-"""In place of the latter, of a picture that was framed by guess."""
+"""In place of the latter, of a picture that was moved or scaled before it was fitted."""
 STRAY_PRIORS = (2e-3, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _BASIN = math.radians(25)
@@ -58,8 +58,8 @@ class Objective(NamedTuple):
     paper: bool = False
     """Eq. 5 as it stands, on the codes as they are and all pixels alike, by AdamW: nothing about silhouettes or
     usual distances, nothing about the cloud of the trained codes."""
-    framed: tuple[bool, ...] = ()
-    """of every picture whether it was framed; none was, where nothing is said"""
+    spreads: Float[Tensor, "#views 2"] = torch.tensor([STRAY_SPREADS])
+    """of :func:`strays`; infinite where a camera is given"""
 
     def spaces(self, model: Model) -> tuple[CodeSpace, CodeSpace]:
         """In which shape and texture are searched for."""
@@ -67,12 +67,6 @@ class Objective(NamedTuple):
         if self.paper:
             return CodeSpace.raw(book.shapes.shape[-1]), CodeSpace.raw(book.textures.shape[-1])
         return book.shape_space, book.texture_space
-
-    @property
-    def spreads(self) -> Float[Tensor, "#views 2"]:
-        """Of :func:`strays`."""
-        guessed = STRAY_SPREADS[0], FRAMED_SPREAD
-        return torch.tensor([guessed if framed else STRAY_SPREADS for framed in self.framed or (False,)])
 
 
 class Judged(NamedTuple):

@@ -57,7 +57,7 @@ class Crossed(NamedTuple):
     ray: Int[Tensor, "crossed"]
     interval: Int[Tensor, "crossed"]
     dark: Bool[Tensor, "crossed"]
-    """Even the thinnest corners of the cells in front take all the light: it is expected to lie behind the object."""
+    """Even the thinnest corners of the cells in front take all the light that counts: it is expected to lie behind."""
 
 
 class Occupancy:
@@ -153,10 +153,14 @@ class Occupancy:
         reached = torch.full((2, size[0] * size[1] + 1), -torch.inf, device=centres.device)
         reached[0].scatter_reduce_(0, at, reach - depth, "amax")
         reached[1].scatter_reduce_(0, at, reach + depth, "amax")
-        nearest, far = reached[:, :-1].reshape(2, *size).unfold(1, 3, 1).unfold(2, 3, 1).amax((-2, -1)).flatten(1)
-        near = -nearest
-        rows = torch.arange(camera.height, device=centres.device) * down // camera.height
-        columns = torch.arange(camera.width, device=centres.device) * across // camera.width
+        tiles = reached[:, :-1].unflatten(1, size)
+        tiles = torch.maximum(torch.maximum(tiles[:, :-2], tiles[:, 1:-1]), tiles[:, 2:])
+        tiles = torch.maximum(torch.maximum(tiles[..., :-2], tiles[..., 1:-1]), tiles[..., 2:])
+        near, far = -tiles[0].flatten(), tiles[1].flatten()
+        rows, columns = (
+            ((torch.arange(pixels, device=centres.device) + 0.5) * (count / pixels)).long()
+            for pixels, count in ((camera.height, down), (camera.width, across))
+        )
         at = rows[:, None] * across + columns
         return near[at], far[at]
 

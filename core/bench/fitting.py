@@ -112,7 +112,7 @@ def measured(
             yield f"{subject.views.name}, {name}"
             trials.append(trial(model, subject, name, settings, number))
     summaries = tuple(summary(name, [one for one in trials if one.preset == name]) for name in presets)
-    yield Measured(machine(), tuple(trials), summaries, _calibration(trials))
+    yield Measured(machine(model.device), tuple(trials), summaries, _calibration(trials))
 
 
 def trial(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:

@@ -45,7 +45,7 @@ def measured(model: Model, subjects: Sequence[Subject]) -> Iterator[str | Measur
             with changed(changes):
                 trials.append(trial(model, subject, name, settings, number))
         summaries.append(summary(name, trials))
-    yield Measured(machine(), tuple(summaries))
+    yield Measured(machine(model.device), tuple(summaries))
 
 
 def _anywhere(bank: Bank, model: Model, pixels: Tensor, mask: Tensor, focal: float, count: int, framed: bool) -> Starts:

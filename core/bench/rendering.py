@@ -29,7 +29,7 @@ from core.render import render_exact
 
 REFERENCE_SAMPLES = 256
 NAIVE_SAMPLES = (8, 16, 32, 64, 96)
-FAST_SAMPLES = (32, 48, 64, 96, 128, 192, 256)
+FAST_SAMPLES = (32, 48, 60, 64, 96, 128, 192, 256)
 SIZES = (64, 128, 256, 512)
 DRAG_SIZES = (128, 256)
 """px"""
@@ -123,7 +123,7 @@ def measured(model: Model, views: int = 3) -> Iterator[str | Measured]:
     yield "drags"
     drags = tuple(drag for size in DRAG_SIZES for drag in _drags(model, size))
     naive, fast = ([point for point in points if point.recipe == name] for name in ("naive", "fast"))
-    yield Measured(machine(), len(seen), tuple(naive), tuple(fast), tuple(sizes), tuple(ablation), drags)
+    yield Measured(machine(model.device), len(seen), tuple(naive), tuple(fast), tuple(sizes), tuple(ablation), drags)
 
 
 def _views(model: Model, count: int) -> list[_View]:
@@ -142,7 +142,7 @@ class _Recipe(NamedTuple):
 
 
 def _exact(model: Model, view: _View, samples: int) -> Tensor:
-    return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1)
+    return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
 
 
 def _naive(samples: int) -> _Recipe:
@@ -193,12 +193,12 @@ def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
         march.forget()
         recipe.draw(model, view)
     began = time.perf_counter()
-    picture = recipe.draw(model, view)
+    picture = recipe.draw(model, view).cpu()  # which waits for a graphics card to be done
     return picture, time.perf_counter() - began
 
 
 def _looking(**at: float) -> Change:
-    """At more than is worth it."""
+    """At more of a ray than is worth it."""
     return Change(march, "overlooked", lambda samples: occupancy.overlooked(samples)._replace(**at))
 
 
@@ -253,7 +253,8 @@ def _quantiles(values: Sequence[float]) -> tuple[float, float]:
     return median(ordered), ordered[int(0.95 * (len(ordered) - 1))]
 
 
-def machine() -> str:
+def machine(device: torch.device) -> str:
     """What the numbers were taken on."""
-    dtype = str(precision.linear_dtype("cpu")).removeprefix("torch.")
-    return f"{platform.machine()}, {torch.get_num_threads()} threads, {dtype}, torch {torch.__version__}"
+    dtype = str(precision.linear_dtype(device.type)).removeprefix("torch.")
+    card = f"{torch.cuda.get_device_name(device)}, " if device.type == "cuda" else ""
+    return f"{card}{platform.machine()}, {torch.get_num_threads()} threads, {dtype}, torch {torch.__version__}"

@@ -123,7 +123,7 @@ def measured(
                 frame_ms=ms,
             )
         )
-    yield Measured(machine(), len(training.objects), steps, tuple(sizes))
+    yield Measured(machine(models[0].device), len(training.objects), steps, tuple(sizes))
 
 
 def _trained(training: Dataset, config: FieldConfig, steps: int, path: Path) -> Generator[str, None, Model]:

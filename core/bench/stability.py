@@ -117,7 +117,7 @@ def measured(
                 for preset, settings in presets.items():
                     trial = Trial(what, level, preset, name, None, None, "")
                     trials.append(_tried(model, codes, picture, truth, settings, seed + number, trial, stressor.absent))
-    yield Atlas(machine(), len(seen), tuple(trials))
+    yield Atlas(machine(model.device), len(seen), tuple(trials))
 
 
 def _picture(model: Model, codes: Codes, camera: Camera, stressor: Stressor, level: float, seed: int) -> np.ndarray:

@@ -59,7 +59,8 @@ def test_directions_opened_for_single_pictures_are_told_of_all(tiny: Model, monk
     monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 1, 1, 1))
     photos = [photo_of(tiny, tiny.codes[2], tiny.camera(azimuth, 0.5)) for azimuth in (0.9, 2.5)]
     steps = list(fit(tiny, FitJob(tuple(photos), SHORT)))
-    assert steps[-1].directions == (2, 2)
+    together = [step.directions for step in steps if step.step > 2 * 4]  # where each stage of the plan is one step
+    assert set(together) == {(2, 2)}
 
 
 def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, monkeypatch: pytest.MonkeyPatch):

@@ -1,6 +1,10 @@
+import math
+
 import torch
 
-from core.hypotheses import Numbers, Objective, astray
+from core.hypotheses import FRAMED_SPREAD, STRAY_SPREADS, Numbers, Objective, astray
+
+USUAL, FRAMED, GIVEN = STRAY_SPREADS, (STRAY_SPREADS[0], FRAMED_SPREAD), (math.inf, math.inf)
 
 
 def standing(distance: float, elevation: float = 0.5, views: int = 1) -> Numbers:
@@ -10,20 +14,28 @@ def standing(distance: float, elevation: float = 0.5, views: int = 1) -> Numbers
     )
 
 
+def by(*spreads: tuple[float, float]) -> Objective:
+    return Objective(1e-4, spreads=torch.tensor(spreads))
+
+
 def test_the_distance_of_the_training_pictures_costs_nothing():
     assert float(astray(standing(0.0), Objective(1e-4))) == 0
 
 
 def test_a_picture_that_was_framed_says_less_about_its_distance():
-    as_it_is, framed = (float(astray(standing(0.05), Objective(1e-4, framed=(one,)))) for one in (False, True))
+    as_it_is, framed = (float(astray(standing(0.05), by(one))) for one in (USUAL, FRAMED))
     assert 0 < framed < as_it_is / 2
 
 
 def test_every_picture_has_a_spread_of_its_own():
-    alone = [float(astray(standing(0.05), Objective(1e-4, framed=(one,)))) for one in (False, True)]
-    both = astray(standing(0.05, views=2), Objective(1e-4, framed=(False, True)))
+    alone = [float(astray(standing(0.05), by(one))) for one in (USUAL, FRAMED)]
+    both = astray(standing(0.05, views=2), by(USUAL, FRAMED))
     torch.testing.assert_close(float(both), sum(alone) / 2)
 
 
 def test_a_camera_below_the_ground_costs_something():
     assert float(astray(standing(0.0, elevation=-0.2), Objective(1e-4))) > 0
+
+
+def test_a_given_camera_costs_nothing_wherever_it_stands():
+    assert float(astray(standing(0.4, elevation=-0.5), by(GIVEN))) == 0

@@ -10,6 +10,7 @@ from torch.nn import functional
 from core import folded as folding
 from core import march as marching
 from core.bench.ablation import Change, changed
+from core.camera import _placed as placing
 from core.codes import Codes
 from core.field import encode
 from core.folded import Folded, Tables
@@ -198,7 +199,7 @@ def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
 
     def drawn_anew() -> torch.Tensor:
         marching.forget_views()
-        return marched(model, model.codes[2], model.camera(0.5, 0.3), 96).colour
+        return marched(model, model.codes[2], model.camera(0.5, 0.3), 192).colour
 
     seen = drawn_anew()
     monkeypatch.setattr(marching, "overlooked", lambda samples: overlooked(samples)._replace(spent=math.inf))
@@ -218,6 +219,7 @@ def test_everything_is_made_on_the_models_device():
     codes, camera = model.codes[0], model.camera(0.4, 0.3)
     truth, exact = marched(model, codes, camera, 32), render_exact(model, codes, camera, 8)
     fresh = random_model(seed=5)  # with nothing kept
+    placing.cache_clear()
     with torch.device("meta"):  # where whatever names no device ends up, and cannot meet what has values
         assert torch.equal(marched(fresh, codes, camera, 32).colour, truth.colour)
         assert torch.equal(render_exact(fresh, codes, camera, 8).colour, exact.colour)
