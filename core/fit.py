@@ -108,8 +108,8 @@ class FitStep:
     alternative: Alternative | None = None
     """in the last step, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
-    """logarithm of the alternative's loss over the result's at the end of the race, from where only the result goes on;
-    comes with the alternative, but where a fit went on from a given hypothesis"""
+    """logarithm of the alternative's loss over the result's when both had gone equally far: at the end, or where only
+    the result went on; comes with the alternative, but where a fit went on from a given hypothesis"""
     directions: tuple[int, int] = (0, 0)
     """how many principal directions of shape and of texture were free to move so far; in the paper's recipe the numbers
     of the codes"""
@@ -160,6 +160,8 @@ _PAYS = 0.002
 """Further ones must lower what held rays cost by this share, in the step that they are tried in."""
 _STILL = 0.001
 """A step that lowers the objective by less than this share gains nothing; after two of them a fit stops."""
+_CLOSE = 0.3
+"""A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
 _NEWS = 0.4
 """What a step's cost counts in the running mean by which hypotheses are cut."""
 _LIKENESS = 0.6
@@ -175,7 +177,7 @@ class _Standing(NamedTuple):
     rival: Pool | None = None
     """the best hypothesis of another basin, from when only one goes on"""
     margin: float = math.nan
-    """logarithm of its objective over that of the best one, when only one went on; in the end"""
+    """logarithm of its objective over that of the best one when both had gone equally far"""
 
 
 class _Part(NamedTuple):
@@ -304,7 +306,10 @@ class _Race:
         return Numbers(angles, distance, shift, shape, torch.stack([numbers.texture for numbers in chosen]).mean(0))
 
     def run(self, pool: Pool) -> Iterator[_Standing]:
-        """Where the race stands after every step; the last one is of the best hypothesis alone, measured."""
+        """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
+
+        The last stage is the winner's alone, but where its rival is close behind: then both go on to the end.
+        """
         if self.settings.paper:
             pool, _ = self._opened(pool, self.plan[0])
             yield from map(_Standing, self._descended_as_in_the_paper(pool))
@@ -314,16 +319,17 @@ class _Race:
         for left in self.descended(pool, racing):
             yield _Standing(left)
         ended = self._ended(left, pool)
-        best, still = ended.pool, 0
-        for done, after in enumerate(self._descent(best, last), 1):
-            gained = 1 - float(after.cost) / max(float(best.cost), _LEAST)
+        after = before = joined(ended.pool, ended.rival) if ended.rival and ended.margin < _CLOSE else ended.pool
+        still = 0
+        for done, after in enumerate(self._descent(before, last), 1):
+            gained = 1 - float(after.cost.min()) / max(float(before.cost.min()), _LEAST)
             if done > 1 and gained > 0:  # else it was a step too long, and the next one is shorter
                 still = still + 1 if gained < _STILL else 0
-            best = after
+            before = after
             if done == last.steps or (self.settings.sparing and still == 2):
                 break
-            yield _Standing(best, ended.rival)
-        yield ended._replace(pool=self._better(ended.pool, best))
+            yield _Standing(after, ended.rival if len(after) == 1 else None)
+        yield self._settled(ended, after)
 
     def descended(self, pool: Pool, plan: Sequence[Stage]) -> Iterator[Pool]:
         """What is left of the hypotheses after every step of some stages."""
@@ -387,15 +393,18 @@ class _Race:
         leader, before = pool.leader, began[torch.isin(began.start, pool.start).nonzero()[:, 0]]
         rest = self.measured(joined(pool, before, twin_of(pool, leader, self.unknown)))
         best = rest[torch.tensor([rest.leader])]
-        if not bool(self.unknown.any()):
-            return _Standing(best)
+        return self._against(best, rest) if bool(self.unknown.any()) else _Standing(best)
+
+    def _settled(self, ended: _Standing, after: Pool) -> _Standing:
+        """Of what went on the best where it was or where it is now, as measured; and what stands against it."""
+        rest = self.measured(joined(ended.pool, after))
+        best = rest[torch.tensor([rest.leader])]
+        return ended._replace(pool=best) if len(after) == 1 else self._against(best, rest)
+
+    def _against(self, best: Pool, rest: Pool) -> _Standing:
+        """The best hypothesis, with the best of another basin."""
         rival = rival_of(best, rest, self.unknown)
         return _Standing(best, rival, math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)))
-
-    def _better(self, before: Pool, after: Pool) -> Pool:
-        """Of one hypothesis where it was and where it is now the better, as measured."""
-        rest = self.measured(joined(before, after))
-        return rest[torch.tensor([rest.leader])]
 
     def cut(self, pool: Pool, stage: Stage) -> Pool:
         """The best go on, one from each basin first; the leader's twin is set up again where it is lost."""
