@@ -1,5 +1,6 @@
 """What every part of a blind fit is worth: the ``normal`` preset, and the same without one part at a time."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 
@@ -75,6 +76,7 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, fit)),
     "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, fit)),
+    "without a second one in the last stage": (_USUAL, _everywhere("_CLOSE", -math.inf, fit)),
     "all code directions from the beginning": (_USUAL, _everywhere("_RANKS", (10_000,) * _STAGES, plan)),
     "no asking what pays": (replace(_USUAL, sparing=False), ()),
     "no firmer prior at first": (_USUAL, _everywhere("_PRIORS", (1,) * _STAGES, plan)),

@@ -186,6 +186,19 @@ def test_there_is_an_alternative_however_short_the_race(tiny: Model, starts: int
     assert found.alternative is not None
 
 
+@pytest.mark.parametrize(("close", "going"), [(math.inf, 2), (-math.inf, 1)])
+def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
+    tiny: Model, monkeypatch: pytest.MonkeyPatch, close: float, going: int
+):
+    monkeypatch.setattr(fitting, "_CLOSE", close)
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    *_, before, end = fit(tiny, FitJob((photo,), SHORT))
+    assert (before.hypotheses, end.hypotheses) == (going, 1)
+    assert end.alternative is not None
+    assert end.margin is not None
+    assert end.margin >= 0
+
+
 def test_a_known_camera_has_no_alternative(tiny: Model):
     truth = tiny.camera(0.9, 0.5)
     found = last(tiny, replace(photo_of(tiny, tiny.codes[2], truth), camera=truth), settings=SHORT)
