@@ -319,7 +319,8 @@ class _Race:
         for left in self.descended(pool, racing):
             yield _Standing(left)
         ended = self._ended(left, pool)
-        after = before = joined(ended.pool, ended.rival) if ended.rival and ended.margin < _CLOSE else ended.pool
+        raced = ended.rival if ended.margin < _CLOSE and not self.begin else None  # who goes on with one means that one
+        after = before = joined(ended.pool, raced) if raced else ended.pool
         still = 0
         for done, after in enumerate(self._descent(before, last), 1):
             gained = 1 - float(after.cost.min()) / max(float(before.cost.min()), _LEAST)

@@ -197,6 +197,8 @@ def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
     assert end.alternative is not None
     assert end.margin is not None
     assert end.margin >= 0
+    again = list(fit(tiny, FitJob((photo,), SHORT, begin=end.race[0])))
+    assert {step.hypotheses for step in again} == {1}  # whoever goes on with one camera means that one
 
 
 def test_a_known_camera_has_no_alternative(tiny: Model):
