@@ -208,6 +208,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
     _add_preset(command)
     command.add_argument("--objects", type=_count, metavar="N", help="only so many, spread over the dataset")
+    command.add_argument("--every", type=_count, default=1, metavar="N", help="draw only each Nth of the other views")
     command.add_argument("--report", type=Path, metavar="R.json", help="numbers; a chart is put beside them as PNG")
     command.add_argument("--seed", type=int, default=0)
 

@@ -37,6 +37,8 @@ class Protocol:
     preset: str = "normal"
     """of :data:`core.fit.PRESETS`"""
     seed: int = 0
+    every: int = 1
+    """draw only each such view of the others; all of them in the paper"""
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
@@ -95,7 +97,7 @@ def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: Protocol) -
 
 
 def _scored(model: Model, views: ObjectViews, protocol: Protocol) -> ObjectScore:
-    rest = [index for index in range(len(views.cameras)) if index not in protocol.inputs]
+    rest = [index for index in range(len(views.cameras)) if index not in protocol.inputs][:: protocol.every]
     if max(protocol.inputs) >= len(views.cameras) or not rest:
         raise ValueError(f"{views.name}: {len(views.cameras)} views, and the inputs are {protocol.inputs}")
     if protocol.estimate:

@@ -263,7 +263,7 @@ def _failures_sheet(failures: Sequence[stability.Trial]) -> Image.Image:
 def sizes_table(found: sizes.Measured) -> str:
     """Markdown: a line for every model."""
     what = f"{found.objects} objects, {found.steps} steps each"
-    lines = [f"{found.machine}; {what}; held out: objects fitted on one view of known camera.", ""]
+    lines = [f"{found.machine}; {what}; held out: {found.tests} objects fitted on one view of known camera.", ""]
     head = "differs in | parameters | file (kB) | own, new views (dB) | held out (dB) | against the first (dB)"
     lines += [f"| {head} | cameras within 10° | frame (ms) | blind fit (s) |", "|" + "---|" * 9]
     for one in found.sizes:

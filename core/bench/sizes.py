@@ -1,12 +1,15 @@
 """What each size of the network and the codes buys: models trained alike, of which each differs in one number.
 
 The rule: from the default, one axis at a time. All are trained on the same objects with the same steps and the same
-random rays; what they cost is measured afterwards, turn about.
+random rays; what each is worth is written down beside it, so that a run goes on where one was stopped. What frames cost
+is measured at the end, turn about.
 """
 
+import json
 import time
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -16,9 +19,11 @@ import torch
 from core.bench import fitting
 from core.bench.rendering import machine
 from core.bench.subjects import dataset_subjects, spread_objects
-from core.dataset import Dataset, ObjectPlace
+from core.confidence import RIGHT_DEGREES
+from core.dataset import Dataset, ObjectPlace, find_objects, read_dataset
 from core.evaluate import Mean, Protocol, evaluate, mean_of
 from core.field import FieldConfig
+from core.files import write_json
 from core.fit import PRESETS
 from core.frames import RenderSettings
 from core.march import forget_views, marched
@@ -36,6 +41,10 @@ AXES = {
 }
 _ROUNDS = 7
 _VIEWS = 3
+_UNSEEN = 16
+"""training objects of which a view that was not trained on is drawn"""
+_EVERY = 5
+"""Of a test object's other views each such one is drawn."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +74,29 @@ class Size:
 
 
 @dataclass(frozen=True)
+class _Worth:
+    """What is kept beside a model."""
+
+    tests: list[str]
+    """names of the test objects"""
+    own: float
+    """as in :class:`Size`"""
+    held_out: list[float]
+    """dB, of each test object"""
+    found: list[float]
+    """1 where its camera was found within 10 degrees, else 0"""
+    fit_seconds: list[float]
+
+
+@dataclass(frozen=True)
 class Measured:
     """Everything that one run found."""
 
     machine: str
     objects: int
     """trained on"""
+    tests: int
+    """objects held out"""
     steps: int
     sizes: tuple[Size, ...]
 
@@ -90,60 +116,83 @@ def plan() -> tuple[tuple[str, int, FieldConfig], ...]:
 
 
 def measured(
-    dataset: Dataset, tests: Sequence[ObjectPlace], steps: int, folder: Path, only: slice = slice(None)
+    folders: Sequence[Path], tests: Sequence[ObjectPlace], steps: int, kept: Path, only: slice = slice(None)
 ) -> Iterator[str | Measured]:
     """What is being done now, and in the end all that was found. To stop, ask for no more.
 
     Args:
-        folder: where models are kept; one that is there already is not trained again.
+        folders: of the dataset to train on, which is read only where a model is missing.
+        kept: where models are kept, and what was found of them; what is there already is not done again.
         only: part of :func:`plan`.
     """
-    training, unseen = hold_out(dataset, 16)
+    category, places = find_objects(folders)
+    training = cache(lambda: hold_out(read_dataset(list(folders)))[0])
     chosen = plan()[only]
-    paths = [folder / f"{dataset.category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
-    models = list[Model]()
+    paths = [kept / f"{category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
+    models, worths = list[Model](), list[_Worth]()
     for (_, _, config), path in zip(chosen, paths, strict=True):
-        models.append((yield from _trained(training, config, steps, path)))
+        if not path.exists():
+            yield from _train(training(), config, steps, path)
+        models.append(Model.load(path))
+    training.cache_clear()
+    unseen = _unseen(places, category, models[0])
+    for path, model in zip(paths, models, strict=True):
+        worths.append((yield from _worth(model, unseen, tests, path.with_suffix(".json"))))
     yield "frames"
-    sizes, first = [], list[float]()
-    for (axis, value, config), path, model, ms in zip(chosen, paths, models, _frame_ms(models), strict=True):
-        yield f"fits, {path.stem}"
-        psnrs = [score.psnr for score in evaluate(model, (place.read() for place in tests), Protocol())]
-        first = first or psnrs
-        yield f"blind fits, {path.stem}"
-        blind = _blind(model, tests)
-        sizes.append(
-            Size(
-                *(axis, value, config, sum(p.numel() for p in model.field.parameters()), path.stat().st_size),
-                own=held_out_psnr(model, unseen),
-                held_out=mean_of(psnrs),
-                gain=mean_of([psnr - other for psnr, other in zip(psnrs, first, strict=True)]),
-                found=blind.within_10_degrees,
-                fit_seconds=blind.seconds,
-                frame_ms=ms,
-            )
-        )
-    yield Measured(machine(models[0].device), len(training.objects), steps, tuple(sizes))
+    sizes = [_size(*row, first=worths[0]) for row in zip(chosen, models, paths, worths, _frame_ms(models), strict=True)]
+    yield Measured(machine(models[0].device), len(places), len(tests), steps, tuple(sizes))
 
 
-def _trained(training: Dataset, config: FieldConfig, steps: int, path: Path) -> Generator[str, None, Model]:
-    """What is being done now; returns the model."""
-    if not path.exists():
-        trainer = Trainer(training, replace(RECIPES["ours"], field=config, steps=steps))
-        for step in trainer.steps():
-            if step.step % 100 == 0:
-                yield f"training, {path.stem}, step {step.step} of {steps}, {step.psnr:.1f} dB"
-        trainer.model().save(path)
-    return Model.load(path)
+def _train(training: Dataset, config: FieldConfig, steps: int, path: Path) -> Iterator[str]:
+    trainer = Trainer(training, replace(RECIPES["ours"], field=config, steps=steps))
+    for step in trainer.steps():
+        if step.step % 100 == 0:
+            yield f"training, {path.stem}, step {step.step} of {steps}, {step.psnr:.1f} dB"
+    trainer.model().save(path)
 
 
-def _blind(model: Model, tests: Sequence[ObjectPlace]) -> fitting.Summary:
+def _unseen(places: Sequence[ObjectPlace], category: str, model: Model) -> Dataset:
+    """Of some training objects the view that none was trained on."""
+    some = tuple(place.read() for place in places[:: max(1, len(places) // _UNSEEN)][:_UNSEEN])
+    return hold_out(Dataset(some, category, model.image_size, model.focal), _UNSEEN)[1]
+
+
+def _worth(model: Model, unseen: Dataset, tests: Sequence[ObjectPlace], path: Path) -> Generator[str, None, _Worth]:
+    """What is being done now; returns what the model is worth, from ``path`` where that is known."""
+    names = [place.name for place in tests]
+    if path.exists():
+        kept = json.loads(path.read_text())
+        if kept["tests"] == names:
+            return _Worth(**kept)
+    yield f"views of its own objects, {path.stem}"
+    own = held_out_psnr(model, unseen)
     bank_of(model)  # made before the first fit is timed
-    subjects = dataset_subjects(model, tests, torch.Generator().manual_seed(0))
-    trials = [
-        fitting.trial(model, subject, "normal", PRESETS["normal"], number) for number, subject in enumerate(subjects)
-    ]
-    return fitting.summary("normal", trials)
+    psnrs, blind = list[float](), list[fitting.Trial]()
+    for number, place in enumerate(tests):
+        yield f"fits, {path.stem}, {place.name}"
+        psnrs += [score.psnr for score in evaluate(model, [place.read()], Protocol(every=_EVERY))]
+        (subject,) = dataset_subjects(model, [place], torch.Generator().manual_seed(number))
+        blind.append(fitting.trial(model, subject, "normal", PRESETS["normal"], number))
+    found = [float(trial.off <= RIGHT_DEGREES) for trial in blind]
+    worth = _Worth(names, own, psnrs, found, [trial.seconds for trial in blind])
+    write_json(path, asdict(worth))
+    return worth
+
+
+def _size(
+    chosen: tuple[str, int, FieldConfig], model: Model, path: Path, worth: _Worth, frame_ms: float, first: _Worth
+) -> Size:
+    return Size(
+        *chosen,
+        parameters=sum(parameter.numel() for parameter in model.field.parameters()),
+        bytes=path.stat().st_size,
+        own=worth.own,
+        held_out=mean_of(worth.held_out),
+        gain=mean_of([psnr - other for psnr, other in zip(worth.held_out, first.held_out, strict=True)]),
+        found=mean_of(worth.found),
+        fit_seconds=median(worth.fit_seconds),
+        frame_ms=frame_ms,
+    )
 
 
 def _frame_ms(models: Sequence[Model]) -> list[float]:

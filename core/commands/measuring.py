@@ -11,7 +11,7 @@ from tqdm import tqdm
 from core.bench import charts, fitting, parts, rendering, sizes, stability
 from core.bench.subjects import Subject, dataset_subjects, own_subjects
 from core.commands.progress import require_folder
-from core.dataset import ObjectPlace, find_objects, read_dataset
+from core.dataset import ObjectPlace, find_objects
 from core.evaluate import ObjectScore, Protocol
 from core.evaluate import evaluate as scored
 from core.library import load_model
@@ -26,9 +26,9 @@ _Found = TypeVar("_Found")
 
 def evaluate(chosen: argparse.Namespace) -> None:
     """``evaluate``: the paper's table on a test set, or with ``--swap`` how well shape and texture are told apart."""
-    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.preset, chosen.seed)
+    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.every)
     if chosen.swap and protocol != Protocol(seed=chosen.seed):
-        raise ValueError("--swap draws cells with their true cameras: it goes with no --inputs, --pose or --preset")
+        raise ValueError("--swap draws all of a cell from its true cameras: no --inputs, --pose, --preset or --every")
     model = load_model(chosen.model, chosen.device)
     places = _places(model, chosen.datasets)
     if chosen.report:
@@ -80,9 +80,8 @@ def bench_size(chosen: argparse.Namespace) -> None:
     """``bench size``: what sizes of network and codes buy, as numbers, table and chart."""
     charts.prepare(chosen.out)
     require_folder(chosen.models / "any")
-    _, tests = find_objects(chosen.tests)
-    dataset, tests = read_dataset(chosen.datasets), _spread(tests, chosen.objects)
-    found = _watched(sizes.measured(dataset, tests, chosen.steps, chosen.models))
+    tests = _spread(find_objects(chosen.tests)[1], chosen.objects)
+    found = _watched(sizes.measured(chosen.datasets, tests, chosen.steps, chosen.models))
     charts.write_sizes(found, chosen.out)
     print(charts.sizes_table(found), flush=True)
 

@@ -55,6 +55,14 @@ def test_a_known_object_scores_as_rendering_its_fit_by_hand(tiny: Model):
     assert score.seconds > 0
 
 
+def test_every_other_of_the_other_views_may_be_left_out(tiny: Model):
+    views = views_of(tiny, 1)
+    (whole,) = evaluate(tiny, [views], Protocol(inputs=(2,)))
+    (half,) = evaluate(tiny, [views], Protocol(inputs=(2,), every=2))
+    assert (whole.views, half.views) == (3, 2)  # 0, 1, 3; and of these 0, 3
+    assert half.psnr == pytest.approx(whole.psnr, abs=1.0)
+
+
 def test_two_inputs_beat_none_of_the_right_kind(tiny: Model):
     views = views_of(tiny, 2)
     (score,) = evaluate(tiny, [views], Protocol(inputs=(0, 2)))

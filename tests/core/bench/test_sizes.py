@@ -9,7 +9,7 @@ import pytest
 from core.bench import sizes
 from core.bench.charts import prepare, sizes_table, write_sizes
 from core.bench.sizes import Measured, measured
-from core.dataset import Dataset, find_objects, read_dataset, write_manifest, write_object
+from core.dataset import Dataset, find_objects, write_manifest, write_object
 from core.evaluate import Protocol
 from core.field import FieldConfig
 from core.fit import PRESETS, FitSettings
@@ -48,15 +48,18 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
     for preset in ("draft", "normal"):
         monkeypatch.setitem(PRESETS, preset, FitSettings(starts=2, steps=5, rays=32, samples=8))
     monkeypatch.setattr(sizes, "Trainer", Taught)
-    monkeypatch.setattr(sizes, "Protocol", lambda: Protocol(inputs=(0,)))
+    monkeypatch.setattr(sizes, "Protocol", lambda every: Protocol(inputs=(0,)))
     for index in range(4):
         write_object(tmp_path / "data", replace(views_of(tiny_model(), index, 3), name=f"stool{index}"))
     write_manifest(tmp_path / "data", "stools", {f"stool{i}": (f"s{i}", f"t{i}") for i in range(4)})
-    dataset, places = read_dataset(tmp_path / "data"), find_objects([tmp_path / "data"])[1]
+    folders, places = [tmp_path / "data"], find_objects([tmp_path / "data"])[1]
     (tmp_path / "models").mkdir()
-    *_, found = measured(dataset, places[:1], 20, tmp_path / "models", slice(0, 2))
-    monkeypatch.setattr(sizes, "Trainer", None)  # from now on models come from what is kept
-    *_, again = measured(dataset, places[:1], 20, tmp_path / "models", slice(0, 1))
+    *_, found = measured(folders, places[:1], 20, tmp_path / "models", slice(0, 2))
+    for done in ("Trainer", "evaluate", "read_dataset"):  # from now on all comes from what is kept
+        monkeypatch.setattr(sizes, done, None)
+    *_, again = measured(folders, places[:1], 20, tmp_path / "models", slice(0, 1))
+    with pytest.raises(TypeError):  # other tests are measured anew
+        list(measured(folders, places[1:2], 20, tmp_path / "models", slice(0, 1)))
     assert again.sizes[0].own == found.sizes[0].own
     assert Taught.asked == [size for _, _, size in sizes.plan()[:2]]
     return found
