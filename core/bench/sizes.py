@@ -41,7 +41,7 @@ AXES = {
 }
 _ROUNDS = 7
 _VIEWS = 3
-_UNSEEN = 16
+_UNSEEN = 8
 """training objects of which a view that was not trained on is drawn"""
 _EVERY = 5
 """Of a test object's other views each such one is drawn."""
