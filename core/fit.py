@@ -158,8 +158,10 @@ _LEADING = 16
 """principal directions that are never asked whether they pay"""
 _PAYS = 0.002
 """Further ones must lower what held rays cost by this share, in the step that they are tried in."""
-_STILL = 0.001
-"""A step that lowers the objective by less than this share gains nothing; after two of them a fit stops."""
+_STILL = 0.003
+_PATIENCE = 3
+"""A fit stops where so many steps lower its objective by less than this share. (One alone may have been too long, so
+that the next one is shorter.)"""
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
 _NEWS = 0.4
@@ -246,7 +248,7 @@ class _Race:
         spreads = torch.tensor([STRAY_SPREADS]).repeat(len(self.photos), 1)
         spreads[torch.tensor([photo.framed for photo in self.photos]), 1] = FRAMED_SPREAD
         spreads[~self.unknown] = math.inf
-        return Objective(self.settings.prior, self.settings.paper, spreads)
+        return Objective(self.settings.prior, self.settings.paper, spreads, self.plan[-1].forgiving)
 
     def entered(self) -> Pool:
         """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
@@ -320,14 +322,12 @@ class _Race:
             yield _Standing(left)
         ended = self._ended(left, pool)
         raced = ended.rival if ended.margin < _CLOSE and not self.begin else None  # who goes on with one means that one
-        after = before = joined(ended.pool, raced) if raced else ended.pool
-        still = 0
-        for done, after in enumerate(self._descent(before, last), 1):
-            gained = 1 - float(after.cost.min()) / max(float(before.cost.min()), _LEAST)
-            if done > 1 and gained > 0:  # else it was a step too long, and the next one is shorter
-                still = still + 1 if gained < _STILL else 0
-            before = after
-            if done == last.steps or (self.settings.sparing and still == 2):
+        after = finalists = joined(ended.pool, raced) if raced else ended.pool
+        costs = list[float]()
+        for after in self._descent(finalists, last):
+            costs.append(max(float(after.cost.min()), _LEAST))
+            rests = len(costs) > _PATIENCE and costs[-1] > (1 - _STILL) * costs[-1 - _PATIENCE]
+            if len(costs) == last.steps or (self.settings.sparing and rests):
                 break
             yield _Standing(after, ended.rival if len(after) == 1 else None)
         yield self._settled(ended, after)
@@ -378,7 +378,7 @@ class _Race:
         return drawn, torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
 
     def _during(self, stage: Stage) -> Objective:
-        return self.by._replace(prior=stage.prior)
+        return self.by._replace(prior=stage.prior, forgiving=stage.forgiving)
 
     def _descended_as_in_the_paper(self, pool: Pool) -> Iterator[Pool]:
         """The one hypothesis after every step, in the end the best of those that were measured."""

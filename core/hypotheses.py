@@ -60,6 +60,9 @@ class Objective(NamedTuple):
     usual distances, nothing about the cloud of the trained codes."""
     spreads: Float[Tensor, "#views 2"] = torch.tensor([STRAY_SPREADS])
     """of :func:`strays`; infinite where a camera is given"""
+    forgiving: float = math.inf
+    """A colour that is so far off (root mean square over the channels) pulls half as hard as Eq. 5 has it: there is
+    something that the model cannot draw."""
 
     def spaces(self, model: Model) -> tuple[CodeSpace, CodeSpace]:
         """In which shape and texture are searched for."""
@@ -131,11 +134,18 @@ def judged(
     unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
     if by.paper:
         return Judged(squared + by.prior * unlikely, squared.detach())
-    objective = error.mean((1, 2))
+    objective = forgiven(error, by).mean((1, 2))
     if not model.painted_ground:
         wrong = (opacity.cpu() - drawn.opaque).square() * drawn.sure
         objective = objective + SILHOUETTE * wrong.mean((1, 2))
     return Judged(objective + by.prior * unlikely + astray(numbers, by), squared.detach())
+
+
+def forgiven(squared: Tensor, by: Objective) -> Tensor:
+    """What squared errors of colours cost: beyond what is forgiven, their logarithm (Cauchy's loss)."""
+    if math.isinf(by.forgiving):
+        return squared
+    return by.forgiving**2 * (squared / by.forgiving**2).log1p()
 
 
 def strays(numbers: Numbers) -> Float[Tensor, "hypotheses views 2"]:

@@ -24,6 +24,7 @@ from core.hypotheses import (
     Pool,
     aimed,
     astray,
+    forgiven,
     strays,
     within_bounds,
 )
@@ -165,12 +166,15 @@ def quadratic(
     jacobian[..., views * _CAMERA :] = seen.codes.cpu()
     error = seen.colour.cpu() - drawn.colours
     residual = torch.cat((error, (seen.opacity.cpu() - drawn.opaque)[..., None]), -1)
-    weight = torch.full((views, pixels, 4), 1 / (3 * views * pixels))
+    squared = error.square().mean(-1)
+    weight = torch.full((count, views, pixels, 4), 1 / (3 * views * pixels))
+    weight[..., :3] /= (1 + squared / by.forgiving**2)[..., None]  # Cauchy's loss, reweighted as it bends
     weight[..., 3] = 0.0 if model.painted_ground else SILHOUETTE * drawn.sure / (views * pixels)
+    objective = forgiven(squared, by).mean((1, 2)) + (residual[..., 3].square() * weight[..., 3]).sum((1, 2))
     jacobian, residual = (jacobian * weight.sqrt()[..., None]).flatten(1, 3), (residual * weight.sqrt()).flatten(1)
     fit = Quadratic(
-        residual.square().sum(1),
-        (error.square().mean(-1) * drawn.shares).sum((1, 2)) / views,
+        objective,
+        (squared * drawn.shares).sum((1, 2)) / views,
         (residual[:, None] @ jacobian)[:, 0],
         jacobian.mT @ jacobian,
     )

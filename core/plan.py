@@ -11,7 +11,7 @@ class FitSettings:
 
     starts: int = 28
     """cameras to begin from, for every picture whose camera is unknown"""
-    steps: int = 40
+    steps: int = 44
     rays: int = 1024
     """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
     samples: int = 64
@@ -55,15 +55,18 @@ class Stage(NamedTuple):
     """of shape and texture: how many principal directions may move"""
     prior: float
     """while a camera is far off, codes must not explain what only the right camera can"""
+    forgiving: float
+    """as in :class:`core.hypotheses.Objective`: while a camera is far off, it is what is most wrong that leads on"""
 
 
 _MOST = (math.inf, math.inf, 8, 5, 2, 1)
 """hypotheses in each stage; the second has half of the first's"""
-_STEPS = (6, 6, 6, 6, 4, 8)
+_STEPS = (6, 6, 6, 6, 4, 12)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
 _SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
 _RANKS = (8, 16, 32, 64, 10_000, 10_000)
 _PRIORS = (50, 30, 10, 3, 1, 1)
+_FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 
 
 def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
@@ -73,13 +76,14 @@ def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
     Where there is nothing to race for, the same stages with one hypothesis; the paper has just one.
     """
     if settings.paper:
-        return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior),)
+        return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior, math.inf),)
     count, stages, done = settings.starts if racing else 1, list[Stage](), 0
     for index, most in enumerate(_MOST):
         count = int(min(count if index != 1 else -(-count // 2), most))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))
         steps, rays = max(1, until - done), max(32, round(settings.rays * _RAYS[index]))
         samples, prior = max(2, round(settings.samples * _SAMPLES[index])), settings.prior * _PRIORS[index]
-        stages.append(Stage(count, steps, min(settings.rays, rays), samples, (_RANKS[index],) * 2, prior))
+        ranks, forgiving = (_RANKS[index],) * 2, _FORGIVING[index]
+        stages.append(Stage(count, steps, min(settings.rays, rays), samples, ranks, prior, forgiving))
         done += steps
     return tuple(stages)

@@ -1,5 +1,6 @@
 """Quadratics are those of the objective, and descents go down."""
 
+import math
 from itertools import pairwise
 
 import pytest
@@ -14,7 +15,7 @@ from core.targets import Drawn, Target, draw
 from tests.core.test_fit import photo_of
 from tests.core.tiny import tiny_model
 
-STAGE = Stage(3, 4, 96, 24, (100, 100), 1e-4)
+STAGE = Stage(3, 4, 96, 24, (100, 100), 1e-4, math.inf)
 BY = Objective(1e-4)
 FREE = torch.tensor([[True, True, True, False, False]])
 
@@ -40,12 +41,13 @@ def numbers_of(count: int = 3) -> Numbers:
     )
 
 
-def test_its_objective_and_slope_are_those_of_hypotheses(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("by", [BY, Objective(1e-4, forgiving=0.1)])
+def test_its_objective_and_slope_are_those_of_hypotheses(tiny: Model, monkeypatch: pytest.MonkeyPatch, by: Objective):
     monkeypatch.setattr(newton, "_KEPT", 1)
     monkeypatch.setattr(hypotheses, "_kept", lambda samples: samples)
     numbers, drawn = Numbers(*(part.requires_grad_() for part in numbers_of())), drawn_of(tiny)
-    found = quadratic(tiny, Numbers(*(part.detach() for part in numbers)), drawn, None, STAGE, BY)
-    expected = judged(tiny, numbers, drawn, STAGE.samples, BY)
+    found = quadratic(tiny, Numbers(*(part.detach() for part in numbers)), drawn, None, STAGE, by)
+    expected = judged(tiny, numbers, drawn, STAGE.samples, by)
     torch.testing.assert_close(found.objective, expected.objective, rtol=0.05, atol=1e-3)
     slopes = torch.autograd.grad(expected.objective.sum(), numbers)
     camera = torch.cat((slopes[0][:, 0], slopes[1], slopes[2][:, 0]), -1)
