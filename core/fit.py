@@ -168,6 +168,9 @@ _NEWS = 0.4
 """What a step's cost counts in the running mean by which hypotheses are cut."""
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
+_ZOOMS = (0.0, -0.3, 0.3)
+"""Logarithms of focal lengths over the model's that starts take turns in, where these are searched for: a code that has
+settled with one lens does not let go of it."""
 _SIZES = 0.25
 """How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
 
@@ -258,6 +261,9 @@ class _Race:
             return self._entered_where(self.begin)
         count, views = self.plan[0].hypotheses, len(self.given)
         angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
+        zoom = torch.zeros_like(distance)
+        if self.settings.lens:
+            zoom[:, self.unknown] = torch.tensor(_ZOOMS).repeat(count)[:count, None]
         ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
         alike, texture = (torch.zeros(count, rank) for rank in ranks)
         for view, (photo, camera) in enumerate(zip(self.photos, self.given, strict=True)):
@@ -273,16 +279,17 @@ class _Race:
                 shift[:, view] = starts.shift * photo.framed
                 space = self.model.codes.shape_space
                 alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
-        return Pool.of(Numbers(angles, distance, shift, _LIKENESS * alike, texture))
+        return Pool.of(Numbers(angles, distance, zoom, shift, _LIKENESS * alike, texture))
 
     def _entered_where(self, begin: Hypothesis) -> Pool:
         """One hypothesis, where an earlier fit left it; known cameras are those of the pictures."""
         at = [photo.camera or camera for photo, camera in zip(self.photos, begin.cameras, strict=True)]
         angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
-        away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in at]])
+        zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, self.given, strict=True)]])
+        away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in at]]) - zoom
         shapes, textures = self.by.spaces(self.model)
         shape, texture = shapes.coordinates(begin.codes.shape), textures.coordinates(begin.codes.texture)
-        pool = Pool.of(Numbers(angles, away, begin.shift[None], shape[None], texture[None]))
+        pool = Pool.of(Numbers(angles, away, zoom, begin.shift[None], shape[None], texture[None]))
         return replace(pool, start=torch.tensor([begin.start]))
 
     def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
@@ -300,12 +307,20 @@ class _Race:
         """The cameras of the finalists, and the mean of the codes they came with."""
         pairs = list(zip(finalists, taken.unbind(1), strict=True))
         chosen = [Numbers(*(part[index] for part in pool.numbers)) for (_, pool), index in pairs]
-        blank = torch.zeros(len(taken), len(self.given), 2)
-        angles, distance, shift = blank, blank[..., 0].clone(), blank.clone()
-        for (views, _), numbers in zip(finalists, chosen, strict=True):
-            angles[:, views], distance[:, views], shift[:, views] = numbers.angles, numbers.distance, numbers.shift
-        shape = torch.stack([numbers.shape for numbers in chosen]).mean(0)
-        return Numbers(angles, distance, shift, shape, torch.stack([numbers.texture for numbers in chosen]).mean(0))
+        count, views = len(taken), len(self.given)
+        placed = (
+            torch.zeros(count, views, 2),
+            torch.zeros(count, views),
+            torch.zeros(count, views),
+            torch.zeros(count, views, 2),
+        )
+        for (some, _), numbers in zip(finalists, chosen, strict=True):
+            for whole, part in zip(placed, numbers[:4], strict=True):
+                whole[:, some] = part
+        shape, texture = (
+            torch.stack(parts).mean(0) for parts in zip(*(numbers[4:] for numbers in chosen), strict=True)
+        )
+        return Numbers(*placed, shape, texture)
 
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
@@ -465,11 +480,11 @@ class _Race:
         )
 
     @property
-    def _free(self) -> Bool[Tensor, "views 5"]:
+    def _free(self) -> Bool[Tensor, "views 6"]:
         """Which numbers of the cameras are searched for: the middle only where a picture was moved."""
         framed = torch.tensor([photo.framed for photo in self.photos])
         turned, moved = self.unknown[:, None].expand(-1, 3), (self.unknown & framed)[:, None].expand(-1, 2)
-        return torch.cat((turned, moved), 1)
+        return torch.cat((turned, (self.unknown & self.settings.lens)[:, None], moved), 1)
 
 
 def _nominal(photo: Photo, model: Model) -> Camera:

@@ -19,15 +19,17 @@ from core.targets import Drawn
 
 SILHOUETTE = 0.1
 """The squared error of opacity against that of colour."""
-STRAY_SPREADS = (0.2, 0.02)
-"""How far a camera strays before it costs much: rad below the ground's level, and the logarithm of the distance away
-from that of the training pictures, which all have one."""
+STRAY_SPREADS = (0.2, 0.02, 0.3)
+"""How far a camera strays before it costs much: rad below the ground's level, the logarithm of the distance away from
+that of the training pictures, which all have one, and that of the focal length."""
 FRAMED_SPREAD = 0.05
-"""In place of the latter, of a picture that was moved or scaled before it was fitted."""
-STRAY_PRIORS = (2e-3, 2e-3)
+"""Of the distance, of a picture that was moved or scaled before it was fitted."""
+STRAY_PRIORS = (2e-3, 2e-3, 2e-4)
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _BASIN = math.radians(25)
 """Cameras that differ by less mostly end at the same place."""
+_LENSES = 0.2
+"""So do the same with focal lengths whose logarithms differ by less."""
 _STEEPEST = math.radians(89.9)
 
 
@@ -42,7 +44,10 @@ class Numbers(NamedTuple):
     angles: Float[Tensor, "hypotheses views 2"]
     """azimuth, elevation; rad"""
     distance: Float[Tensor, "hypotheses views"]
-    """logarithm of the distance over the model's"""
+    """logarithm of the distance over the model's, as far as the lens does not make up for it"""
+    zoom: Float[Tensor, "hypotheses views"]
+    """logarithm of the focal length over the given one. The camera is as much further away, so that the object keeps
+    its size and only the perspective changes."""
     shift: Float[Tensor, "hypotheses views 2"]
     """of the optical axis in the picture, x right and y down, in focal lengths; 0 unless a picture was reframed"""
     shape: Float[Tensor, "hypotheses shape_rank"]
@@ -58,7 +63,7 @@ class Objective(NamedTuple):
     paper: bool = False
     """Eq. 5 as it stands, on the codes as they are and all pixels alike, by AdamW: nothing about silhouettes or
     usual distances, nothing about the cloud of the trained codes."""
-    spreads: Float[Tensor, "#views 2"] = torch.tensor([STRAY_SPREADS])
+    spreads: Float[Tensor, "#views 3"] = torch.tensor([STRAY_SPREADS])
     """of :func:`strays`; infinite where a camera is given"""
     forgiving: float = math.inf
     """A colour that is so far off (root mean square over the channels) pulls half as hard as Eq. 5 has it: there is
@@ -148,9 +153,11 @@ def forgiven(squared: Tensor, by: Objective) -> Tensor:
     return by.forgiving**2 * (squared / by.forgiving**2).log1p()
 
 
-def strays(numbers: Numbers) -> Float[Tensor, "hypotheses views 2"]:
-    """How far cameras stand below the ground's level (rad, at most 0) and away from the usual distance (logarithm)."""
-    return torch.stack((numbers.angles[..., 1].clamp_max(0), numbers.distance), -1)
+def strays(numbers: Numbers) -> Float[Tensor, "hypotheses views 3"]:
+    """How far cameras stand below the ground's level (rad, at most 0), away from the usual distance, and from the
+    usual lens (logarithms).
+    """
+    return torch.stack((numbers.angles[..., 1].clamp_max(0), numbers.distance, numbers.zoom), -1)
 
 
 def astray(numbers: Numbers, by: Objective) -> Float[Tensor, "hypotheses"]:
@@ -169,8 +176,8 @@ def aimed(model: Model, numbers: Numbers, drawn: Drawn, samples: int = 1, jitter
     They are clipped to the box, or where the network paints the ground, as its pictures were made.
     """
     device = model.device
-    distance = (model.distance * numbers.distance.exp()).to(device)[..., None]
-    places = (drawn.places - numbers.shift[:, :, None]).to(device)
+    distance = (model.distance * (numbers.distance + numbers.zoom).exp()).to(device)[..., None]
+    places = ((drawn.places - numbers.shift[:, :, None]) / numbers.zoom.exp()[..., None, None]).to(device)
     angles = numbers.angles.to(device)[..., None, :]
     rays = cast(places, angles[..., 0], angles[..., 1], distance, 1.0, (0, 0), model.extent_tensor)
     near, far = rays.near, rays.far
@@ -184,20 +191,23 @@ def aimed(model: Model, numbers: Numbers, drawn: Drawn, samples: int = 1, jitter
 
 
 def within_bounds(numbers: Numbers) -> Numbers:
-    """With elevations and distances kept to what a camera can have."""
+    """With elevations, distances and lenses kept to what a camera can have."""
     azimuth, elevation = numbers.angles.unbind(-1)
     angles = torch.stack((azimuth, elevation.clamp(-_STEEPEST, _STEEPEST)), -1)
-    return numbers._replace(angles=angles, distance=numbers.distance.clamp(-1.0, 1.5))
+    return numbers._replace(
+        angles=angles, distance=numbers.distance.clamp(-1.0, 1.5), zoom=numbers.zoom.clamp(-0.5, 1.5)
+    )
 
 
 def cameras(model: Model, numbers: Numbers, index: int, given: Sequence[Camera]) -> tuple[Camera, ...]:
-    """A hypothesis' camera for every picture, with focal length and size as given."""
+    """A hypothesis' camera for every picture, of its size."""
     found = []
     for view, camera in enumerate(given):
         azimuth, elevation = (float(angle) for angle in numbers.angles[index, view])
-        distance = model.distance * math.exp(float(numbers.distance[index, view]))
+        away, zoom = float(numbers.distance[index, view]), float(numbers.zoom[index, view])
+        distance, focal = model.distance * math.exp(away + zoom), camera.focal * math.exp(zoom)
         azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
-        found.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance))
+        found.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance, focal=focal))
     return tuple(found)
 
 
@@ -214,11 +224,12 @@ def twins(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, 
 
 
 def spread_out(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
-    """Hypotheses in order of cost, the best of each basin before all that stand close to a better one.
+    """Hypotheses in order of cost, the best of each basin and lens before all that stand close to a better one.
 
     Those that have diverged are left out.
     """
-    close = _close(pool, pool, views)
+    zooms = pool.numbers.zoom[:, views]
+    close = _close(pool, pool, views) & ((zooms[:, None] - zooms).abs() < _LENSES).all(-1)
     order = pool.cost.argsort()
     order = order[pool.cost[order].isfinite()]
     first, beside = list[int](), list[int]()

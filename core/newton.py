@@ -35,9 +35,9 @@ from core.rays import Rays
 from core.slopes import Entries, trace
 from core.targets import Drawn
 
-_CAMERA = 5
-"""numbers of a camera: azimuth, elevation, logarithm of the distance, shift x and y"""
-_LONGEST = (0.35, 0.35, 0.15, 0.05, 0.05)
+_CAMERA = 6
+"""numbers of a camera: azimuth, elevation, logarithms of distance and focal length, shift x and y"""
+_LONGEST = (0.35, 0.35, 0.15, 0.15, 0.05, 0.05)
 """A step moves none of them by more: beyond, the quadratic says nothing."""
 _LONGEST_CODE = 3.0
 """standard deviations"""
@@ -62,7 +62,7 @@ class Quadratic(NamedTuple):
 
 
 def stride(
-    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 5"]
+    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 6"]
 ) -> Pool:
     """One step of every hypothesis towards what these pixels say; its cost and squared error are those before it.
 
@@ -81,7 +81,7 @@ def stride(
 
 
 def descent(
-    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 5"]
+    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 6"]
 ) -> Iterator[Pool]:
     """The pool after every step of a stage, all on the same pixels: no hypothesis is ever worse on them than it was.
 
@@ -111,7 +111,7 @@ def tried(
     drawn: Drawn,
     stage: Stage,
     by: Objective,
-    free: Bool[Tensor, "views 5"],
+    free: Bool[Tensor, "views 6"],
     choices: Sequence[tuple[int, int]],
 ) -> Numbers:
     """Where one step takes a single hypothesis if only so many directions of shape and texture move: for each choice.
@@ -130,7 +130,7 @@ def tried(
 
 
 def _movable(
-    pool: Pool, stage: Stage, free: Bool[Tensor, "views 5"]
+    pool: Pool, stage: Stage, free: Bool[Tensor, "views 6"]
 ) -> tuple[tuple[int, int], Bool[Tensor, "numbers"]]:
     """How many numbers of shape and texture a stage moves, and which of all the numbers of its quadratics."""
     ranks = min(stage.ranks[0], pool.numbers.shape.shape[1]), min(stage.ranks[1], pool.numbers.texture.shape[1])
@@ -187,7 +187,7 @@ def _with_priors(fit: Quadratic, numbers: Numbers, codes: Tensor, by: Objective)
     away, spreads = strays(numbers), by.spreads
     pull = torch.tensor(STRAY_PRIORS) / spreads**2 / (1 + (away / spreads).square()) / away.shape[1]
     pulls, where = (torch.zeros(*away.shape[:2], _CAMERA) for _ in range(2))
-    pulls[..., 1:3], where[..., 1:3] = pull * (away != 0), away
+    pulls[..., 1:4], where[..., 1:4] = pull * (away != 0), away
     pulls = torch.cat((pulls.flatten(1), torch.full_like(codes, by.prior)), -1)
     unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
     objective = fit.objective + by.prior * unlikely + astray(numbers, by)
@@ -219,6 +219,7 @@ def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
         (torch.linalg.cross(vertical, origins), torch.linalg.cross(vertical, directions)),
         (torch.linalg.cross(origins, right), torch.linalg.cross(directions, right)),
         (origins, still),
+        (origins, -aside(backward)),
         (still, -aside(right)),
         (still, aside(up)),
     )
@@ -250,7 +251,8 @@ def _moved(numbers: Numbers, step: Tensor, ranks: tuple[int, int]) -> Numbers:
     moved = Numbers(
         numbers.angles + camera[..., :2],
         numbers.distance + camera[..., 2],
-        numbers.shift + camera[..., 3:],
+        numbers.zoom + camera[..., 3],
+        numbers.shift + camera[..., 4:],
         numbers.shape + pad(shape, (0, numbers.shape.shape[1] - ranks[0])),
         numbers.texture + pad(texture, (0, numbers.texture.shape[1] - ranks[1])),
     )

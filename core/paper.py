@@ -28,7 +28,9 @@ def entered(model: Model, given: Sequence[Camera], unknown: Bool[Tensor, "views"
     angles = torch.where(unknown[:, None], anywhere, known)[None]
     away = torch.tensor([[math.log(camera.distance / model.distance) for camera in given]])
     mean = model.codes.mean
-    return Pool.of(Numbers(angles, away, torch.zeros_like(angles), mean.shape[None], mean.texture[None]))
+    return Pool.of(
+        Numbers(angles, away, torch.zeros_like(away), torch.zeros_like(angles), mean.shape[None], mean.texture[None])
+    )
 
 
 def descent(

@@ -21,6 +21,9 @@ class FitSettings:
     last stage; before, it weighs more"""
     sparing: bool = True
     """open further code directions only where they pay on rays that are not fitted, and stop where steps do not"""
+    lens: bool = False
+    """search for the focal length of unknown cameras too, from half as many starts again; else it is that of the
+    training pictures"""
     paper: bool = False
     """one random start without bank or race, mean codes, plain Eq. 5, AdamW at the authors' rates; in any number of
     starts but one there is nothing of the paper's"""
@@ -28,8 +31,8 @@ class FitSettings:
     def __post_init__(self) -> None:
         if min(self.starts, self.steps, self.rays) < 1 or self.samples < 2 or not 0 <= self.prior < math.inf:
             raise ValueError(f"no fit has these settings: {self}")
-        if self.paper and self.starts != 1:
-            raise ValueError(f"the paper's recipe has one start, got {self.starts}")
+        if self.paper and (self.starts != 1 or self.lens):
+            raise ValueError("the paper's recipe has one start, and the focal length of the training pictures")
 
 
 PRESETS = {
@@ -77,7 +80,8 @@ def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
     """
     if settings.paper:
         return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior, math.inf),)
-    count, stages, done = settings.starts if racing else 1, list[Stage](), 0
+    starts = settings.starts * 3 // 2 if settings.lens else settings.starts
+    count, stages, done = starts if racing else 1, list[Stage](), 0
     for index, most in enumerate(_MOST):
         count = int(min(count if index != 1 else -(-count // 2), most))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))

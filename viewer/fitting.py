@@ -47,6 +47,8 @@ class Fitting:
         self.race = Race(session)
         self.effort = "normal"
         """the preset of the next fit"""
+        self.lens = False
+        """whether that searches for the focal length too"""
         self.reset()
 
     def reset(self) -> None:
@@ -188,7 +190,7 @@ class Fitting:
         self.course, self.running = course, True
         self.race.reset(race if begin else ())
         self._untouched = self._session.scene
-        settings = PRESETS[self.effort]
+        settings = replace(PRESETS[self.effort], lens=self.lens)
         if begin:
             settings = replace(settings, steps=max(1, settings.steps // _GOING_ON))
 

@@ -81,7 +81,8 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "no asking what pays": (replace(_USUAL, sparing=False), ()),
     "no firmer prior at first": (_USUAL, _everywhere("_PRIORS", (1,) * _STAGES, plan)),
     "without a prior of codes": (replace(_USUAL, prior=0.0), ()),
-    "without a prior of cameras": (_USUAL, _everywhere("STRAY_PRIORS", (0.0, 0.0), hypotheses, newton)),
+    "without a prior of cameras": (_USUAL, _everywhere("STRAY_PRIORS", (0.0, 0.0, 0.0), hypotheses, newton)),
+    "forgiving nothing": (_USUAL, _everywhere("_FORGIVING", (math.inf,) * _STAGES, plan)),
     "without the silhouette": (_USUAL, _everywhere("SILHOUETTE", 0.0, hypotheses, newton)),
     "in float32": (
         _USUAL,

@@ -5,6 +5,7 @@ import json
 import math
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 from tqdm import tqdm
@@ -27,6 +28,7 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     if chosen.box and len(chosen.box) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
+    settings = replace(PRESETS[chosen.preset], lens=chosen.lens)
     model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
     hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
@@ -39,7 +41,7 @@ def fit(chosen: argparse.Namespace) -> None:
         require_folder(path)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
-        for last in fits.fit(model, FitJob(photos, PRESETS[chosen.preset], chosen.seed)):
+        for last in fits.fit(model, FitJob(photos, settings, chosen.seed)):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()
@@ -77,6 +79,7 @@ def _told(step: FitStep) -> dict[str, object]:
         "seconds": round(step.seconds, 3),
         "steps": step.step,
         "loss": step.loss,
+        "focal": round(step.cameras[0].focal / step.cameras[0].height, 4),
         "confidence": step.confidence and round(step.confidence, 3),
         "alternative": other and {**_camera_told(other.cameras[0]), "loss": other.loss},
     }

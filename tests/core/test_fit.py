@@ -36,7 +36,11 @@ def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:
 
 
 def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int = 0) -> FitStep:
-    *_, step = fit(model, FitJob(photos, settings, seed))
+    return last_of(model, FitJob(photos, settings, seed))
+
+
+def last_of(model: Model, job: FitJob) -> FitStep:
+    *_, step = fit(model, job)
     return step
 
 
@@ -84,6 +88,20 @@ def test_an_unknown_camera_and_the_codes_are_found(tiny: Model, index: int, azim
     assert rotation_error(found.cameras[0], truth) < 10
     assert distance_error(found.cameras[0], truth) < 0.03
     assert psnr(render_exact(tiny, found.codes, found.cameras[0], 48).colour, photo.pixels) > 30
+
+
+def test_another_lens_is_found_where_it_is_searched_for(tiny: Model):
+    usual = tiny.camera(3.2, 0.4)
+    truth = replace(usual, focal=0.7 * usual.focal, distance=0.7 * usual.distance)
+    photo = photo_of(tiny, tiny.codes[2], truth)
+    taken, found = (last(tiny, photo, settings=replace(QUICK, rays=256, lens=lens)) for lens in (False, True))
+    assert taken.cameras[0].focal == usual.focal
+    assert found.cameras[0].focal == pytest.approx(truth.focal, rel=0.15)
+    assert distance_error(found.cameras[0], truth) < 0.15
+    assert found.psnr > taken.psnr + 3
+    race = found.race[0]
+    again = last_of(tiny, FitJob((photo,), replace(QUICK, steps=4), begin=race))
+    assert again.cameras[0].focal == pytest.approx(found.cameras[0].focal)  # kept, not searched for
 
 
 def test_with_a_known_camera_the_codes_are_found(tiny: Model):
@@ -368,6 +386,7 @@ def ends_well(model: Model, seed: int) -> None:
         Numbers(
             (drawn(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
             3 * drawn(4, 1) - 1.5,
+            drawn(4, 1) - 0.5,
             0.4 * drawn(4, 1, 2) - 0.2,
             8 * drawn(4, 2) - 4,
             8 * drawn(4, 2) - 4,
@@ -424,6 +443,7 @@ def _numbers(model: Model, count: int) -> Numbers:
     return Numbers(
         torch.rand(count, 1, 2, generator=generator),
         0.1 * torch.randn(count, 1, generator=generator),
+        torch.zeros(count, 1),
         torch.zeros(count, 1, 2),
         torch.randn(count, 2, generator=generator),
         torch.randn(count, 2, generator=generator),

@@ -17,7 +17,7 @@ from tests.core.tiny import tiny_model
 
 STAGE = Stage(3, 4, 96, 24, (100, 100), 1e-4, math.inf)
 BY = Objective(1e-4)
-FREE = torch.tensor([[True, True, True, False, False]])
+FREE = torch.tensor([[True, True, True, True, False, False]])
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +35,7 @@ def numbers_of(count: int = 3) -> Numbers:
     return Numbers(
         0.5 + 0.2 * torch.rand(count, 1, 2, generator=generator),
         0.1 * torch.randn(count, 1, generator=generator),
+        torch.full((count, 1), 0.1),
         torch.zeros(count, 1, 2),
         torch.randn(count, 2, generator=generator),
         torch.randn(count, 2, generator=generator),
@@ -50,8 +51,8 @@ def test_its_objective_and_slope_are_those_of_hypotheses(tiny: Model, monkeypatc
     expected = judged(tiny, numbers, drawn, STAGE.samples, by)
     torch.testing.assert_close(found.objective, expected.objective, rtol=0.05, atol=1e-3)
     slopes = torch.autograd.grad(expected.objective.sum(), numbers)
-    camera = torch.cat((slopes[0][:, 0], slopes[1], slopes[2][:, 0]), -1)
-    whole = torch.cat((camera, slopes[3], slopes[4]), -1) / 2
+    camera = torch.cat((slopes[0][:, 0], slopes[1], slopes[2], slopes[3][:, 0]), -1)
+    whole = torch.cat((camera, slopes[4], slopes[5]), -1) / 2
     for one, other in zip(found.slope, whole, strict=True):
         assert float(torch.cosine_similarity(one, other, dim=0)) > 0.98
     assert bool((found.bend.diagonal(dim1=1, dim2=2) >= 0).all())
@@ -60,7 +61,7 @@ def test_its_objective_and_slope_are_those_of_hypotheses(tiny: Model, monkeypatc
 def test_closed_directions_do_not_move(tiny: Model):
     one, stage = Pool.of(Numbers(*(part[:1] for part in numbers_of()))), STAGE._replace(ranks=(2, 2))
     there = tried(tiny, one, drawn_of(tiny), stage, BY, FREE, ((1, 1), (2, 1), (1, 2)))
-    moved = [(part - start).abs() > 0 for part, start in zip(there[3:], one.numbers[3:], strict=True)]
+    moved = [(part - start).abs() > 0 for part, start in zip(there[4:], one.numbers[4:], strict=True)]
     assert moved[0].tolist() == [[True, False], [True, True], [True, False]]
     assert moved[1].tolist() == [[True, False], [True, False], [True, True]]
     whole = tried(tiny, one, drawn_of(tiny), stage, BY, FREE, ((2, 2),))
@@ -71,17 +72,17 @@ def test_two_views_share_codes_and_not_cameras(tiny: Model):
     photos = [photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)) for azimuth in (0.5, 2.5)]
     drawn = draw([Target.of(photo, tiny) for photo in photos], 32, torch.Generator().manual_seed(0))
     one = numbers_of(2)
-    both = Numbers(one.angles.repeat(1, 2, 1), one.distance.repeat(1, 2), one.shift.repeat(1, 2, 1), *one[3:])
+    both = Numbers(*(part.repeat(1, 2, *[1] * (part.ndim - 2)) for part in one[:4]), *one[4:])
     found = quadratic(tiny, both, drawn, None, STAGE, BY)
-    assert found.bend.shape == (2, 14, 14)
-    assert not bool(found.bend[:, :5, 5:10].any())
-    assert bool(found.bend[:, 5:8, 10:].any())
+    assert found.bend.shape == (2, 16, 16)
+    assert not bool(found.bend[:, :6, 6:12].any())
+    assert bool(found.bend[:, 6:10, 12:].any())
 
 
 def test_a_descent_never_goes_up_and_leaves_alone_what_is_given(tiny: Model):
     pool, drawn = Pool.of(numbers_of()), drawn_of(tiny)
     jitter = torch.zeros_like(drawn.opaque)
-    free = torch.tensor([[True, False, True, False, False]])
+    free = torch.tensor([[True, False, True, False, False, False]])
     costs, first = [], pool
     for pool in descent(tiny, first, drawn, jitter, STAGE, BY, free):
         costs.append(pool.cost)
@@ -89,6 +90,7 @@ def test_a_descent_never_goes_up_and_leaves_alone_what_is_given(tiny: Model):
     assert bool((costs[-1] < 0.7 * costs[0]).any())
     assert torch.equal(pool.numbers.angles[..., 1], first.numbers.angles[..., 1])
     assert not torch.equal(pool.numbers.angles[..., 0], first.numbers.angles[..., 0])
+    assert torch.equal(pool.numbers.zoom, first.numbers.zoom)
     assert torch.equal(pool.numbers.shift, first.numbers.shift)
 
 

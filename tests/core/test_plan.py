@@ -22,6 +22,13 @@ def test_any_settings_make_a_plan(starts: int, steps: int):
         assert stages[0].hypotheses == (starts if racing else 1)
 
 
+def test_a_search_for_the_lens_begins_with_more_cameras():
+    usual, lens = (plan(FitSettings(starts=28, lens=one), racing=True) for one in (False, True))
+    assert (usual[0].hypotheses, lens[0].hypotheses) == (28, 42)
+    with pytest.raises(ValueError, match="focal length"):
+        FitSettings(starts=1, paper=True, lens=True)
+
+
 def test_the_paper_does_not_race():
     (stage,) = plan(PRESETS["paper"], racing=True)
     assert (stage.hypotheses, stage.steps, stage.samples, stage.prior) == (1, 299, 64, 1e-4)

@@ -385,6 +385,9 @@ def test_a_fit_goes_on_from_a_step_and_from_the_view(drive: Drive, photo: Path) 
         window.wait(lambda: not fitting.running)
         assert fitting.camera == turned
         window.click("Fit/##effort")
+        window.click("**/any lens")
+        assert fitting.lens
+        window.click("**/any lens")
         window.click("**/draft")
         window.click("Fit/###fit again")
         window.click("**/###again")

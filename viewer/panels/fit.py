@@ -78,6 +78,9 @@ def _draw_start(desk: Desk, fitting: Fitting) -> None:
         for effort in EFFORTS:
             if imgui.selectable(effort, effort == fitting.effort)[0]:
                 fitting.effort = effort
+        imgui.separator()
+        fitting.lens = imgui.checkbox("any lens", fitting.lens)[1]
+        tip("Search for the focal length too: for photos from nearer or further away than the model's pictures")
         imgui.end_combo()
     tip(_EFFORT_HELP)
     flow(_ADD)
