@@ -135,7 +135,11 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         help="px around the object, one box per image: for a ground that is not plain",
     )
     _add_preset(command)
-    command.add_argument("--lens", action="store_true", help="search for the focal length too; else the model's")
+    command.add_argument(
+        "--lens",
+        action="store_true",
+        help="search for the focal length too (told in heights of the picture); else it is the model's",
+    )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
     command.add_argument("--seed", type=int, default=0)

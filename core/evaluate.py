@@ -45,6 +45,8 @@ class Protocol:
             raise ValueError(f"no fit has this preset: {self.preset}")
         if not self.inputs or min(self.inputs) < 0 or len(set(self.inputs)) < len(self.inputs):
             raise ValueError(f"inputs are different views counted from 0, got {self.inputs}")
+        if self.every < 1:
+            raise ValueError(f"at least one view in a row is drawn, got every {self.every}")
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class ObjectScore:
 
     name: str
     psnr: float
-    """dB, mean over its other views"""
+    """dB, mean over those of its other views that were drawn"""
     ssim: float
     views: int
     """that were drawn"""

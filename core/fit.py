@@ -169,8 +169,8 @@ _NEWS = 0.4
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
 _ZOOMS = (0.0, -0.3, 0.3)
-"""Logarithms of focal lengths over the model's that starts take turns in, where these are searched for: a code that has
-settled with one lens does not let go of it."""
+"""Logarithms of focal lengths over the model's that pairs of starts (a camera and mostly its twin) take turns in, where
+these are searched for: a code that has settled with one lens does not let go of it."""
 _SIZES = 0.25
 """How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
 
@@ -263,7 +263,7 @@ class _Race:
         angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
         zoom = torch.zeros_like(distance)
         if self.settings.lens:
-            zoom[:, self.unknown] = torch.tensor(_ZOOMS).repeat(count)[:count, None]
+            zoom[:, self.unknown] = torch.tensor(_ZOOMS).repeat_interleave(2).repeat(count)[:count, None]
         ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
         alike, texture = (torch.zeros(count, rank) for rank in ranks)
         for view, (photo, camera) in enumerate(zip(self.photos, self.given, strict=True)):
@@ -423,7 +423,7 @@ class _Race:
         return _Standing(best, rival, math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)))
 
     def cut(self, pool: Pool, stage: Stage) -> Pool:
-        """The best go on, one from each basin first; the leader's twin is set up again where it is lost."""
+        """The best go on, one from each basin and lens first; the leader's twin is set up again where it is lost."""
         if len(pool) <= stage.hypotheses:
             return pool
         leader, kept = pool.leader, spread_out(pool, self.unknown)[: stage.hypotheses]

@@ -49,7 +49,8 @@ class Numbers(NamedTuple):
     """logarithm of the focal length over the given one. The camera is as much further away, so that the object keeps
     its size and only the perspective changes."""
     shift: Float[Tensor, "hypotheses views 2"]
-    """of the optical axis in the picture, x right and y down, in focal lengths; 0 unless a picture was reframed"""
+    """of the optical axis in the picture, x right and y down, in focal lengths as given; 0 unless a picture was
+    reframed"""
     shape: Float[Tensor, "hypotheses shape_rank"]
     """standard deviations along the principal directions; in the paper's recipe the code itself"""
     texture: Float[Tensor, "hypotheses texture_rank"]
@@ -123,7 +124,8 @@ class Pool:
 def judged(
     model: Model, numbers: Numbers, drawn: Drawn, samples: int, by: Objective, jitter: Tensor | None = None
 ) -> Judged:
-    """Eq. 5's objective of every hypothesis over the drawn pixels, with a silhouette term; differentiable.
+    """Eq. 5's objective of every hypothesis over the drawn pixels, forgiving as told, with a silhouette term;
+    differentiable.
 
     Args:
         jitter: (views, rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.

@@ -1,8 +1,8 @@
 """Damped Gauss-Newton (Levenberg and Marquardt) for many hypotheses at once.
 
-Eq. 5 is a sum of squares, so the slopes of its residuals make a quadratic that is right near its minimum. Its
-minimum is the next guess; where that turns out worse, the guess is drawn nearer. Camera and codes move together, so
-that the valleys in which one makes up for the other are walked along and not across.
+Eq. 5 is a sum of squares (of weighted ones, where it forgives), so the slopes of its residuals make a quadratic that
+is right near its minimum. Its minimum is the next guess; where that turns out worse, the guess is drawn nearer. Camera
+and codes move together, so that the valleys in which one makes up for the other are walked along and not across.
 """
 
 import math
@@ -210,6 +210,7 @@ def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
     right, up, backward = rotation(*numbers.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
     shortened = -(directions * backward).sum(-1, keepdim=True)
+    lens = numbers.zoom.exp().to(origins.device)[..., None, None]
 
     def aside(axis: Tensor) -> Tensor:
         """A direction through a place in the picture that moves by a focal length."""
@@ -220,8 +221,8 @@ def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
         (torch.linalg.cross(origins, right), torch.linalg.cross(directions, right)),
         (origins, still),
         (origins, -aside(backward)),
-        (still, -aside(right)),
-        (still, aside(up)),
+        (still, -aside(right) / lens),
+        (still, aside(up) / lens),
     )
 
 

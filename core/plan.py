@@ -73,8 +73,8 @@ _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 
 
 def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
-    """The race: half of the starts after the first stage, then the best of eight basins, of five, of two; the last
-    stage is the winner's alone.
+    """The race: half of the starts after the first stage, then the best of eight basins (and lenses, where these
+    are searched for), of five, of two; the last stage is the winner's alone.
 
     Where there is nothing to race for, the same stages with one hypothesis; the paper has just one.
     """

@@ -69,7 +69,7 @@ def exact_rays(model: Model, camera: Camera) -> Rays:
     if not model.painted_ground:
         return camera_rays(camera, model.extent_tensor)
     rays = camera_rays(camera, model.extent_tensor, model.corner)
-    near = torch.full_like(rays.near, model.distance - 0.5)
+    near = torch.full_like(rays.near, camera.distance - 0.5)
     return replace(rays, near=near, far=near + 1.0)
 
 

@@ -42,9 +42,15 @@ def turned(camera: Camera, azimuth: float, elevation: float) -> Camera:
     return replace(camera, azimuth=around, elevation=up)
 
 
+def reach(camera: Camera, model: Model) -> tuple[float, float]:
+    """The least and the largest distance of a camera: through a longer lens things are seen from further away."""
+    lens = max(1.0, camera.focal / camera.height / (model.focal / model.image_size))
+    return REACH[0] * model.distance, REACH[1] * lens * model.distance
+
+
 def zoomed(camera: Camera, steps: float, model: Model) -> Camera:
     """Nearer by so many clicks of the wheel, neither into the object nor out of sight."""
-    nearest, farthest = (share * model.distance for share in REACH)
+    nearest, farthest = reach(camera, model)
     return replace(camera, distance=max(nearest, min(farthest, camera.distance * _ZOOM_STEP**-steps)))
 
 

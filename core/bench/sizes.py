@@ -77,6 +77,8 @@ class Size:
 class _Worth:
     """What is kept beside a model."""
 
+    model: str
+    """its fingerprint"""
     tests: list[str]
     """names of the test objects"""
     own: float
@@ -121,7 +123,7 @@ def measured(
     """What is being done now, and in the end all that was found. To stop, ask for no more.
 
     Args:
-        folders: of the dataset to train on, which is read only where a model is missing.
+        folders: of the dataset to train on, which is read as a whole only where a model is missing.
         kept: where models are kept, and what was found of them; what is there already is not done again.
         only: part of :func:`plan`.
     """
@@ -162,7 +164,7 @@ def _worth(model: Model, unseen: Dataset, tests: Sequence[ObjectPlace], path: Pa
     names = [place.name for place in tests]
     if path.exists():
         kept = json.loads(path.read_text())
-        if kept["tests"] == names:
+        if (kept["model"], kept["tests"]) == (model.fingerprint, names):
             return _Worth(**kept)
     yield f"views of its own objects, {path.stem}"
     own = held_out_psnr(model, unseen)
@@ -174,7 +176,7 @@ def _worth(model: Model, unseen: Dataset, tests: Sequence[ObjectPlace], path: Pa
         (subject,) = dataset_subjects(model, [place], torch.Generator().manual_seed(number))
         blind.append(fitting.trial(model, subject, "normal", PRESETS["normal"], number))
     found = [float(trial.off <= RIGHT_DEGREES) for trial in blind]
-    worth = _Worth(names, own, psnrs, found, [trial.seconds for trial in blind])
+    worth = _Worth(model.fingerprint, names, own, psnrs, found, [trial.seconds for trial in blind])
     write_json(path, asdict(worth))
     return worth
 

@@ -28,6 +28,8 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     if chosen.box and len(chosen.box) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
+    if chosen.lens and chosen.pose:
+        raise ValueError("--lens searches for the focal length of unknown cameras, and --pose gives them")
     settings = replace(PRESETS[chosen.preset], lens=chosen.lens)
     model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
@@ -79,9 +81,10 @@ def _told(step: FitStep) -> dict[str, object]:
         "seconds": round(step.seconds, 3),
         "steps": step.step,
         "loss": step.loss,
-        "focal": round(step.cameras[0].focal / step.cameras[0].height, 4),
         "confidence": step.confidence and round(step.confidence, 3),
-        "alternative": other and {**_camera_told(other.cameras[0]), "loss": other.loss},
+        "focal": _focal(step.cameras[0]),
+        "alternative": other
+        and {**_camera_told(other.cameras[0]), "focal": _focal(other.cameras[0]), "loss": other.loss},
     }
 
 
@@ -91,6 +94,11 @@ def _camera_told(camera: Camera) -> dict[str, float]:
         "elevation": round(math.degrees(camera.elevation), 4),
         "distance": round(camera.distance, 5),
     }
+
+
+def _focal(camera: Camera) -> float:
+    """In heights of the picture."""
+    return round(camera.focal / camera.height, 4)
 
 
 def _doubt(trust: float, other: Alternative) -> str:

@@ -152,6 +152,8 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
         (("fit", "a.png", "--preset", "best"), "paper"),
+        (("fit", "a.png", "--preset", "paper", "--lens"), "focal length"),
+        (("fit", "a.png", "--pose", "a.txt", "--lens"), "--pose gives them"),
         (("bench", "fit", "--dataset", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
         (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
         (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
@@ -221,7 +223,8 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     assert said in told.err
     assert bool(told.err) == bool(said)
     found = json.loads(told.out)
-    assert found["alternative"] == {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "loss": 0.5}
+    place = {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "focal": 1.025}
+    assert found["alternative"] == place | {"loss": 0.5}
     assert found["confidence"] == pytest.approx(step.confidence, abs=1e-3)
 
 
@@ -269,6 +272,7 @@ def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, ca
     )
     told = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
     assert list(told)[:6] == ["azimuth", "elevation", "distance", "psnr", "seconds", "steps"]
+    assert told["focal"] == pytest.approx(model.focal / model.image_size, abs=1e-3)
     assert told["azimuth"] == pytest.approx(60, abs=1e-3)
     steps = [json.loads(line) for line in (tmp_path / "steps.jsonl").read_text().splitlines()]
     assert steps[-1]["psnr"] == told["psnr"]

@@ -104,6 +104,15 @@ def test_another_lens_is_found_where_it_is_searched_for(tiny: Model):
     assert again.cameras[0].focal == pytest.approx(found.cameras[0].focal)  # kept, not searched for
 
 
+def test_every_unknown_camera_has_a_lens_of_its_own(tiny: Model):
+    cameras = [tiny.camera(1.2, 0.3), tiny.camera(2.6, 0.5), tiny.camera(4.0, 0.4)]
+    known, *others = (photo_of(tiny, tiny.codes[1], camera) for camera in cameras)
+    photos = replace(known, camera=cameras[0]), *others
+    found = last(tiny, *photos, settings=replace(SHORT, lens=True))
+    assert found.cameras[0].focal == cameras[0].focal
+    assert found.cameras[1].focal != found.cameras[2].focal
+
+
 def test_with_a_known_camera_the_codes_are_found(tiny: Model):
     truth, codes = tiny.camera(0.9, 0.5), tiny.codes[2]
     found = last(tiny, replace(photo_of(tiny, codes, truth), camera=truth))

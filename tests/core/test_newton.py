@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from core import hypotheses, newton
-from core.hypotheses import Numbers, Objective, Pool, judged
+from core.hypotheses import Numbers, Objective, Pool, aimed, judged
 from core.model import Model
 from core.newton import descent, quadratic, tried
 from core.plan import Stage
@@ -56,6 +56,23 @@ def test_its_objective_and_slope_are_those_of_hypotheses(tiny: Model, monkeypatc
     for one, other in zip(found.slope, whole, strict=True):
         assert float(torch.cosine_similarity(one, other, dim=0)) > 0.98
     assert bool((found.bend.diagonal(dim1=1, dim2=2) >= 0).all())
+
+
+@pytest.mark.parametrize("zoom", [-0.3, 0.0, 0.3])
+def test_rays_turn_with_every_number_of_a_camera_as_by_small_steps(tiny: Model, zoom: float):
+    drawn, numbers = drawn_of(tiny), numbers_of(1)
+    at = numbers._replace(zoom=torch.full((1, 1), zoom), shift=torch.tensor([[[0.05, -0.08]]]))
+    parts, small = ((0, 0), (0, 1), (1, None), (2, None), (3, 0), (3, 1)), 1e-3
+    for slope, (part, axis) in zip(newton._aims(at, aimed(tiny, at, drawn)), parts, strict=True):
+        there = []
+        for step in (-small, small):
+            moved = at[part].clone()
+            moved[..., slice(None) if axis is None else axis] += step
+            rays = aimed(tiny, Numbers(*at[:part], moved, *at[part + 1 :]), drawn)
+            there.append((rays.origins.expand_as(rays.directions), rays.directions))
+        for index in range(2):
+            expected = (there[1][index] - there[0][index]) / (2 * small)
+            torch.testing.assert_close(slope[index].expand_as(expected), expected, atol=2e-3, rtol=2e-3)
 
 
 def test_closed_directions_do_not_move(tiny: Model):

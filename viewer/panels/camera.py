@@ -37,8 +37,8 @@ class CameraPanel:
         raised = _number(desk, "elevation", elevation, 0.5, (-_STEEPEST, _STEEPEST), "%.1f°", "Above the ground")
         if raised is not None:
             session.look(replace(camera, elevation=math.radians(raised)), "elevation")
-        low, high = (share * session.model.distance for share in orbit.REACH)
-        moved = _number(desk, "distance", camera.distance, 0.01, (low, high), "%.2f", "An object's diagonal is 1")
+        reach = orbit.reach(camera, session.model)
+        moved = _number(desk, "distance", camera.distance, 0.01, reach, "%.2f", "An object's diagonal is 1")
         if moved is not None:
             session.look(replace(camera, distance=moved), "distance")
 

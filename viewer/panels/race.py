@@ -89,7 +89,8 @@ class RacePanel:
         tip("The cameras that race, round the object. Drag to see them from elsewhere")
         imgui.push_clip_rect(corner, corner + ImVec2(side, side), True)
         line = mixed(desk.palette.panel, desk.palette.text, 0.35)
-        middle, scale = corner + ImVec2(side / 2, side / 2), side / (2.3 * model.distance)
+        farthest = max(camera.distance for tile in tiles for camera in tile.hypothesis.cameras)
+        middle, scale = corner + ImVec2(side / 2, side / 2), side / (2.3 * max(farthest, model.distance))
 
         def lines(segments: np.ndarray, colour: Colour, opacity: float = 1.0, width: float = 1.0) -> None:
             draw, packed_colour = imgui.get_window_draw_list(), packed(colour, opacity)
@@ -119,5 +120,8 @@ def _lost(desk: Desk, tile: Tile) -> float:
 def _told(tile: Tile, rank: int) -> str:
     camera = tile.hypothesis.cameras[0]
     place = f"azimuth {math.degrees(camera.azimuth):.0f}, elevation {math.degrees(camera.elevation):.0f} degrees"
+    place += (
+        f"\ndistance {camera.distance:.2f}, focal length {camera.focal / camera.height:.2f} of the picture's height"
+    )
     state = f"Rank {rank + 1}" if tile.lost is None else f"Out of the race after {tile.lost:.1f} s"
     return f"{state}, loss {tile.hypothesis.loss:.4f}\n{place}\nClick to prefer it: the fit goes on from here alone"
