@@ -265,12 +265,12 @@ def sizes_table(found: sizes.Measured) -> str:
     what = f"{found.objects} objects, {found.steps} steps each"
     lines = [f"{found.machine}; {what}; held out: {found.tests} objects fitted on one view of known camera.", ""]
     head = "differs in | parameters | file (kB) | own, new views (dB) | held out (dB) | against the first (dB)"
-    lines += [f"| {head} | cameras within 10° | frame (ms) | blind fit (s) |", "|" + "---|" * 9]
+    lines += [f"| {head} | cameras within 10° | 100,000 samples (ms) | blind fit (s) |", "|" + "---|" * 9]
     for one in found.sizes:
         name = one.axis if one.axis == "default" else f"{one.axis} {one.value}"
         quality = f"{one.own:.2f} | {one.held_out.mean:.2f}"
         quality += f" | {one.gain.mean:+.2f} ({one.gain.low:+.2f} to {one.gain.high:+.2f})"
-        costs = f"{_share(one.found)} | {one.frame_ms:.1f} | {one.fit_seconds:.1f}"
+        costs = f"{_share(one.found)} | {one.field_ms:.0f} | {one.fit_seconds:.1f}"
         lines.append(f"| {name} | {one.parameters} | {one.bytes / 1000:.0f} | {quality} | {costs} |")
     return "\n".join(lines) + "\n"
 
@@ -282,10 +282,10 @@ def _sizes_chart(found: sizes.Measured) -> "Figure":
         some = sorted((default, *(one for one in found.sizes if one.axis == axis)), key=lambda one: one.bytes)
         marks = [one.parameters / 1000 for one in some]
         for axes, quality in ((left, [one.own for one in some]), (right, [one.held_out.mean for one in some])):
-            (line,) = axes.plot([one.frame_ms for one in some], quality, "-", alpha=0.6, label=axis)
-            axes.scatter([one.frame_ms for one in some], quality, marks, color=line.get_color())
-    left.set(xlabel="ms per 128 x 128 frame", ylabel="own objects, new views (dB)")
-    right.set(xlabel="ms per 128 x 128 frame", ylabel="held-out objects, one view (dB)")
+            (line,) = axes.plot([one.field_ms for one in some], quality, "-", alpha=0.6, label=axis)
+            axes.scatter([one.field_ms for one in some], quality, marks, color=line.get_color())
+    left.set(xlabel="ms for 100,000 samples", ylabel="own objects, new views (dB)")
+    right.set(xlabel="ms for 100,000 samples", ylabel="held-out objects, one view (dB)")
     for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.legend(fontsize=7)

@@ -1,8 +1,8 @@
 """What each size of the network and the codes buys: models trained alike, of which each differs in one number.
 
 The rule: from the default, one axis at a time. All are trained on the same objects with the same steps and the same
-random rays; what each is worth is written down beside it, so that a run goes on where one was stopped. What frames cost
-is measured at the end, turn about.
+random rays; what each is worth is written down beside it, so that a run goes on where one was stopped. Their speed is
+measured at the end, turn about.
 """
 
 import json
@@ -18,16 +18,15 @@ import torch
 
 from core.bench import fitting
 from core.bench.rendering import machine
-from core.bench.subjects import dataset_subjects, spread_objects
+from core.bench.subjects import dataset_subjects
 from core.confidence import RIGHT_DEGREES
 from core.dataset import Dataset, ObjectPlace, find_objects, read_dataset
 from core.evaluate import Mean, Protocol, evaluate, mean_of
 from core.field import FieldConfig
 from core.files import write_json
 from core.fit import PRESETS
-from core.frames import RenderSettings
-from core.march import forget_views, marched
 from core.model import Model
+from core.precision import autocast
 from core.starts import bank_of
 from core.train import RECIPES, Trainer, held_out_psnr, hold_out
 
@@ -40,7 +39,7 @@ AXES = {
     "point_octaves": (4, 6, 8),
 }
 _ROUNDS = 7
-_VIEWS = 3
+_POINTS = 100_000
 _UNSEEN = 8
 """training objects of which a view that was not trained on is drawn"""
 _EVERY = 5
@@ -69,8 +68,9 @@ class Size:
     """share of the same objects' cameras found within 10 degrees, from a view drawn by lot"""
     fit_seconds: float
     """median of these blind fits"""
-    frame_ms: float
-    """a 128 px frame from a new side, 64 intervals"""
+    field_ms: float
+    """to ask the field for density and colour at 100,000 places: what a frame costs beside depends on how clean the
+    object is, and so little training leaves all of them hazy"""
 
 
 @dataclass(frozen=True)
@@ -140,8 +140,8 @@ def measured(
     unseen = _unseen(places, category, models[0])
     for path, model in zip(paths, models, strict=True):
         worths.append((yield from _worth(model, unseen, tests, path.with_suffix(".json"))))
-    yield "frames"
-    sizes = [_size(*row, first=worths[0]) for row in zip(chosen, models, paths, worths, _frame_ms(models), strict=True)]
+    yield "speed"
+    sizes = [_size(*row, first=worths[0]) for row in zip(chosen, models, paths, worths, _field_ms(models), strict=True)]
     yield Measured(machine(models[0].device), len(places), len(tests), steps, tuple(sizes))
 
 
@@ -182,7 +182,7 @@ def _worth(model: Model, unseen: Dataset, tests: Sequence[ObjectPlace], path: Pa
 
 
 def _size(
-    chosen: tuple[str, int, FieldConfig], model: Model, path: Path, worth: _Worth, frame_ms: float, first: _Worth
+    chosen: tuple[str, int, FieldConfig], model: Model, path: Path, worth: _Worth, field_ms: float, first: _Worth
 ) -> Size:
     return Size(
         *chosen,
@@ -193,20 +193,24 @@ def _size(
         gain=mean_of([psnr - other for psnr, other in zip(worth.held_out, first.held_out, strict=True)]),
         found=mean_of(worth.found),
         fit_seconds=median(worth.fit_seconds),
-        frame_ms=frame_ms,
+        field_ms=field_ms,
     )
 
 
-def _frame_ms(models: Sequence[Model]) -> list[float]:
+@torch.no_grad()
+def _field_ms(models: Sequence[Model]) -> list[float]:
     """Of every model, median over rounds in which all take turns."""
+    generator = torch.Generator().manual_seed(0)
+    points, directions = (2 * torch.rand(_POINTS, 3, generator=generator) - 1 for _ in range(2))
     times: list[list[float]] = [[] for _ in models]
     for turn in range(_ROUNDS + 1):
         for model, taken in zip(models, times, strict=True):
-            for index, (_, codes) in enumerate(spread_objects(model, _VIEWS)):
-                forget_views()
-                camera = model.camera(2.4 * index + 0.9, 0.4)
-                began = time.perf_counter()
-                marched(model, codes, camera, RenderSettings().moving)
-                if turn:
-                    taken.append(1000 * (time.perf_counter() - began))
+            codes, at = model.codes[0], model.device
+            biases = model.field.biases(codes.shape, codes.texture)
+            began = time.perf_counter()
+            with autocast(at):
+                towards = model.field.direction_bias(directions.to(at))
+                model.field.radiance(points.to(at), towards, *biases)[1].cpu()
+            if turn:
+                taken.append(1000 * (time.perf_counter() - began))
     return [median(taken) for taken in times]

@@ -67,7 +67,7 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
 
 def test_models_are_trained_once_and_measured(found: Measured, tmp_path: Path) -> None:
     assert [(one.axis, one.value) for one in found.sizes] == [("default", 0), ("width", 32)]
-    assert all(one.own > 0 and one.bytes > 0 and one.frame_ms > 0 and one.fit_seconds > 0 for one in found.sizes)
+    assert all(one.own > 0 and one.bytes > 0 and one.field_ms > 0 and one.fit_seconds > 0 for one in found.sizes)
     assert [one.gain.mean for one in found.sizes] == [0, 0]  # the same model twice
     assert len({one.found.mean for one in found.sizes}) == 1
     prepare(tmp_path / "charts")
