@@ -59,5 +59,5 @@ def test_the_report_holds_every_object_and_no_nan(tmp_path: Path):
     assert about["summary"]["without_outliers"]["psnr"] == [None, None, None]
     assert about["objects"][0]["poses"][0]["rotation"] == 179.0
     assert about["objects"][0]["outlier"]
-    assert about["protocol"] == {"inputs": [64], "estimate": True, "preset": "normal", "seed": 0}
+    assert about["protocol"] == {"inputs": [64], "estimate": True, "preset": "normal", "seed": 0, "every": 1}
     assert Image.open(tmp_path / "r.png").size == (1380, 300)
