@@ -307,20 +307,12 @@ class _Race:
         """The cameras of the finalists, and the mean of the codes they came with."""
         pairs = list(zip(finalists, taken.unbind(1), strict=True))
         chosen = [Numbers(*(part[index] for part in pool.numbers)) for (_, pool), index in pairs]
-        count, views = len(taken), len(self.given)
-        placed = (
-            torch.zeros(count, views, 2),
-            torch.zeros(count, views),
-            torch.zeros(count, views),
-            torch.zeros(count, views, 2),
-        )
+        placed = [part.new_zeros(len(taken), len(self.given), *part.shape[2:]) for part in chosen[0][:4]]
         for (some, _), numbers in zip(finalists, chosen, strict=True):
             for whole, part in zip(placed, numbers[:4], strict=True):
                 whole[:, some] = part
-        shape, texture = (
-            torch.stack(parts).mean(0) for parts in zip(*(numbers[4:] for numbers in chosen), strict=True)
-        )
-        return Numbers(*placed, shape, texture)
+        means = [torch.stack(parts).mean(0) for parts in zip(*(numbers[4:] for numbers in chosen), strict=True)]
+        return Numbers(*placed, *means)
 
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
