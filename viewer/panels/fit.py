@@ -17,7 +17,7 @@ _AGAIN = f"Fit again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 
 _OTHER_HELP = """Try the other camera, which explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
-_EFFORT_HELP = "How much work the next fit is: draft a quarter of normal, fine three times as much"
+_EFFORT_HELP = "How much work the next fit is: draft less than half of normal, fine twice as much"
 _ON_HELP = "Improve the fit from the step that is shown, for as long as you like: stop it and go on again"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then go on from there:
 for a camera that was not found"""
