@@ -30,7 +30,8 @@ class Calibration(NamedTuple):
 
 CALIBRATION = Calibration(-0.69, 5.46)
 """Of chairs and cars together: 80 blind fits by ``normal``, half of them of held-out objects, six of them wrong. On 82
-others, four of them wrong, it told them apart with an AUROC of 0.97.
+others, four of them wrong, it told them apart with an AUROC of 0.97. Since fits forgive what the model cannot draw it
+is 0.79 on 66 fits: of the six wrong ones two are off by 10 to 12 degrees, in the right basin.
 """
 
 
