@@ -41,7 +41,7 @@ from core.model import Model
 from core.newton import descent, stride, tried
 from core.photos import Photo
 from core.plan import PRESETS, FitSettings, Stage, plan
-from core.starts import bank_of, ranked
+from core.starts import bank_of, likenesses, ranked
 from core.targets import Drawn, Target, draw
 
 __all__ = ["PRESETS", "Alternative", "FitJob", "FitSettings", "FitStep", "fit"]
@@ -259,13 +259,13 @@ class _Race:
             return paper.entered(self.model, self.given, self.unknown, self.generator)
         if self.begin:
             return self._entered_where(self.begin)
-        count, views = self.plan[0].hypotheses, len(self.given)
+        alike, views = self._likely_shapes(self.plan[0].hypotheses), len(self.given)
+        count = len(alike)
         angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
         zoom = torch.zeros_like(distance)
         if self.settings.lens:
             zoom[:, self.unknown] = torch.tensor(_ZOOMS).repeat_interleave(2).repeat(count)[:count, None]
-        ranks = (len(space.spread) for space in (self.model.codes.shape_space, self.model.codes.texture_space))
-        alike, texture = (torch.zeros(count, rank) for rank in ranks)
+        texture = torch.zeros(count, len(self.model.codes.texture_space.spread))
         for view, (photo, camera) in enumerate(zip(self.photos, self.given, strict=True)):
             angles[:, view] = torch.tensor([camera.azimuth, camera.elevation])
             distance[:, view] = math.log(camera.distance / self.model.distance)
@@ -280,6 +280,20 @@ class _Race:
                 space = self.model.codes.shape_space
                 alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
         return Pool.of(Numbers(angles, distance, zoom, shift, _LIKENESS * alike, texture))
+
+    def _likely_shapes(self, count: int) -> Float[Tensor, "count rank"]:
+        """Where all cameras are known, the mean shape and those of the bank that look most like the pictures."""
+        space = self.model.codes.shape_space
+        shapes = torch.zeros(count, len(space.spread))
+        if count == 1 or bool(self.unknown.any()):
+            return shapes
+        bank = bank_of(self.model)
+        likely = torch.zeros(len(bank.codes.shape))
+        for photo, camera in zip(self.photos, self.given, strict=True):
+            likely += likenesses(bank, photo.pixels, photo.mask, camera.focal, camera.azimuth, camera.elevation)
+        best = likely[1:].topk(min(count, len(likely)) - 1).indices + 1  # the first is the mean
+        shapes[1 : 1 + len(best)] = space.coordinates(bank.codes.shape[best])
+        return shapes[: 1 + len(best)]
 
     def _entered_where(self, begin: Hypothesis) -> Pool:
         """One hypothesis, where an earlier fit left it; known cameras are those of the pictures."""
@@ -420,7 +434,7 @@ class _Race:
             return pool
         leader, kept = pool.leader, spread_out(pool, self.unknown)[: stage.hypotheses]
         behind = twins(pool, leader, self.unknown)
-        if stage.hypotheses < 3 or bool(behind[kept].any()):
+        if not bool(self.unknown.any()) or stage.hypotheses < 3 or bool(behind[kept].any()):
             return pool[kept]
         return joined(pool[kept[:-1]], twin_of(pool, leader, self.unknown))
 

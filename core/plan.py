@@ -62,6 +62,8 @@ class Stage(NamedTuple):
     """as in :class:`core.hypotheses.Objective`: while a camera is far off, it is what is most wrong that leads on"""
 
 
+_SHAPES = 6
+"""hypotheses where every camera is known: shapes to begin from, as far as there are so many starts"""
 _MOST = (math.inf, math.inf, 8, 5, 2, 1)
 """hypotheses in each stage; the second has half of the first's"""
 _STEPS = (6, 6, 6, 6, 4, 12)
@@ -76,12 +78,12 @@ def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
     """The race: half of the starts after the first stage, then the best of eight basins (and lenses, where these
     are searched for), of five, of two; the last stage is the winner's alone.
 
-    Where there is nothing to race for, the same stages with one hypothesis; the paper has just one.
+    Where every camera is known, a few shapes run the same race; the paper has just one hypothesis.
     """
     if settings.paper:
         return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior, math.inf),)
     starts = settings.starts * 3 // 2 if settings.lens else settings.starts
-    count, stages, done = starts if racing else 1, list[Stage](), 0
+    count, stages, done = starts if racing else min(starts, _SHAPES), list[Stage](), 0
     for index, most in enumerate(_MOST):
         count = int(min(count if index != 1 else -(-count // 2), most))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))

@@ -132,6 +132,24 @@ def ranked(
     return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, shift, prototype[chosen])
 
 
+def likenesses(
+    bank: Bank,
+    pixels: Float[Tensor, "height width 3"],
+    mask: Bool[Tensor, "height width"],
+    focal: float,
+    azimuth: float,
+    elevation: float,
+) -> Float[Tensor, "prototypes"]:
+    """How much each object of the bank looks like a picture of known camera, from the bank's view nearest to it.
+
+    The arguments are those of :func:`ranked`; angles in rad.
+    """
+    look, light, _ = _normalised(pixels, mask, focal)
+    given = rotation(torch.tensor(azimuth), torch.tensor(elevation))
+    nearest = (rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
+    return _scores(bank, look, light)[:, nearest]
+
+
 def astray(
     bank: Bank, pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"], focal: float
 ) -> float:

@@ -6,10 +6,11 @@ import pytest
 import torch
 
 from core import starts
+from core.codes import Codes
 from core.metrics import rotation_error
 from core.model import Model
 from core.render import render_exact
-from core.starts import apparent, bank_of, preparing, ranked, surface
+from core.starts import apparent, bank_of, likenesses, preparing, ranked, surface
 from tests.conftest import random_model
 from tests.core.tiny import EXTENT, tiny_model
 
@@ -41,6 +42,16 @@ def test_every_start_comes_with_its_twin(tiny: Model):
     assert torch.allclose((pairs[:, 0] - pairs[:, 1]).cos(), torch.tensor(-1.0), atol=1e-5)
     assert torch.equal(starts.elevation[::2], starts.elevation[1::2])
     assert len({(round(float(a), 4), round(float(e), 4)) for a, e in zip(*starts[:2], strict=True)}) == 8
+
+
+def test_an_object_of_the_bank_looks_like_itself(tiny: Model):
+    bank = bank_of(tiny)
+    for index in range(len(bank.codes.shape)):
+        for azimuth, elevation in ((0.8, 0.2), (2.0, 1.35)):
+            codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
+            seen = render_exact(tiny, codes, tiny.camera(azimuth, elevation), 32)
+            scores = likenesses(bank, seen.colour, seen.opacity > 0.5, tiny.focal, azimuth, elevation)
+            assert float(scores[index]) > float(scores.max()) - 0.05
 
 
 @pytest.mark.parametrize("factor", [0.75, 1.0, 1.4])
