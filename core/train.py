@@ -37,6 +37,10 @@ _SETTLED = 2000
 """Steps before which nothing is pruned: what the field has not found yet is not empty."""
 _BATCH = 512
 """Points are evaluated in multiples of this."""
+_LEAST_ROWS = 8
+"""A matrix of fewer rows or columns (density's, colour's) is left to AdamW."""
+_DECAY = 1e-4
+"""of the weights, per step and learning rate"""
 _BORDER = 3
 """px around the mask from which rays are drawn too: as far as the hull may reach beyond the object."""
 
@@ -52,8 +56,10 @@ class TrainSettings:
     """intervals along a ray through the box; only those inside the hull are evaluated"""
     outside: int = 768
     """points outside the hulls whose density is penalised, per step"""
+    matrix_rate: float | None = 1e-2
+    """peak learning rate of the network's matrices, by Muon; None: by AdamW like all else, as in the paper"""
     network_rate: float = 1e-3
-    """peak learning rate; the paper's is 1e-4"""
+    """peak learning rate of the rest of the network; the paper's is 1e-4"""
     code_rate: float = 4e-3
     """peak learning rate of the codes; the paper's is 1e-3"""
     everywhere: bool = False
@@ -77,6 +83,7 @@ RECIPES = {
         field=FieldConfig(width=256, shape_latent=256, texture_latent=256, density_scale=1.0, bounded_colour=False),
         everywhere=True,
         outside=0,
+        matrix_rate=None,
         network_rate=1e-4,
         code_rate=1e-3,
         emptiness=0.0,
@@ -198,13 +205,25 @@ class Trainer:
         self.shapes = nn.Parameter(_first_codes(shapes, config.shape_latent).to(self.device))
         self.textures = nn.Parameter(_first_codes(textures, config.texture_latent).to(self.device))
         self.averages = [parameter.detach().clone() for parameter in self._parameters()]
-        groups = [{"params": list(self.field.parameters())}, {"params": [self.shapes, self.textures]}]
-        self._peaks = (settings.network_rate, settings.code_rate)
-        self.optimiser = torch.optim.AdamW(groups, weight_decay=1e-4, eps=1e-12, fused=True)
+        self.optimisers = self._optimisers()
         rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
         self.shape_row, self.texture_row = rows.unbind(-1)
         self._prunings = () if settings.everywhere else tuple(int(share * settings.steps) for share in _PRUNED_AT)
         self.step, self.seconds = 0, 0.0
+
+    def _optimisers(self) -> list[torch.optim.Optimizer]:
+        """What moves the codes and the network; ``peak`` is the highest learning rate of a group."""
+        settings, matrices = self.settings, list[nn.Parameter]()
+        if settings.matrix_rate is not None:
+            matrices = [one for one in self.field.parameters() if one.ndim == 2 and min(one.shape) >= _LEAST_ROWS]
+        rest = [one for one in self.field.parameters() if all(one is not matrix for matrix in matrices)]
+        codes = [self.shapes, self.textures]
+        groups = {"params": rest, "peak": settings.network_rate}, {"params": codes, "peak": settings.code_rate}
+        adam = torch.optim.AdamW(groups, weight_decay=_DECAY, eps=1e-12, fused=True)
+        if settings.matrix_rate is None:
+            return [adam]
+        group = {"params": matrices, "peak": settings.matrix_rate}
+        return [adam, torch.optim.Muon([group], weight_decay=_DECAY, adjust_lr_fn="match_rms_adamw")]
 
     def steps(self) -> Iterator[TrainStep]:
         """Train to the end of the schedule, one step per value; to stop, ask for no more."""
@@ -238,7 +257,7 @@ class Trainer:
             "field": self.field.state_dict(),
             "codes": (self.shapes.detach(), self.textures.detach()),
             "averages": self.averages,
-            "optimiser": self.optimiser.state_dict(),
+            "optimisers": [optimiser.state_dict() for optimiser in self.optimisers],
             "generator": self.generator.get_state(),
             "hulls": self.bank.hulls,
             "progress": (self.step, self.seconds),
@@ -257,7 +276,8 @@ class Trainer:
                     parameter.copy_(value)
             self.averages = state["averages"]
             self.bank.hulls.copy_(state["hulls"])
-            self.optimiser.load_state_dict(state["optimiser"])
+            for optimiser, saved in zip(self.optimisers, state["optimisers"], strict=True):
+                optimiser.load_state_dict(saved)
             self.generator.set_state(state["generator"].cpu())
             self.step, self.seconds = state["progress"]
         except (OSError, KeyError, RuntimeError, pickle.UnpicklingError) as error:
@@ -268,11 +288,13 @@ class Trainer:
         rays, owner, truth, kind = self.bank.draw(self.settings.rays, self.generator)
         with autocast(self.device):
             loss, error = self._loss(rays, owner, truth, kind)
-        self.optimiser.zero_grad()
+        for optimiser in self.optimisers:
+            optimiser.zero_grad()
         loss.backward()
-        for group, peak in zip(self.optimiser.param_groups, self._peaks, strict=True):
-            group["lr"] = peak * self._rate(self.step)
-        self.optimiser.step()
+        for optimiser in self.optimisers:
+            for group in optimiser.param_groups:
+                group["lr"] = group["peak"] * self._rate(self.step)
+            optimiser.step()
         decay = min(self.settings.average, (1 + self.step) / (10 + self.step))
         torch._foreach_lerp_(self.averages, [p.detach() for p in self._parameters()], 1 - decay)
         return float(loss.detach()), float(error.detach())

@@ -15,6 +15,7 @@ SETTINGS = TrainSettings(
     rays=128,
     samples=24,
     outside=64,
+    matrix_rate=5e-2,
     network_rate=1e-2,
     code_rate=1e-2,
 )
