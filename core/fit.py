@@ -13,24 +13,23 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core import paper
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import confidence
+from core.entrants import combined, entrants, gone_on
 from core.hypotheses import (
     FRAMED_SPREAD,
     STRAY_SPREADS,
-    Numbers,
     Objective,
     Pool,
     cameras,
     codes,
     joined,
     judged,
-    most_opened,
     rival_of,
     spread_out,
     twin_of,
@@ -41,7 +40,6 @@ from core.model import Model
 from core.newton import descent, stride, tried
 from core.photos import Photo
 from core.plan import PRESETS, FitSettings, Stage, plan
-from core.starts import bank_of, likenesses, ranked
 from core.targets import Drawn, Target, draw
 
 __all__ = ["PRESETS", "Alternative", "FitJob", "FitSettings", "FitStep", "fit"]
@@ -166,13 +164,6 @@ _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
 _NEWS = 0.4
 """What a step's cost counts in the running mean by which hypotheses are cut."""
-_LIKENESS = 0.6
-"""How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
-_ZOOMS = (0.0, -0.3, 0.3)
-"""Logarithms of focal lengths over the model's that pairs of starts (a camera and mostly its twin) take turns in, where
-these are searched for: a code that has settled with one lens does not let go of it."""
-_SIZES = 0.25
-"""How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
 
 
 class _Standing(NamedTuple):
@@ -254,79 +245,18 @@ class _Race:
         return Objective(self.settings.prior, self.settings.paper, spreads, self.plan[-1].forgiving)
 
     def entered(self) -> Pool:
-        """The hypotheses at the start line: the cameras of the bank, with shapes towards those of its objects."""
+        """The hypotheses at the start line."""
         if self.settings.paper:
             return paper.entered(self.model, self.given, self.unknown, self.generator)
         if self.begin:
-            return self._entered_where(self.begin)
-        alike, views = self._likely_shapes(self.plan[0].hypotheses), len(self.given)
-        count = len(alike)
-        angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
-        zoom = torch.zeros_like(distance)
-        if self.settings.lens:
-            zoom[:, self.unknown] = torch.tensor(_ZOOMS).repeat_interleave(2).repeat(count)[:count, None]
-        texture = torch.zeros(count, len(self.model.codes.texture_space.spread))
-        for view, (photo, camera) in enumerate(zip(self.photos, self.given, strict=True)):
-            angles[:, view] = torch.tensor([camera.azimuth, camera.elevation])
-            distance[:, view] = math.log(camera.distance / self.model.distance)
-            if self.unknown[view]:
-                bank = bank_of(self.model)
-                starts = ranked(bank, self.model, photo.pixels, photo.mask, camera.focal, count, photo.framed)
-                angles[:, view] = torch.stack((starts.azimuth, starts.elevation), -1)
-                away = (starts.distance / self.model.distance).log()
-                # Objects differ in size too: only what that does not explain is put down to the distance.
-                distance[:, view] = away - away.clamp(-_SIZES, _SIZES)
-                shift[:, view] = starts.shift * photo.framed
-                space = self.model.codes.shape_space
-                alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(self.unknown.sum())
-        return Pool.of(Numbers(angles, distance, zoom, shift, _LIKENESS * alike, texture))
-
-    def _likely_shapes(self, count: int) -> Float[Tensor, "count rank"]:
-        """Where all cameras are known, the mean shape and those of the bank that look most like the pictures."""
-        space = self.model.codes.shape_space
-        shapes = torch.zeros(count, len(space.spread))
-        if count == 1 or bool(self.unknown.any()):
-            return shapes
-        bank = bank_of(self.model)
-        likely = torch.zeros(len(bank.codes.shape))
-        for photo, camera in zip(self.photos, self.given, strict=True):
-            likely += likenesses(bank, photo.pixels, photo.mask, camera.focal, camera.azimuth, camera.elevation)
-        best = likely[1:].topk(min(count, len(likely)) - 1).indices + 1  # the first is the mean
-        shapes[1 : 1 + len(best)] = space.coordinates(bank.codes.shape[best])
-        return shapes[: 1 + len(best)]
-
-    def _entered_where(self, begin: Hypothesis) -> Pool:
-        """One hypothesis, where an earlier fit left it; known cameras are those of the pictures."""
-        at = [photo.camera or camera for photo, camera in zip(self.photos, begin.cameras, strict=True)]
-        angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
-        zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, self.given, strict=True)]])
-        away = torch.tensor([[math.log(camera.distance / self.model.distance) for camera in at]]) - zoom
-        shapes, textures = self.by.spaces(self.model)
-        shape, texture = shapes.coordinates(begin.codes.shape), textures.coordinates(begin.codes.texture)
-        pool = Pool.of(Numbers(angles, away, zoom, begin.shift[None], shape[None], texture[None]))
-        return replace(pool, start=torch.tensor([begin.start]))
+            begin, spaces = self.begin, self.by.spaces(self.model)
+            pool = gone_on(self.model, self.photos, self.given, begin.cameras, begin.shift, begin.codes, spaces)
+            return replace(pool, start=torch.tensor([begin.start]))
+        return entrants(self.model, self.photos, self.given, self.plan[0].hypotheses, self.settings.lens)
 
     def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
-        """Hypotheses of all pictures, from those of the single ones: the cheapest combinations."""
-        count = self.plan[0].hypotheses
-        combinations: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
-        for _, pool in finalists:
-            costs = enumerate(pool.cost.tolist())
-            longer = [(cost + more, (*taken, index)) for index, more in costs for cost, taken in combinations]
-            combinations = sorted(longer)[:count]
-        pool = Pool.of(self._merged(finalists, torch.tensor([taken for _, taken in combinations])))
-        return replace(pool, opened=most_opened([part for _, part in finalists]))
-
-    def _merged(self, finalists: Sequence[tuple[list[int], Pool]], taken: Int[Tensor, "some parts"]) -> Numbers:
-        """The cameras of the finalists, and the mean of the codes they came with."""
-        pairs = list(zip(finalists, taken.unbind(1), strict=True))
-        chosen = [Numbers(*(part[index] for part in pool.numbers)) for (_, pool), index in pairs]
-        placed = [part.new_zeros(len(taken), len(self.given), *part.shape[2:]) for part in chosen[0][:4]]
-        for (some, _), numbers in zip(finalists, chosen, strict=True):
-            for whole, part in zip(placed, numbers[:4], strict=True):
-                whole[:, some] = part
-        means = [torch.stack(parts).mean(0) for parts in zip(*(numbers[4:] for numbers in chosen), strict=True)]
-        return Numbers(*placed, *means)
+        """Hypotheses of all pictures, from those of the single ones."""
+        return combined(finalists, len(self.photos), self.plan[0].hypotheses)
 
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from core import fit, folded, hypotheses, newton, plan, precision, slopes
+from core import entrants, fit, folded, hypotheses, newton, plan, precision, slopes
 from core.bench.ablation import Change, changed
 from core.bench.fitting import Summary, summary, trial
 from core.bench.rendering import machine
@@ -72,9 +72,12 @@ _USUAL = PRESETS["normal"]
 _STAGES = len(plan.plan(_USUAL, racing=True))
 _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     WHOLE: (_USUAL, ()),
-    "without the bank: starts anywhere": (_USUAL, (Change(fit, "ranked", _anywhere), Change(fit, "_LIKENESS", 0.0))),
+    "without the bank: starts anywhere": (
+        _USUAL,
+        (Change(entrants, "ranked", _anywhere), Change(entrants, "_LIKENESS", 0.0)),
+    ),
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
-    "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, fit)),
+    "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, entrants)),
     "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, fit)),
     "without a second one in the last stage": (_USUAL, _everywhere("_CLOSE", -math.inf, fit)),
     "all code directions from the beginning": (_USUAL, _everywhere("_RANKS", (10_000,) * _STAGES, plan)),
