@@ -1,7 +1,7 @@
 """Where hypotheses enter a race: at cameras of the bank, with shapes towards its objects, or where a fit left off.
 
-Codes have local minima, so shapes race as cameras do: every camera comes with the shape that looks most like the
-picture from there, and a given camera, or one that a race has found, with several.
+Codes have local minima, so shapes race as cameras do: every camera of the bank comes with the shape that looks most
+like the picture from there, and where all cameras are known, several shapes come with them.
 """
 
 import math
@@ -21,6 +21,8 @@ from core.starts import bank_of, likenesses, ranked
 
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
+_SAME = 1e-3
+"""Standard deviations by which an object of the bank, where it is the mean one, differs from the mean shape at most."""
 _ZOOMS = (0.0, -0.3, 0.3)
 """Logarithms of focal lengths over the model's that pairs of starts (a camera and mostly its twin) take turns in, where
 these are searched for: a code that has settled with one lens does not let go of it."""
@@ -71,11 +73,12 @@ def _likely_shapes(
     if count == 1:
         return mean
     bank = bank_of(model)
-    likely = torch.zeros(len(bank.codes.shape))
+    shapes, likely = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
     for photo, camera in zip(photos, cameras, strict=True):
         likely += likenesses(bank, photo.pixels, photo.mask, camera.focal, camera.azimuth, camera.elevation)
-    best = likely[1:].topk(min(count, len(likely)) - 1).indices + 1  # the bank's first is the mean
-    return torch.cat((mean, space.coordinates(bank.codes.shape[best])))
+    others = (shapes.abs().amax(1) > _SAME).nonzero()[:, 0]
+    best = others[likely[others].argsort(descending=True)[: count - 1]]
+    return torch.cat((mean, shapes[best]))
 
 
 def gone_on(

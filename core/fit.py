@@ -50,7 +50,7 @@ class Hypothesis:
     """What might be the case. A fit can go on from one."""
 
     start: int
-    """which starting camera it came from"""
+    """which start it came from"""
     loss: float
     cameras: tuple[Camera, ...]
     """one per photo, at the photo's size"""
@@ -92,7 +92,7 @@ class FitStep:
     steps: int
     """how many there will be, as far as is known"""
     start: int
-    """which starting camera it came from"""
+    """which start it came from"""
     loss: float
     psnr: float
     """dB, of the whole pictures: estimated from the rays of the step, in the last step measured on more of them"""
@@ -139,7 +139,8 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
                 found[view] = camera
             yield replace(step, cameras=tuple(found))
         finalists.append((part.views, pool))
-    for standing in whole.run(whole.combined(finalists) if finalists else whole.entered()):
+    met = combined(finalists, len(job.photos), whole.plan[0].hypotheses) if finalists else whole.entered()
+    for standing in whole.run(met):
         done += 1
         yield whole.reported(standing, done, steps, began)
 
@@ -254,10 +255,6 @@ class _Race:
             return replace(pool, start=torch.tensor([begin.start]))
         return entrants(self.model, self.photos, self.given, self.plan[0].hypotheses, self.settings.lens)
 
-    def combined(self, finalists: Sequence[tuple[list[int], Pool]]) -> Pool:
-        """Hypotheses of all pictures, from those of the single ones."""
-        return combined(finalists, len(self.photos), self.plan[0].hypotheses)
-
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
 
@@ -343,9 +340,11 @@ class _Race:
     def _ended(self, pool: Pool, began: Pool) -> _Standing:
         """The best of what is left and of where that began, with what stands against it: mostly its twin."""
         leader, before = pool.leader, began[torch.isin(began.start, pool.start).nonzero()[:, 0]]
+        if not bool(self.unknown.any()):
+            rest = self.measured(joined(pool, before))
+            return _Standing(rest[torch.tensor([rest.leader])])
         rest = self.measured(joined(pool, before, twin_of(pool, leader, self.unknown)))
-        best = rest[torch.tensor([rest.leader])]
-        return self._against(best, rest) if bool(self.unknown.any()) else _Standing(best)
+        return self._against(rest[torch.tensor([rest.leader])], rest)
 
     def _settled(self, ended: _Standing, after: Pool) -> _Standing:
         """Of what went on the best where it was or where it is now, as measured; and what stands against it."""

@@ -10,7 +10,7 @@ class FitSettings:
     """Every field is an axis of the charts."""
 
     starts: int = 28
-    """cameras to begin from, for every picture whose camera is unknown"""
+    """cameras to begin from, for every picture whose camera is unknown; where all are known, at most so many shapes"""
     steps: int = 44
     rays: int = 1024
     """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
@@ -74,16 +74,16 @@ _PRIORS = (50, 30, 10, 3, 1, 1)
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 
 
-def plan(settings: FitSettings, racing: bool) -> tuple[Stage, ...]:
+def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
     """The race: half of the starts after the first stage, then the best of eight basins (and lenses, where these
     are searched for), of five, of two; the last stage is the winner's alone.
 
-    Where every camera is known, a few shapes run the same race; the paper has just one hypothesis.
+    Where every camera is known (not ``blind``), a few shapes run the same race; the paper has just one hypothesis.
     """
     if settings.paper:
         return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior, math.inf),)
     starts = settings.starts * 3 // 2 if settings.lens else settings.starts
-    count, stages, done = starts if racing else min(starts, _SHAPES), list[Stage](), 0
+    count, stages, done = starts if blind else min(starts, _SHAPES), list[Stage](), 0
     for index, most in enumerate(_MOST):
         count = int(min(count if index != 1 else -(-count // 2), most))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))

@@ -20,7 +20,7 @@ def linear_dtype(device_type: str) -> torch.dtype:
     """bfloat16 where this machine multiplies it clearly faster than float32, else float32.
 
     Processors with bfloat16 units run a field's layers 2 to 5 times faster; without them bfloat16 is emulated and
-    slower. Encoding, compositing and optimisation stay in float32 either way.
+    slower. Encoding, compositing and what fits and training keep of their steps stay in float32 either way.
     """
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32

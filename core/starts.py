@@ -1,4 +1,4 @@
-"""Where pose fitting begins: a bank of small views of prototype objects, ranked against the picture.
+"""Where fitting begins: a bank of small views of prototype objects, ranked against the picture.
 
 The bank holds a few objects of the model, as clouds of surface points thrown onto small pictures from all round.
 Every view is normalised to its own bounding box, so a match says from where the object is seen whatever its size in

@@ -37,7 +37,7 @@ _SETTLED = 2000
 """Steps before which nothing is pruned: what the field has not found yet is not empty."""
 _BATCH = 512
 """Points are evaluated in multiples of this."""
-_LEAST_ROWS = 8
+_LEAST_SIDE = 8
 """A matrix of fewer rows or columns (density's, colour's) is left to AdamW."""
 _DECAY = 1e-4
 """of the weights, per step and learning rate"""
@@ -212,17 +212,17 @@ class Trainer:
         self.step, self.seconds = 0, 0.0
 
     def _optimisers(self) -> list[torch.optim.Optimizer]:
-        """What moves the codes and the network; ``peak`` is the highest learning rate of a group."""
+        """What moves the network and the codes; ``rate`` names the setting that is a group's highest learning rate."""
         settings, matrices = self.settings, list[nn.Parameter]()
         if settings.matrix_rate is not None:
-            matrices = [one for one in self.field.parameters() if one.ndim == 2 and min(one.shape) >= _LEAST_ROWS]
+            matrices = [one for one in self.field.parameters() if one.ndim == 2 and min(one.shape) >= _LEAST_SIDE]
         rest = [one for one in self.field.parameters() if all(one is not matrix for matrix in matrices)]
         codes = [self.shapes, self.textures]
-        groups = {"params": rest, "peak": settings.network_rate}, {"params": codes, "peak": settings.code_rate}
+        groups = {"params": rest, "rate": "network_rate"}, {"params": codes, "rate": "code_rate"}
         adam = torch.optim.AdamW(groups, weight_decay=_DECAY, eps=1e-12, fused=True)
         if settings.matrix_rate is None:
             return [adam]
-        group = {"params": matrices, "peak": settings.matrix_rate}
+        group = {"params": matrices, "rate": "matrix_rate"}
         return [adam, torch.optim.Muon([group], weight_decay=_DECAY, adjust_lr_fn="match_rms_adamw")]
 
     def steps(self) -> Iterator[TrainStep]:
@@ -280,7 +280,7 @@ class Trainer:
                 optimiser.load_state_dict(saved)
             self.generator.set_state(state["generator"].cpu())
             self.step, self.seconds = state["progress"]
-        except (OSError, KeyError, RuntimeError, pickle.UnpicklingError) as error:
+        except (OSError, KeyError, ValueError, RuntimeError, pickle.UnpicklingError) as error:
             raise ValueError(f"{path} does not fit this dataset and these settings: {error}") from None
 
     def _advance(self) -> tuple[float, float]:
@@ -293,7 +293,7 @@ class Trainer:
         loss.backward()
         for optimiser in self.optimisers:
             for group in optimiser.param_groups:
-                group["lr"] = group["peak"] * self._rate(self.step)
+                group["lr"] = getattr(self.settings, group["rate"]) * self._rate(self.step)
             optimiser.step()
         decay = min(self.settings.average, (1 + self.step) / (10 + self.step))
         torch._foreach_lerp_(self.averages, [p.detach() for p in self._parameters()], 1 - decay)

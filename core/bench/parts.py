@@ -69,7 +69,7 @@ def _everywhere(name: str, value: object, *owners: object) -> tuple[Change, ...]
 
 
 _USUAL = PRESETS["normal"]
-_STAGES = len(plan.plan(_USUAL, racing=True))
+_STAGES = len(plan.plan(_USUAL, blind=True))
 _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     WHOLE: (_USUAL, ()),
     "without the bank: starts anywhere": (

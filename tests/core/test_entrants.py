@@ -10,6 +10,7 @@ from core.hypotheses import Objective, Pool, cameras, codes
 from core.model import Model
 from core.photos import Photo
 from core.render import render_exact
+from core.starts import bank_of
 from tests.core.tiny import tiny_model
 
 
@@ -38,6 +39,13 @@ def test_known_cameras_come_with_the_mean_shape_and_several_others(tiny: Model, 
     assert len(pool) == len(pool.numbers.shape.unique(dim=0)) > 2
     assert not pool.numbers.shape[0].any()
     assert not pool.numbers.texture.any()
+
+
+def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Camera]):
+    photos = photos_of(tiny, given, (True, True))
+    few, all_there_are = (len(entrants(tiny, photos, given, count, lens=True).cost) for count in (3, 1000))
+    assert few == 3
+    assert all_there_are in (len(bank_of(tiny).codes.shape), len(bank_of(tiny).codes.shape) + 1)
 
 
 def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model, given: list[Camera]):

@@ -4,7 +4,7 @@ from core.plan import PRESETS, FitSettings, plan
 
 
 def test_the_race_is_halved_and_ends_with_the_winner():
-    stages = plan(PRESETS["normal"], racing=True)
+    stages = plan(PRESETS["normal"], blind=True)
     counts = [stage.hypotheses for stage in stages]
     assert counts == sorted(counts, reverse=True)
     assert (counts[0], counts[-1]) == (28, 1)
@@ -16,19 +16,19 @@ def test_the_race_is_halved_and_ends_with_the_winner():
 @pytest.mark.parametrize("starts", [1, 2, 3, 7, 100])
 @pytest.mark.parametrize("steps", [1, 4, 50])
 def test_any_settings_make_a_plan(starts: int, steps: int):
-    for racing in (True, False):
-        stages = plan(FitSettings(starts, steps, rays=8, samples=2), racing)
+    for blind in (True, False):
+        stages = plan(FitSettings(starts, steps, rays=8, samples=2), blind)
         assert all(stage.steps >= 1 and stage.rays <= 8 and stage.samples >= 2 for stage in stages)
-        assert stages[0].hypotheses == (starts if racing else min(starts, 6))
+        assert stages[0].hypotheses == (starts if blind else min(starts, 6))
 
 
 def test_a_search_for_the_lens_begins_with_more_cameras():
-    usual, lens = (plan(FitSettings(starts=28, lens=one), racing=True) for one in (False, True))
+    usual, lens = (plan(FitSettings(starts=28, lens=one), blind=True) for one in (False, True))
     assert (usual[0].hypotheses, lens[0].hypotheses) == (28, 42)
     with pytest.raises(ValueError, match="focal length"):
         FitSettings(starts=1, paper=True, lens=True)
 
 
 def test_the_paper_does_not_race():
-    (stage,) = plan(PRESETS["paper"], racing=True)
+    (stage,) = plan(PRESETS["paper"], blind=True)
     assert (stage.hypotheses, stage.steps, stage.samples, stage.prior) == (1, 299, 64, 1e-4)

@@ -91,12 +91,38 @@ def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_pat
     torch.testing.assert_close(weights_of(second), weights_of(whole), atol=1e-5, rtol=1e-4)
 
 
+def test_matrices_go_by_muon_and_in_the_papers_recipe_nothing(dataset: Dataset):
+    trainer = Trainer(dataset, SETTINGS)
+    adam, muon = trainer.optimisers
+    assert isinstance(muon, torch.optim.Muon)
+    moved = [one for optimiser in (adam, muon) for group in optimiser.param_groups for one in group["params"]]
+    assert len(moved) == len({id(one) for one in moved}) == len(trainer.averages)
+    assert any(one is trainer.field.feature_layer.weight for one in muon.param_groups[0]["params"])
+    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).optimisers
+    assert isinstance(alone, torch.optim.AdamW)
+    assert RECIPES["paper"].matrix_rate is None
+
+
+def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
+    first = Trainer(dataset, SETTINGS)
+    next(first.steps())
+    first.save_state(tmp_path / "run.state")
+    slower = dataclasses.replace(SETTINGS, matrix_rate=1e-9, network_rate=1e-9, code_rate=1e-9)
+    second = Trainer(dataset, slower)
+    second.load_state(tmp_path / "run.state")
+    before = second.field.feature_layer.weight.detach().clone()
+    next(second.steps())
+    torch.testing.assert_close(second.field.feature_layer.weight, before, atol=1e-7, rtol=0)
+
+
 def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
     Trainer(dataset, SETTINGS).save_state(tmp_path / "run.state")
     other = dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8))
     for path in (tmp_path / "run.state", tmp_path / "gone.state"):
         with pytest.raises(ValueError, match=path.name):
             Trainer(dataset, other).load_state(path)
+    with pytest.raises(ValueError, match=r"run\.state"):
+        Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).load_state(tmp_path / "run.state")
 
 
 def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):

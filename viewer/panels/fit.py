@@ -64,7 +64,7 @@ def _draw_progress(fitting: Fitting) -> None:
     course, last = fitting.course, fitting.course.last
     told = f"{last.psnr:.1f} dB    {last.seconds:.0f} s" if last else "Starting …"
     imgui.progress_bar(course.progress, (-1, 0), told)
-    tip(f"{last.hypotheses} cameras in the race" if last else "Comparing the photo with what the model knows")
+    tip(f"{last.hypotheses} candidates in the race" if last else "Comparing the photo with what the model knows")
 
 
 def _draw_start(desk: Desk, fitting: Fitting) -> None:
@@ -133,7 +133,7 @@ def _draw_ways(fitting: Fitting) -> None:
     ways = (
         ("From the step shown###go on", _ON_HELP, fitting.go_on, can),
         ("From the view###from view", _VIEW_HELP, fitting.go_on_from_view, can),
-        ("From the beginning###again", "All cameras race again", fitting.again, True),
+        ("From the beginning###again", "The whole race again", fitting.again, True),
     )
     for label, told, act, enabled in ways:
         if imgui.menu_item_simple(label, enabled=enabled):

@@ -39,7 +39,7 @@ LINES = (
     ("Drag in wipe, onion skin", "more of the photo, or of the render"),
     ("Hold F", "the photo in place of the render"),
     ("Drag along the curves", "see any step of the fit, here and in the view"),
-    ("Click in the race", "prefer a camera: the fit goes on from there alone"),
+    ("Click in the race", "prefer a candidate: the fit goes on from there alone"),
     ("Fit again", "from the step shown, from the camera in the view, or from the beginning"),
     ("Cut out", ""),
     ("Drag", "a box around the object, or strokes that add or remove"),

@@ -36,7 +36,9 @@ class RacePanel:
         """Tiles on the left, cameras on the right."""
         tiles = desk.session.fitting.race.tiles
         if not tiles:
-            imgui.text_wrapped("While a fit runs, you see here which cameras race for your photo, the best one first")
+            imgui.text_wrapped(
+                "While a fit runs, you see here which cameras and shapes race for your photo, the best first"
+            )
             return
         room = imgui.get_content_region_avail()
         inset = min(room.y, _INSET * room.x)
