@@ -1,10 +1,11 @@
 """How far to trust a fitted camera: the probability that it is right, from what the fit itself knows.
 
 Wrong cameras are mostly those of another basin (the front/back twin above all) that explains the picture about as
-well. So a fit keeps the best hypothesis of another basin to its end, and the margin between the two is what it knows
-of its own camera. The two numbers below are a logistic regression over fits of renders, whose cameras are
-known: ``python -m core bench fit --dataset TEST_SET`` makes them anew and tells how well the confidence separates.
-(The PSNR of the fit and the norm of its codes were tried beside the margin; on objects left out they made it worse.)
+well. So a fit keeps the best hypothesis of another basin to its end, and the margin between the two says how clear the
+choice was. Others are in no basin at all, for nothing that the model knows looks like the picture; there the objective
+is flat, and its curvature says how far the camera may be off. The three numbers below are a logistic regression over
+fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them anew and tells how
+well the confidence separates.
 """
 
 import math
@@ -18,54 +19,56 @@ RIGHT_DEGREES = 10.0
 DOUBTFUL = 0.5
 """A camera of less confidence is more likely wrong than right."""
 _RIDGE = 0.1
-"""Keeps the slope finite where a margin separates all fits."""
+"""Keeps the slopes finite where they separate all fits."""
+_LEAST_SPREAD = 0.01
+"""degrees"""
 
 
 class Calibration(NamedTuple):
-    """The logarithm of the odds of a right camera: a constant, and what the margin adds."""
+    """The logarithm of the odds of a right camera: a constant, and the slopes along margin and logarithm of spread."""
 
     constant: float
     margin: float
+    spread: float
 
 
-CALIBRATION = Calibration(-0.69, 5.46)
-"""Of chairs and cars together: 80 blind fits by ``normal``, half of them of held-out objects, six of them wrong. On 82
-others, four of them wrong, it told them apart with an AUROC of 0.97. Since fits forgive what the model cannot draw it
-is 0.79 on 66 fits: of the six wrong ones two are off by 10 to 12 degrees, in the right basin.
-"""
+CALIBRATION = Calibration(0.18, 8.95, -2.98)
+"""Of 26 blind fits of held-out chairs by ``normal``, five of them wrong."""
 
 
-def confidence(margin: float, by: Calibration = CALIBRATION) -> float:
+def confidence(margin: float, spread: float, by: Calibration = CALIBRATION) -> float:
     """The probability that a fitted camera is right, 0..1.
 
     Args:
         margin: the logarithm of the objective of the best hypothesis of another basin over that of the winner.
+        spread: degrees that the winner may be off within its basin.
 
     Example:
-        >>> confidence(1.0, Calibration(-2.0, 2.0))
+        >>> confidence(1.0, 1.0, Calibration(-2.0, 2.0, -1.0))
         0.5
     """
-    odds = by.constant + by.margin * margin
+    odds = by.constant + by.margin * margin + by.spread * math.log(max(spread, _LEAST_SPREAD))
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
 
 
-def calibrated(margins: Sequence[float], right: Sequence[bool]) -> Calibration:
-    """Logistic regression by Newton's method, with a small ridge on the slope per standard deviation of margins.
+def calibrated(margins: Sequence[float], spreads: Sequence[float], right: Sequence[bool]) -> Calibration:
+    """Logistic regression by Newton's method, with a small ridge on the slopes per standard deviation.
 
     Raises ``ValueError`` where the fits are not both right and wrong.
     """
     if len(set(right)) < 2:
         raise ValueError("a calibration needs fits that are right and fits that are wrong")
-    values, truth = np.asarray(margins, np.float64), np.asarray(right, np.float64)
-    mean, spread = float(values.mean()), float(values.std()) + 1e-9
-    terms = np.column_stack((np.ones(len(values)), (values - mean) / spread))
-    ridge, weights = np.diag([1e-9, _RIDGE]), np.zeros(2)
+    spoken = np.log(np.maximum(spreads, _LEAST_SPREAD))
+    values, truth = np.column_stack((margins, spoken)).astype(np.float64), np.asarray(right, np.float64)
+    mean, scale = values.mean(0), values.std(0) + 1e-9
+    terms = np.column_stack((np.ones(len(values)), (values - mean) / scale))
+    ridge, weights = np.diag([1e-9, _RIDGE, _RIDGE]), np.zeros(3)
     for _ in range(50):
         share = 1 / (1 + np.exp(-np.clip(terms @ weights, -30, 30)))
         bend = terms.T @ (terms * (share * (1 - share))[:, None]) + ridge
         weights += np.linalg.solve(bend, terms.T @ (truth - share) - ridge @ weights)
-    slope = float(weights[1]) / spread
-    return Calibration(float(weights[0]) - slope * mean, slope)
+    slopes = weights[1:] / scale
+    return Calibration(float(weights[0] - slopes @ mean), *slopes.tolist())
 
 
 def separation(scores: Sequence[float], right: Sequence[bool]) -> float:

@@ -37,7 +37,7 @@ from core.hypotheses import (
 )
 from core.metrics import psnr_of
 from core.model import Model
-from core.newton import descent, stride, tried
+from core.newton import descent, spread, stride, tried
 from core.photos import Photo
 from core.plan import PRESETS, FitSettings, Stage, plan
 from core.targets import Drawn, Target, draw
@@ -108,6 +108,8 @@ class FitStep:
     margin: float | None = None
     """logarithm of the alternative's loss over the result's when both had gone equally far: at the end, or where only
     the result went on; comes with the alternative, but where a fit went on from a given hypothesis"""
+    spread: float | None = None
+    """degrees that the camera may be off where it is in the right basin; comes with the alternative"""
     directions: tuple[int, int] = (0, 0)
     """how many principal directions of shape and of texture were free to move so far; in the paper's recipe the numbers
     of the codes"""
@@ -118,7 +120,7 @@ class FitStep:
     @property
     def confidence(self) -> float | None:
         """The probability that the cameras are right, 0..1; None where that is not known."""
-        return None if self.margin is None else confidence(self.margin)
+        return None if self.margin is None or self.spread is None else confidence(self.margin, self.spread)
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -175,6 +177,8 @@ class _Standing(NamedTuple):
     """the best hypothesis of another basin, from when only one goes on"""
     margin: float = math.nan
     """logarithm of its objective over that of the best one when both had gone equally far"""
+    spread: float | None = None
+    """degrees, in the end, where one camera is searched for"""
 
 
 class _Part(NamedTuple):
@@ -278,7 +282,8 @@ class _Race:
             if len(costs) == last.steps or (self.settings.sparing and rests):
                 break
             yield _Standing(after, ended.rival if len(after) == 1 else None)
-        yield self._settled(ended, after)
+        settled = self._settled(ended, after)
+        yield settled._replace(spread=self._spread(settled.pool))
 
     def descended(self, pool: Pool, plan: Sequence[Stage]) -> Iterator[Pool]:
         """What is left of the hypotheses after every step of some stages."""
@@ -352,6 +357,13 @@ class _Race:
         best = rest[torch.tensor([rest.leader])]
         return ended._replace(pool=best) if len(after) == 1 else self._against(best, rest)
 
+    def _spread(self, pool: Pool) -> float | None:
+        """Of the one unknown camera, by rays that are not fitted; in degrees."""
+        if int(self.unknown.sum()) != 1:
+            return None
+        view, stage = int(self.unknown.nonzero()[0, 0]), self.plan[-1]._replace(ranks=pool.opened)
+        return math.degrees(spread(self.model, pool, self.held[0], stage, self._during(stage), self._free, view))
+
     def _against(self, best: Pool, rest: Pool) -> _Standing:
         """The best hypothesis, with the best of another basin."""
         rival = rival_of(best, rest, self.unknown)
@@ -394,7 +406,8 @@ class _Race:
             return shown
         alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
         # Without a race the alternative had no chance, so its margin says nothing.
-        return replace(shown, alternative=alternative, margin=None if self.begin else standing.margin)
+        margin = None if self.begin else standing.margin
+        return replace(shown, alternative=alternative, margin=margin, spread=standing.spread)
 
     def _ranked(self, pool: Pool) -> tuple[Hypothesis, ...]:
         """A pool's hypotheses, the least cost first, without those that have diverged."""

@@ -45,6 +45,9 @@ _STRIDE_DAMPING = 0.3
 """of the quadratic's own diagonal, where every step has pixels of its own"""
 _DAMPING = 0.03
 """the same in the beginning of a descent"""
+_INDEPENDENT = 64
+"""Errors of a picture's pixels that have nothing to do with each other: so many that right cameras are about as far off
+as their spread."""
 _KEPT = 11
 """One of so many samples of a ray goes into the slopes."""
 
@@ -127,6 +130,23 @@ def tried(
         few[free.numel() + shapes + texture :] = False
         moved.append(_moved(one.numbers, _step(around, damping, few, free.numel()), (shapes, textures)))
     return Numbers(*(torch.cat(parts) for parts in zip(*moved, strict=True)))
+
+
+def spread(
+    model: Model, one: Pool, drawn: Drawn, stage: Stage, by: Objective, free: Bool[Tensor, "views 6"], view: int
+) -> float:
+    """How far, in rad, the direction of a single hypothesis' camera may be off within its basin.
+
+    The standard deviation that the objective's curvature leaves it (Laplace's approximation), where all that is free
+    to move makes up for its error as well as it can. The other arguments are those of :func:`stride`.
+    """
+    around = quadratic(model, one.numbers, drawn, None, stage, by)
+    movable = _movable(one, stage, free)[1].nonzero()[:, 0]
+    bend = around.bend[0][movable][:, movable].double()
+    angles = ((movable == view * _CAMERA) | (movable == view * _CAMERA + 1)).nonzero()[:, 0]
+    known = torch.linalg.pinv(bend, hermitian=True)[angles][:, angles].trace()
+    found = (around.objective[0] * known / _INDEPENDENT).clamp_min(0).sqrt().nan_to_num(math.pi, math.pi)
+    return min(float(found), math.pi)
 
 
 def _movable(

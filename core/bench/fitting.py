@@ -1,7 +1,7 @@
 """Seconds against degrees: blind fits by every preset, on views whose cameras are known.
 
-One view of every object is fitted without its camera; the stream's own timestamps make the curves. The margins of
-the same fits calibrate :mod:`core.confidence`.
+One view of every object is fitted without its camera; the stream's own timestamps make the curves. What the
+same fits know of themselves calibrates :mod:`core.confidence`.
 """
 
 import math
@@ -48,6 +48,8 @@ class Trial:
     """dB, mean over some other views, from their true cameras"""
     margin: float | None
     """over the alternative; None where there is none"""
+    spread: float | None
+    """degrees, as in :class:`core.fit.FitStep`"""
     confidence: float | None
     trace: tuple[float, ...]
     """degrees at :data:`TIMES`"""
@@ -127,8 +129,8 @@ def trial(model: Model, subject: Subject, preset: str, settings: FitSettings, se
     quality = last.psnr, float(np.mean(held_out)) if held_out else math.nan
     trace = tuple(errors[_reached(steps, time)] for time in TIMES)
     symmetric = errors[-1] > _FAR and looks_alike(model, subject.codes, last.cameras[0], subject.camera, _ALIKE)
-    found = (last.seconds, errors[0], errors[-1], away, *quality, last.margin, last.confidence, trace, symmetric)
-    return Trial(preset, views.name, index, *found)
+    turned, trust = (errors[0], errors[-1]), (last.margin, last.spread, last.confidence)
+    return Trial(preset, views.name, index, last.seconds, *turned, away, *quality, *trust, trace, symmetric)
 
 
 def _reached(steps: Sequence[FitStep], seconds: float) -> int:
@@ -171,6 +173,8 @@ def _separation(trials: Sequence[Trial]) -> float | None:
 
 
 def _calibration(trials: Sequence[Trial]) -> Calibration | None:
-    told = [(trial.margin, trial.off <= RIGHT_DEGREES) for trial in trials if trial.margin is not None]
-    right = [one for _, one in told]
-    return calibrated([one for one, _ in told], right) if len(set(right)) == 2 else None
+    told = [trial for trial in trials if trial.confidence is not None]
+    right = [trial.off <= RIGHT_DEGREES for trial in told]
+    if len(set(right)) < 2:
+        return None
+    return calibrated([trial.margin or 0.0 for trial in told], [trial.spread or 0.0 for trial in told], right)

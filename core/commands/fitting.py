@@ -82,6 +82,7 @@ def _told(step: FitStep) -> dict[str, object]:
         "steps": step.step,
         "loss": step.loss,
         "confidence": step.confidence and round(step.confidence, 3),
+        "spread": step.spread and round(step.spread, 3),
         "focal": _focal(step.cameras[0]),
         "alternative": other
         and {**_camera_told(other.cameras[0]), "focal": _focal(other.cameras[0]), "loss": other.loss},

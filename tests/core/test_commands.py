@@ -213,7 +213,7 @@ def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch
 def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, capsys, monkeypatch):
     camera, codes = model.camera(0.3, 0.3), model.codes[0]
     alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
-    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, margin)
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, margin, 1.5)
     monkeypatch.setattr(
         fitting, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     )
@@ -226,6 +226,7 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     place = {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "focal": 1.025}
     assert found["alternative"] == place | {"loss": 0.5}
     assert found["confidence"] == pytest.approx(step.confidence, abs=1e-3)
+    assert found["spread"] == 1.5
 
 
 def test_the_presets_of_the_command_line_are_those_of_the_fit():

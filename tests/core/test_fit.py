@@ -214,8 +214,10 @@ def test_the_alternative_is_another_camera_that_is_measured_too(tiny: Model):
     assert rotation_error(found.alternative.cameras[0], found.cameras[0]) > 20
     assert 0 <= found.margin <= math.log(found.alternative.loss / found.loss) + 1e-4
     assert found.margin > 0
+    assert found.spread is not None
+    assert 0 < found.spread < 30
     assert 0 <= found.confidence <= 1
-    assert steps[0].alternative is steps[0].confidence is None
+    assert steps[0].alternative is steps[0].confidence is steps[0].spread is None
 
 
 @pytest.mark.parametrize("starts, steps", [(1, 1), (1, 7), (2, 3), (8, 9)])

@@ -9,7 +9,7 @@ import torch
 from core import hypotheses, newton
 from core.hypotheses import Numbers, Objective, Pool, aimed, judged
 from core.model import Model
-from core.newton import descent, quadratic, tried
+from core.newton import descent, quadratic, spread, tried
 from core.plan import Stage
 from core.targets import Drawn, Target, draw
 from tests.core.test_fit import photo_of
@@ -83,6 +83,19 @@ def test_closed_directions_do_not_move(tiny: Model):
     assert moved[1].tolist() == [[True, False], [True, False], [True, True]]
     whole = tried(tiny, one, drawn_of(tiny), stage, BY, FREE, ((2, 2),))
     assert bool((whole.angles != one.numbers.angles).all())
+
+
+def test_a_camera_may_be_the_further_off_the_more_else_can_make_up_for_it(tiny: Model):
+    one, drawn = Pool.of(Numbers(*(part[:1] for part in numbers_of()))), drawn_of(tiny)
+    turned = torch.tensor([[True, True, False, False, False, False]])
+
+    def off(ranks: tuple[int, int], free: torch.Tensor) -> float:
+        return spread(tiny, one, drawn, STAGE._replace(ranks=ranks), BY, free, 0)
+
+    alone, away, all_free = off((1, 1), turned), off((1, 1), FREE), off((2, 2), FREE)
+    assert 0 < alone <= away <= all_free < math.pi
+    assert alone < all_free
+    assert off((2, 2), torch.zeros_like(turned)) == 0
 
 
 def test_two_views_share_codes_and_not_cameras(tiny: Model):

@@ -66,6 +66,7 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, race[0].cameras, codes, len(race)),
             alternative=Alternative(behind, 1.1 * loss),
             margin=math.log(1.1),
+            spread=1.0,
             race=tuple(race),
         )
 

@@ -64,10 +64,11 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measur
         assert trial.trace[-1] in (trial.first_rotation, trial.rotation) or trial.seconds > fitting.TIMES[-1]
         assert trial.held_out > 5
         if trial.preset == "paper":
-            assert trial.margin is trial.confidence is None
+            assert trial.margin is trial.spread is trial.confidence is None
         else:
             assert trial.margin is not None
-            assert trial.confidence == confidence(trial.margin)
+            assert trial.spread is not None
+            assert trial.confidence == confidence(trial.margin, trial.spread)
     assert [summary.preset for summary in found.summaries] == list(QUICK)
     assert {summary.fits for summary in found.summaries} == {2}
     assert all(one.separation is None or 0 <= one.separation <= 1 for one in found.summaries)
