@@ -18,7 +18,7 @@ class FitSettings:
     """along a ray"""
     prior: float = 1e-5
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2): in the
-    last stage; before, it weighs more"""
+    last stage; before, it weighs more where cameras are unknown"""
     sparing: bool = True
     """open further code directions only where they pay on rays that are not fitted, and stop where steps do not"""
     lens: bool = False
@@ -78,7 +78,8 @@ def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
     """The race: half of the starts after the first stage, then the best of eight basins (and lenses, where these
     are searched for), of five, of two; the last stage is the winner's alone.
 
-    Where every camera is known (not ``blind``), a few shapes run the same race; the paper has just one hypothesis.
+    Where every camera is known (not ``blind``), a few shapes run the same race, and no code has to be held back. The
+    paper has just one hypothesis.
     """
     if settings.paper:
         return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior, math.inf),)
@@ -88,8 +89,8 @@ def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
         count = int(min(count if index != 1 else -(-count // 2), most))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))
         steps, rays = max(1, until - done), max(32, round(settings.rays * _RAYS[index]))
-        samples, prior = max(2, round(settings.samples * _SAMPLES[index])), settings.prior * _PRIORS[index]
+        samples, firmer = max(2, round(settings.samples * _SAMPLES[index])), _PRIORS[index] if blind else 1
         ranks, forgiving = (_RANKS[index],) * 2, _FORGIVING[index]
-        stages.append(Stage(count, steps, min(settings.rays, rays), samples, ranks, prior, forgiving))
+        stages.append(Stage(count, steps, min(settings.rays, rays), samples, ranks, firmer * settings.prior, forgiving))
         done += steps
     return tuple(stages)

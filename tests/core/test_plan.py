@@ -22,6 +22,12 @@ def test_any_settings_make_a_plan(starts: int, steps: int):
         assert stages[0].hypotheses == (starts if blind else min(starts, 6))
 
 
+def test_codes_are_held_back_while_cameras_are_unknown():
+    blind, known = ([stage.prior for stage in plan(PRESETS["normal"], one)] for one in (True, False))
+    assert blind[0] > 10 * blind[-1]
+    assert set(known) == {blind[-1]}
+
+
 def test_a_search_for_the_lens_begins_with_more_cameras():
     usual, lens = (plan(FitSettings(starts=28, lens=one), blind=True) for one in (False, True))
     assert (usual[0].hypotheses, lens[0].hypotheses) == (28, 42)
