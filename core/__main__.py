@@ -178,6 +178,9 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="go on from M.state, written beside M")
+    command.add_argument(
+        "--from", dest="begin", metavar="MODEL", help="start from a trained model, gently: more steps, or more objects"
+    )
     command.add_argument("--steps", type=_count, default=100_000)
     command.add_argument(
         "--recipe",

@@ -39,6 +39,8 @@ _BATCH = 512
 """Points are evaluated in multiples of this."""
 _LEAST_SIDE = 8
 """A matrix of fewer rows or columns (density's, colour's) is left to AdamW."""
+_GENTLER = 0.3
+"""Peak learning rates of a network that is trained already, against those of a fresh one."""
 _DECAY = 1e-4
 """of the weights, per step and learning rate"""
 _BORDER = 3
@@ -73,6 +75,13 @@ class TrainSettings:
     average: float = 0.999
     """decay of the moving average of the weights"""
     seed: int = 0
+
+    @property
+    def gentler(self) -> "TrainSettings":
+        """The same for a network that is trained already: what it has learnt must not be shaken off."""
+        matrices = None if self.matrix_rate is None else _GENTLER * self.matrix_rate
+        network, codes = _GENTLER * self.network_rate, _GENTLER * self.code_rate
+        return replace(self, matrix_rate=matrices, network_rate=network, code_rate=codes)
 
 
 RECIPES = {
@@ -224,6 +233,25 @@ class Trainer:
             return [adam]
         group = {"params": matrices, "rate": "matrix_rate"}
         return [adam, torch.optim.Muon([group], weight_decay=_DECAY, adjust_lr_fn="match_rms_adamw")]
+
+    def begin_from(self, model: Model) -> None:
+        """Start from a trained model: its network, and its codes of all objects that are in the dataset too.
+
+        Shapes and textures that it does not know start from its mean ones. Raises ``ValueError`` where it is of
+        another category or of other sizes.
+        """
+        if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
+            raise ValueError(f"training cannot go on from a model of {model.category} with {model.field.config}")
+        self.field.load_state_dict(model.field.state_dict())
+        known = {entry.name: index for index, entry in enumerate(model.codes.objects)}
+        with torch.no_grad():
+            self.shapes.copy_(model.codes.mean.shape.expand_as(self.shapes))
+            self.textures.copy_(model.codes.mean.texture.expand_as(self.textures))
+            for entry in self.entries:
+                if entry.name in known:
+                    codes = model.codes[known[entry.name]]
+                    self.shapes[entry.shape], self.textures[entry.texture] = codes.shape, codes.texture
+        self.averages = [parameter.detach().clone() for parameter in self._parameters()]
 
     def steps(self) -> Iterator[TrainStep]:
         """Train to the end of the schedule, one step per value; to stop, ask for no more."""

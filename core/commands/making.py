@@ -14,6 +14,9 @@ from core.data.procedural import procedural_plan, render_procedural, swap_plan
 from core.data.variants import cells
 from core.data.views import SPIRAL_VIEWS
 from core.dataset import read_dataset
+from core.field import FieldConfig
+from core.library import load_model
+from core.model import Model
 from core.train import RECIPES, Trainer, held_out_psnr, hold_out
 
 _MEASURED_EVERY = 5000
@@ -49,12 +52,12 @@ def train(chosen: argparse.Namespace) -> None:
     """``train``: a model from datasets, saved with its state and its curve as it goes."""
     require_folder(chosen.out)
     recipe = RECIPES[chosen.recipe]
-    sizes = {"width": chosen.width} if chosen.width else {}
-    if chosen.latent:
-        sizes |= dict(zip(("shape_latent", "texture_latent"), chosen.latent, strict=True))
-    settings = replace(recipe, field=replace(recipe.field, **sizes), steps=chosen.steps, seed=chosen.seed)
+    begin = load_model(chosen.begin) if chosen.begin else None
+    settings = replace(recipe, field=_field(chosen, recipe.field, begin), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
-    trainer = Trainer(training, settings, chosen.device)
+    trainer = Trainer(training, settings.gentler if begin else settings, chosen.device)
+    if begin:
+        trainer.begin_from(begin)
     state, curve = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json")
     points: list[dict[str, float]] = []
     if chosen.resume:
@@ -73,6 +76,16 @@ def train(chosen: argparse.Namespace) -> None:
                 tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
                 points.append({"step": step.step, "seconds": step.seconds, "psnr": found})
                 write_training({chosen.out.stem: points}, curve)
+
+
+def _field(chosen: argparse.Namespace, usual: FieldConfig, begin: Model | None) -> FieldConfig:
+    """The network's sizes, as told or as the model has them that training goes on from."""
+    if begin:
+        if chosen.width or chosen.latent or chosen.recipe != "ours":
+            raise ValueError("--from has the sizes and the design of its model: no --width, --latent or --recipe")
+        return begin.field.config
+    shape, texture = chosen.latent or (usual.shape_latent, usual.texture_latent)
+    return replace(usual, width=chosen.width or usual.width, shape_latent=shape, texture_latent=texture)
 
 
 def convert(chosen: argparse.Namespace) -> None:

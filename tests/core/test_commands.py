@@ -156,6 +156,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("fit", "a.png", "--pose", "a.txt", "--lens"), "--pose gives them"),
         (("bench", "fit", "--dataset", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
         (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
+        (("train", "{tmp}", "--from", "{file}", "--width", "32", "--out", "{tmp}/x.safetensors"), "no --width"),
         (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
         (("nonsense",), "nonsense"),
         ((), "COMMAND"),
@@ -180,6 +181,8 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     curve = json.loads((tmp_path / "m.curve.json").read_text())
     assert [point["step"] for point in curve["m"]] == [8, 12]
     assert (tmp_path / "m.curve.png").exists()
+    run("train", tmp_path / "d", "--from", out, "--steps", 2, "--out", tmp_path / "more.safetensors")
+    assert load_model(str(tmp_path / "more.safetensors")).field.config == load_model(str(out)).field.config
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
     shutil.rmtree(tmp_path / "d")
 

@@ -115,6 +115,26 @@ def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
     torch.testing.assert_close(second.field.feature_layer.weight, before, atol=1e-7, rtol=0)
 
 
+def test_training_goes_on_from_a_model_with_the_codes_of_the_objects_it_knows(dataset: Dataset):
+    first = Trainer(dataset, SETTINGS)
+    list(first.steps())
+    model = first.model()
+    green = coloured("green", (20, 200, 30), (0.0, 0.1, 0))
+    more = dataclasses.replace(dataset, objects=(green, *dataset.objects))
+    second = Trainer(more, SETTINGS.gentler)
+    second.begin_from(model)
+    begun = second.model()
+    assert begun.codes[1] == model.codes[0]
+    assert begun.codes[2] == model.codes[1]
+    torch.testing.assert_close(begun.codes[0].shape, model.codes.mean.shape)
+    pairs = zip(begun.field.parameters(), model.field.parameters(), strict=True)
+    assert all(torch.equal(one, other) for one, other in pairs)
+    assert len(list(second.steps())) == SETTINGS.steps
+    other = Trainer(more, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
+    with pytest.raises(ValueError, match="cannot go on"):
+        other.begin_from(model)
+
+
 def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
     Trainer(dataset, SETTINGS).save_state(tmp_path / "run.state")
     other = dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8))
