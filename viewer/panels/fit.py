@@ -144,7 +144,7 @@ def _draw_ways(fitting: Fitting) -> None:
 def _draw_trust(desk: Desk, fitting: Fitting) -> None:
     """How sure the camera is."""
     step = fitting.course.step
-    if step is None or step.confidence is None:
+    if step is None or step.confidence is None or step.spread is None:
         return
     words = in_words(step.confidence)
     told = f"Camera: {words}"
@@ -152,8 +152,8 @@ def _draw_trust(desk: Desk, fitting: Fitting) -> None:
     imgui.align_text_to_frame_padding()
     imgui.text_colored((*(WARM if words == "doubtful" else desk.palette.text), 1.0), told)
     tip(
-        f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees. A doubtful one may "
-        "be seen from the object's other side"
+        f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees; if so, it is off by "
+        f"about {step.spread:.1f}. A doubtful one may be seen from the object's other side"
     )
 
 
