@@ -70,7 +70,7 @@ _STEPS = (6, 6, 6, 6, 4, 12)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
 _SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
 _RANKS = (8, 16, 32, 64, 10_000, 10_000)
-_PRIORS = (20, 10, 3, 1, 1, 1)
+_PRIORS = (50, 30, 10, 3, 1, 1)
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 
 
