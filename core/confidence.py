@@ -32,8 +32,10 @@ class Calibration(NamedTuple):
     spread: float
 
 
-CALIBRATION = Calibration(0.18, 8.95, -2.98)
-"""Of 26 blind fits of held-out chairs by ``normal``, five of them wrong."""
+CALIBRATION = Calibration(0.30, 6.69, -2.35)
+"""Of chairs and cars together: 184 blind fits by ``normal``, 120 of them of held-out objects, 12 of them wrong. Made of
+92 of these alone it told the five wrong ones of the other 92 apart with an AUROC of 0.97, as does the margin by itself.
+"""
 
 
 def confidence(margin: float, spread: float, by: Calibration = CALIBRATION) -> float:
