@@ -17,7 +17,7 @@ from core.codes import Codes, CodeSpace
 from core.hypotheses import Numbers, Pool, most_opened
 from core.model import Model
 from core.photos import Photo
-from core.starts import bank_of, likenesses, ranked
+from core.starts import EmptyBankError, bank_of, likenesses, ranked
 
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
@@ -67,12 +67,15 @@ def entrants(model: Model, photos: Sequence[Photo], given: Sequence[Camera], cou
 def _likely_shapes(
     model: Model, photos: Sequence[Photo], cameras: Sequence[Camera], count: int
 ) -> Float[Tensor, "count rank"]:
-    """The mean shape, and those of the bank that look most like pictures of known cameras."""
+    """The mean shape, and those of the bank, if it has any, that look most like pictures of known cameras."""
     space = model.codes.shape_space
     mean = torch.zeros(1, len(space.spread))
     if count == 1:
         return mean
-    bank = bank_of(model)
+    try:
+        bank = bank_of(model)
+    except EmptyBankError:  # where the camera is known, even a mist can be fitted
+        return mean
     shapes, likely = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
     for photo, camera in zip(photos, cameras, strict=True):
         likely += likenesses(bank, photo.pixels, photo.mask, camera.focal, camera.azimuth, camera.elevation)

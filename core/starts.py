@@ -57,6 +57,10 @@ class Bank:
     """the middle of the bounding box (x, y) less that of the picture, in focal lengths"""
 
 
+class EmptyBankError(ValueError):
+    """A model shows nothing that a bank could hold."""
+
+
 class Starts(NamedTuple):
     """Cameras to begin from, best first."""
 
@@ -230,7 +234,7 @@ def _making(model: Model) -> Generator[None, None, Bank]:
             views.append(_thrown(points, colours, azimuth, elevation, model.distance))
         yield None
     if not kept:
-        raise ValueError("the model shows no objects: all of its prototypes are empty")
+        raise EmptyBankError("the model shows no objects: all of its prototypes are empty")
     codes = Codes(torch.stack([one.shape for one in kept]), torch.stack([one.texture for one in kept]))
     masks, lights, sizes, offsets = (torch.stack(part) for part in zip(*views, strict=True))
     return Bank(codes, azimuth, elevation, masks, lights, sizes, offsets)

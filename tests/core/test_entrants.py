@@ -11,6 +11,7 @@ from core.model import Model
 from core.photos import Photo
 from core.render import render_exact
 from core.starts import bank_of
+from tests.conftest import random_model
 from tests.core.tiny import tiny_model
 
 
@@ -46,6 +47,16 @@ def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Cam
     few, all_there_are = (len(entrants(tiny, photos, given, count, lens=True).cost) for count in (3, 1000))
     assert few == 3
     assert all_there_are in (len(bank_of(tiny).codes.shape), len(bank_of(tiny).codes.shape) + 1)
+
+
+def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
+    mist = random_model()
+    mist.field.density_layer.bias.fill_(-1e4)
+    camera = mist.camera(0.3, 0.3)
+    photo = Photo(torch.zeros(32, 32, 3), torch.ones(32, 32, dtype=torch.bool), camera)
+    pool = entrants(mist, [photo], [camera], 6, lens=False)
+    assert len(pool) == 1
+    assert not pool.numbers.shape.any()
 
 
 def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model, given: list[Camera]):
