@@ -76,7 +76,8 @@ def swap_told(scores: Sequence[CellScore]) -> str:
     found = swap_summary(scores)
     rows = (
         ("held-out cells, codes of two objects", found.swapped, found.swapped_ssim, found.swapped_cells),
-        ("trained cells, their own codes", found.direct, found.direct_ssim, found.direct_cells),
+        ("the same, fitted to other views", found.direct, found.direct_ssim, found.swapped_cells),
+        ("trained cells, their own codes", found.trained, found.trained_ssim, found.trained_cells),
     )
     lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'cells':>9}"]
     lines += [f"{name:38}{_interval(a, 2):>22}{_interval(b, 3):>24}{count:>9}" for name, a, b, count in rows]
@@ -93,7 +94,13 @@ def swap_told(scores: Sequence[CellScore]) -> str:
 def write_swap_report(path: Path, scores: Sequence[CellScore], about: dict[str, str]) -> None:
     """The numbers as JSON, per cell too, and beside it, as PNG, true and drawn views of the cells, held-out first."""
     cells = [
-        {"name": score.cell.place.name, "trained": score.cell.trained, "psnr": score.psnr, "ssim": score.ssim}
+        {
+            "name": score.cell.place.name,
+            "trained": score.cell.trained,
+            "psnr": score.psnr,
+            "ssim": score.ssim,
+            "direct": score.direct,
+        }
         for score in scores
     ]
     write_json(path, about | {"summary": asdict(swap_summary(scores)), "cells": cells})

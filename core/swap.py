@@ -22,8 +22,8 @@ from core.render import Rendered, render_exact
 
 _VIEWS = 12
 """of a cell are drawn, spread over all"""
-_FITTED_VIEWS = 2
-"""of a cell, with their cameras, for the codes that are probed"""
+_FITTED_VIEWS = 6
+"""of a cell, others than the drawn ones where it has more, with their cameras"""
 _GROUND = 1e-3
 """A pixel that is less opaque than this shows the ground."""
 _EDIT_SAMPLES = 96
@@ -48,6 +48,8 @@ class CellScore:
     psnr: float
     """dB"""
     ssim: float
+    direct: tuple[float, float] | None
+    """PSNR in dB and SSIM of the same views, drawn with :attr:`fitted`"""
     opacity_change: float
     """0..1, the largest at any pixel when it wears another cell's texture"""
     ground_change: float
@@ -90,31 +92,40 @@ def swap(model: Model, cells: Sequence[Cell], seed: int = 0) -> Iterator[CellSco
 def _scored(model: Model, cell: Cell, other_texture: int, seed: int) -> CellScore:
     views, book = cell.place.read(), model.codes
     codes = Codes(book.shapes[cell.shape], book.textures[cell.texture])
-    scores = [compared(model, codes, views, index) for index in _spread(len(views.cameras), _VIEWS)]
-    psnr, ssim = (float(value) for value in np.mean(scores, axis=0))
+    every = range(len(views.cameras))
+    drawn = _spread(every, _VIEWS)
+    found = (
+        None if model.entangled else _fitted(model, views, [view for view in every if view not in drawn] or drawn, seed)
+    )
     edited = Codes(codes.shape, book.textures[other_texture])
     before, after = (_seen(model, worn, views) for worn in (codes, edited))
     ground = before.opacity < _GROUND
     change = (before.colour - after.colour).abs().amax(-1)[ground]
-    drawn = (drawn_view(model, codes, views.cameras[0]).numpy() * 255 + 0.5).astype(np.uint8)
+    picture = (drawn_view(model, codes, views.cameras[0]).numpy() * 255 + 0.5).astype(np.uint8)
     return CellScore(
         cell,
-        psnr,
-        ssim,
+        *_compared(model, codes, views, drawn),
+        found and _compared(model, found, views, drawn),
         float((before.opacity - after.opacity).abs().max()),
         float(change.max()) if len(change) else 0.0,
-        None if model.entangled else _fitted(model, views, seed),
-        np.hstack((views.images[0], drawn)),
+        found,
+        np.hstack((views.images[0], picture)),
     )
 
 
-def _fitted(model: Model, views: ObjectViews, seed: int) -> Codes:
-    photos = tuple(photo(views, index, True) for index in _spread(len(views.cameras), _FITTED_VIEWS))
+def _compared(model: Model, codes: Codes, views: ObjectViews, drawn: Sequence[int]) -> tuple[float, float]:
+    psnr, ssim = np.mean([compared(model, codes, views, index) for index in drawn], axis=0)
+    return float(psnr), float(ssim)
+
+
+def _fitted(model: Model, views: ObjectViews, among: Sequence[int], seed: int) -> Codes:
+    photos = tuple(photo(views, index, True) for index in _spread(among, _FITTED_VIEWS))
     return fitted(model, FitJob(photos, seed=seed))[1].codes
 
 
-def _spread(count: int, most: int) -> list[int]:
-    return sorted({index * count // min(most, count) for index in range(min(most, count))})
+def _spread(views: Sequence[int], most: int) -> list[int]:
+    count = min(most, len(views))
+    return [views[index * len(views) // count] for index in range(count)]
 
 
 def _seen(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
@@ -169,9 +180,12 @@ class SwapSummary:
     swapped_ssim: Mean
     swapped_cells: int
     direct: Mean
-    """of trained cells; flattered where their views were trained on"""
+    """of the same cells and views, with codes fitted to other pictures of each cell; NaN for entangled designs"""
     direct_ssim: Mean
-    direct_cells: int
+    trained: Mean
+    """of trained cells; flattered where their views were trained on"""
+    trained_ssim: Mean
+    trained_cells: int
     opacity_change: float
     ground_change: float
     probes: dict[str, Probe | None]
@@ -181,10 +195,14 @@ class SwapSummary:
 def swap_summary(scores: Sequence[CellScore]) -> SwapSummary:
     """Means, the largest changes, and the four probes on the fitted codes."""
     held, own = ([score for score in scores if score.cell.trained == trained] for trained in (False, True))
-    means = [mean_of([getattr(score, name) for score in part]) for part in (held, own) for name in ("psnr", "ssim")]
+    swapped, trained = (
+        [mean_of([getattr(one, name) for one in part]) for name in ("psnr", "ssim")] for part in (held, own)
+    )
+    fits = [score.direct for score in held if score.direct]
+    direct = [mean_of([fit[index] for fit in fits]) for index in range(2)]
     probes = _probes(scores)
     opacity, ground = (max(getattr(score, name) for score in scores) for name in ("opacity_change", "ground_change"))
-    return SwapSummary(means[0], means[1], len(held), means[2], means[3], len(own), opacity, ground, probes)
+    return SwapSummary(*swapped, len(held), *direct, *trained, len(own), opacity, ground, probes)
 
 
 def _probes(scores: Sequence[CellScore]) -> dict[str, Probe | None]:

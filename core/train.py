@@ -22,7 +22,7 @@ from core.field import Field, FieldConfig
 from core.hull import grid_centres, shared_extent, visual_hull
 from core.metrics import psnr
 from core.model import Model
-from core.precision import autocast, require_device
+from core.precision import autocast, linear_dtype, require_device
 from core.rays import Rays, cast
 from core.render import render_exact
 from core.sampling import jittered, points_at, uniform_edges
@@ -37,6 +37,10 @@ _SETTLED = 2000
 """Steps before which nothing is pruned: what the field has not found yet is not empty."""
 _BATCH = 512
 """Points are evaluated in multiples of this."""
+_DARK = 1e-3
+"""A sample that less of its ray's light reaches changes nothing that could be seen, so it is not trained on."""
+_CHUNK_POINTS = 8192
+"""Points looked through at a time: few enough that activations stay in cache."""
 _LEAST_SIDE = 8
 """A matrix of fewer rows or columns (density's, colour's) is left to AdamW."""
 _GENTLER = 0.05
@@ -335,10 +339,13 @@ class Trainer:
         depths = jittered(edges, self.generator)
         points = points_at(rays, depths)
         hit = self.bank.inside(points, owner[:, None]).flatten().nonzero()[:, 0]
+        of_objects = self._biases()
+        if not settings.everywhere and settings.field.design != "M1":  # whose density depends on the direction
+            hit = self._lit(hit, points, edges, owner, of_objects[0])
         asked = _padded(hit)
         ray = asked // settings.samples
         towards = self.field.direction_bias(rays.directions).index_select(0, ray)
-        biases = (bias.index_select(0, owner[ray]) for bias in self._biases())
+        biases = (bias.index_select(0, owner[ray]) for bias in of_objects)
         found, seen = self.field.radiance(points.flatten(0, 1)[asked], towards, *biases)
         density = depths.new_zeros(depths.numel()).index_copy(0, hit, found[: len(hit)]).view_as(depths)
         colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, seen[: len(hit)]).view_as(points)
@@ -350,6 +357,19 @@ class Trainer:
         prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
         loss = error + settings.silhouette * silhouette + settings.prior * prior
         return loss + settings.emptiness * self._stray_density() if settings.outside else loss, error
+
+    @torch.no_grad()
+    def _lit(self, hit: Tensor, points: Tensor, edges: Tensor, owner: Tensor, shape_bias: Tensor) -> Tensor:
+        """Those of the samples that light reaches: two of three lie behind a surface once there is one."""
+        density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(linear_dtype(self.device.type))
+        for part in hit.split(_CHUNK_POINTS):
+            asked = _padded(part)
+            bias = shape_bias.index_select(0, owner[asked // points.shape[1]])
+            found = self.field.density(points.flatten(0, 1).index_select(0, asked), bias)[0]
+            density[part] = found[: len(part)]
+        passed = (density.view(points.shape[:-1]) * edges.diff(dim=-1)).cumsum(-1)
+        dark = functional.pad(passed, (1, -1)) > -math.log(_DARK)
+        return hit[~dark.flatten()[hit]]
 
     def _biases(self) -> tuple[Tensor, Tensor]:
         """The field's for the codes of every object."""

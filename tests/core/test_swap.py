@@ -60,9 +60,10 @@ def test_without_held_out_cells_it_says_so(tiny: Model, factorial):
 def test_swapped_codes_draw_the_true_cell_and_textures_move_nothing(tiny: Model, factorial, tmp_path: Path):
     scores = list(swap(tiny, table(tiny, factorial)))
     found = swap_summary(scores)
-    assert (found.swapped_cells, found.direct_cells) == (2, 4)
+    assert (found.swapped_cells, found.trained_cells) == (2, 4)
     assert found.swapped.mean > 35
-    assert found.direct.mean > 35
+    assert found.trained.mean > 35
+    assert found.direct.mean > 25  # of short fits
     assert found.opacity_change == 0
     assert found.ground_change < 1e-3  # all the light that the object gives to what counts as ground
     text = swap_told(scores)
