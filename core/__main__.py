@@ -43,6 +43,7 @@ def parser() -> argparse.ArgumentParser:
     _add_fit(commands)
     _add_dataset(commands)
     _add_train(commands)
+    _add_glance(commands)
     _add_convert(commands)
     _add_evaluate(commands)
     _add_bench(commands)
@@ -193,6 +194,16 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "--latent", type=_count, nargs=2, metavar=("SHAPE", "TEXTURE"), help="numbers of a code (default: ours: 64 64)"
     )
     _add_device(command)
+    command.add_argument("--seed", type=int, default=0)
+
+
+def _add_glance(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands, "glance", "making.glance", "teach a model where pictures are taken from, as train does in the end"
+    )
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    _add_model(command)
+    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--seed", type=int, default=0)
 
 

@@ -14,9 +14,10 @@ from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes, CodeSpace
-from core.hypotheses import Numbers, Pool, most_opened
+from core.hypotheses import Numbers, Pool, cameras, joined, most_opened, spread_out, within_bounds
 from core.model import Model
 from core.photos import Photo
+from core.plan import ANEW, AROUND
 from core.starts import EmptyBankError, bank_of, likenesses, ranked
 
 _LIKENESS = 0.6
@@ -106,6 +107,25 @@ def gone_on(
     away = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
     shape, texture = (space.coordinates(code) for space, code in zip(spaces, (codes.shape, codes.texture), strict=True))
     return Pool.of(Numbers(angles, away, zoom, shift[None], shape[None], texture[None]))
+
+
+def renewed(model: Model, photos: Sequence[Photo], given: Sequence[Camera], pool: Pool) -> Pool:
+    """Hypotheses at and around the cameras of a pool's best basins (:data:`core.plan.AROUND`), with codes that know
+    nothing of what those have learnt: the mean ones, and shapes towards what looks most like the pictures from there.
+    """
+    unknown = torch.tensor([photo.camera is None for photo in photos])
+    parts = []
+    for index, around in zip(spread_out(pool, unknown).tolist(), AROUND, strict=False):
+        at = cameras(model, pool.numbers, index, given)
+        shapes = _LIKENESS * _likely_shapes(model, photos, at, ANEW)
+        one = pool[torch.tensor([index]).repeat(len(around) * len(shapes))]
+        moves = torch.tensor(around).deg2rad().repeat_interleave(len(shapes), 0)[:, None] * unknown[:, None]
+        texture = torch.zeros_like(one.numbers.texture)
+        numbers = one.numbers._replace(
+            angles=one.numbers.angles + moves, shape=shapes.repeat(len(around), 1), texture=texture
+        )
+        parts.append(replace(one, numbers=within_bounds(numbers), opened=(0, 0)))
+    return joined(*parts)
 
 
 def combined(finalists: Sequence[tuple[list[int], Pool]], views: int, count: int) -> Pool:

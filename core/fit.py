@@ -20,7 +20,8 @@ from core import paper
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import confidence
-from core.entrants import combined, entrants, gone_on
+from core.entrants import combined, entrants, gone_on, renewed
+from core.glance import glanced, surprise
 from core.hypotheses import (
     FRAMED_SPREAD,
     STRAY_SPREADS,
@@ -165,6 +166,8 @@ _PATIENCE = 3
 that the next one is shorter.)"""
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
+_TRUST = 0.15
+"""What a glance's surprise at a camera counts against the logarithm of its objective: as one error in sixty."""
 _NEWS = 0.4
 """What a step's cost counts in the running mean by which hypotheses are cut."""
 
@@ -206,6 +209,8 @@ class _Race:
     """the rays that hypotheses are measured on"""
     held: tuple[Drawn, Drawn]
     """the rays that code directions are tried on, and those that say what came of it"""
+    glances: tuple[Float[Tensor, "directions"] | None, ...]
+    """how probable every direction is at a glance, where a camera is unknown and the model can tell"""
     begin: Hypothesis | None = None
     """where a single hypothesis goes on from"""
 
@@ -218,18 +223,26 @@ class _Race:
         unknown = torch.tensor([photo.camera is None for photo in job.photos])
         stages = plan(job.settings, bool(unknown.any()))
         if job.begin:  # there is nothing to race for, and what was found must not be lost to the early stages
-            stages = (stages[-1]._replace(hypotheses=1, steps=sum(stage.steps for stage in stages)),)
+            stages = (stages[-1]._replace(hypotheses=1, steps=job.settings.steps),)
         measure, *held = (draw(targets, count, generator) for count in (_MEASURED_RAYS, _HELD_RAYS, _HELD_RAYS))
         rays = measure, (held[0], held[1])
-        return cls(model, job.settings, job.photos, targets, given, unknown, stages, generator, *rays, job.begin)
+        glances = tuple(None if job.settings.paper else _glanced(model, photo) for photo in job.photos)
+        setting = model, job.settings, job.photos, targets, given, unknown, stages, generator
+        return cls(*setting, *rays, glances, job.begin)
 
     @property
     def steps(self) -> int:
         """How many there will be."""
         return sum(stage.steps for stage in self.plan)
 
+    @property
+    def heats(self) -> tuple[tuple[Stage, ...], ...]:
+        """The plan, where a camera is searched for in two parts."""
+        second = [index for index, stage in enumerate(self.plan) if stage.anew]
+        return (self.plan[: second[0]], self.plan[second[0] :]) if second else (self.plan,)
+
     def parts(self, job: FitJob) -> list[_Part]:
-        """Where several cameras are unknown: a race for each, which ends where its last few hypotheses remain."""
+        """Where several cameras are unknown: a first heat for each."""
         unknown = [view for view, photo in enumerate(job.photos) if photo.camera is None]
         if len(unknown) < 2 or self.settings.paper or self.begin:
             return []
@@ -238,7 +251,7 @@ class _Race:
         for view in unknown:
             views = [*known, view]
             race = _Race.of(self.model, replace(job, photos=tuple(job.photos[view] for view in views)))
-            parts.append(_Part(views, replace(race, plan=race.plan[:-3])))
+            parts.append(_Part(views, replace(race, plan=race.heats[0])))
         return parts
 
     @property
@@ -268,11 +281,15 @@ class _Race:
             pool, _ = self._opened(pool, self.plan[0])
             yield from map(_Standing, self._descended_as_in_the_paper(pool))
             return
-        *racing, last = self.plan
-        left = pool
-        for left in self.descended(pool, racing):
+        *before, (*racing, last) = self.heats
+        began = pool
+        for stages in before:
+            for began in self.descended(pool, stages):
+                yield _Standing(began)
+        left = entered = renewed(self.model, self.photos, self.given, began) if before else began
+        for left in self.descended(entered, racing):
             yield _Standing(left)
-        ended = self._ended(left, pool)
+        ended = self._ended(left, began)
         raced = ended.rival if ended.margin < _CLOSE and not self.begin else None  # who goes on with one means that one
         after = finalists = joined(ended.pool, raced) if raced else ended.pool
         costs = list[float]()
@@ -294,6 +311,7 @@ class _Race:
             pool, stage = self._opened(self.cut(pool, stage), stage)
             for step in range(stage.steps):
                 after = stride(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
+                after = self._weighed(after)
                 smooth = torch.lerp(pool.cost, after.cost, _NEWS if step else 1.0).nan_to_num(math.inf, math.inf)
                 pool = replace(after, cost=smooth)
                 yield pool
@@ -383,7 +401,16 @@ class _Race:
         """The hypotheses with what they cost on the rays kept for measuring."""
         with torch.no_grad():
             found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.by)
-        return replace(pool, cost=found.objective.nan_to_num(math.inf, math.inf), squared=found.squared)
+        cost = found.objective.nan_to_num(math.inf, math.inf)
+        return self._weighed(replace(pool, cost=cost, squared=found.squared))
+
+    def _weighed(self, pool: Pool) -> Pool:
+        """With costs that are the higher, the more cameras would surprise who has only glanced at the pictures."""
+        odds = torch.zeros(len(pool))
+        for probability, angles in zip(self.glances, pool.numbers.angles.unbind(1), strict=True):
+            if probability is not None:
+                odds += surprise(probability, *angles.unbind(-1))
+        return replace(pool, cost=pool.cost * (_TRUST * odds).exp())
 
     def reported(self, standing: _Standing, step: int, steps: int, began: float) -> FitStep:
         """The leader, as the stream shows it."""
@@ -433,6 +460,10 @@ class _Race:
         framed = torch.tensor([photo.framed for photo in self.photos])
         turned, moved = self.unknown[:, None].expand(-1, 3), (self.unknown & framed)[:, None].expand(-1, 2)
         return torch.cat((turned, (self.unknown & self.settings.lens)[:, None], moved), 1)
+
+
+def _glanced(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:
+    return None if model.glance is None or photo.camera else glanced(model.glance, photo.pixels, photo.mask)
 
 
 def _nominal(photo: Photo, model: Model) -> Camera:

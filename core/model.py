@@ -15,6 +15,7 @@ from core.camera import Camera
 from core.codes import CodeBook, Entry
 from core.entangled import field_of
 from core.field import Field, FieldConfig
+from core.glance import Glance
 
 FORMAT = "codenerf-1"
 
@@ -36,9 +37,13 @@ class Model:
     """scene units, from which the training pictures were taken"""
     painted_ground: bool = False
     """The network itself paints the white ground (the authors' checkpoints): light never passes the last sample."""
+    glance: Glance | None = None
+    """tells from where a picture is probably taken; on the processor"""
 
     def __post_init__(self) -> None:
         self.field.requires_grad_(False).eval()
+        if self.glance:
+            self.glance.requires_grad_(False).eval()
 
     @property
     def device(self) -> torch.device:
@@ -62,9 +67,9 @@ class Model:
 
     @cached_property
     def fingerprint(self) -> str:
-        """A hash of weights and codes, by which a scene recognises its model."""
+        """A hash of the field's weights and the codes, by which a scene recognises its model."""
         digest = hashlib.sha256()
-        for name, tensor in sorted(_tensors(self).items()):
+        for name, tensor in sorted(_drawing(self).items()):
             digest.update(name.encode())
             digest.update(tensor.numpy().tobytes())
         return digest.hexdigest()[:16]
@@ -113,16 +118,26 @@ class Model:
     def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
         field = field_of(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
+        glance = Glance() if any(name.startswith("glance.") for name in tensors) else None
+        if glance:
+            names = [name for name in tensors if name.startswith("glance.")]
+            glance.load_state_dict({name.removeprefix("glance."): tensors.pop(name).float() for name in names})
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about["objects"])
         codes = CodeBook(shapes, textures, objects, frozenset(about.get("broken", ())))
         about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "painted_ground")} | {
             "extent": tuple(about["extent"])
         }
-        return cls(field, codes, **about)
+        return cls(field, codes, **about, glance=glance)
 
 
 def _tensors(model: Model) -> dict[str, Tensor]:
+    """All that is saved: what draws in single precision, what only guesses in half."""
+    guessing = model.glance.state_dict() if model.glance else {}
+    return _drawing(model) | {f"glance.{name}": tensor.half() for name, tensor in guessing.items()}
+
+
+def _drawing(model: Model) -> dict[str, Tensor]:
     tensors = {f"field.{name}": tensor for name, tensor in model.field.state_dict().items()}
     tensors |= {"codes.shapes": model.codes.shapes, "codes.textures": model.codes.textures}
     return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}

@@ -12,13 +12,14 @@ class FitSettings:
     starts: int = 28
     """cameras to begin from, for every picture whose camera is unknown; where all are known, at most so many shapes"""
     steps: int = 44
+    """of the last heat; where a camera is unknown, a first one of three fifths as many goes before it"""
     rays: int = 1024
     """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
     samples: int = 64
     """along a ray"""
     prior: float = 1e-5
-    """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2): in the
-    last stage; before, it weighs more where cameras are unknown"""
+    """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2); in the
+    first heat it weighs more"""
     sparing: bool = True
     """open further code directions only where they pay on rays that are not fitted, and stop where steps do not"""
     lens: bool = False
@@ -60,37 +61,54 @@ class Stage(NamedTuple):
     """while a camera is far off, codes must not explain what only the right camera can"""
     forgiving: float
     """as in :class:`core.hypotheses.Objective`: while a camera is far off, it is what is most wrong that leads on"""
+    anew: bool = False
+    """a second heat begins, with codes that have learnt nothing yet"""
 
 
+AROUND = (((0.0, 0.0), (1.5, 0.0), (-1.5, 0.0), (0.0, 1.5), (0.0, -1.5)), ((0.0, 0.0),))
+"""degrees by which azimuths and elevations are moved for the second heat: of the best basin's cameras, of the next
+one's"""
+ANEW = 2
+"""shapes that every one of these comes with"""
+RENEWED = ANEW * sum(map(len, AROUND))
 _SHAPES = 6
 """hypotheses where every camera is known: shapes to begin from, as far as there are so many starts"""
-_MOST = (math.inf, math.inf, 8, 5, 2, 1)
-"""hypotheses in each stage; the second has half of the first's"""
+_FIRST, _SECOND = (math.inf, math.inf, 8, 5), (math.inf, math.inf, 4, 3, 2, 1)
+"""hypotheses in each stage of a heat; the second has half of the first's"""
 _STEPS = (6, 6, 6, 6, 4, 12)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
 _SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
 _RANKS = (8, 16, 32, 64, 10_000, 10_000)
-_PRIORS = (50, 30, 10, 3, 1, 1)
+_PRIORS = (50, 30, 10, 3)
+"""in the first heat, whose codes explain what only the right camera can if they are let"""
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 
 
 def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
-    """The race: half of the starts after the first stage, then the best of eight basins (and lenses, where these
-    are searched for), of five, of two; the last stage is the winner's alone.
+    """The race. In the second heat half of the hypotheses go on after the first stage, then the best of four basins
+    (and lenses, where these are searched for), of three, of two; the last stage is the winner's alone.
 
-    Where every camera is known (not ``blind``), a few shapes run the same race, and no code has to be held back. The
-    paper has just one hypothesis.
+    Where a camera is unknown (``blind``), a first heat of many starts finds out about where it stands. Its codes are
+    given up: what they have learnt under a wrong camera they do not forget. The paper has just one hypothesis.
     """
     if settings.paper:
         return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior, math.inf),)
+    if not blind:
+        return _heat(settings, min(settings.starts, _SHAPES), _SECOND, ())
     starts = settings.starts * 3 // 2 if settings.lens else settings.starts
-    count, stages, done = starts if blind else min(starts, _SHAPES), list[Stage](), 0
-    for index, most in enumerate(_MOST):
-        count = int(min(count if index != 1 else -(-count // 2), most))
+    begin, *rest = _heat(settings, min(settings.starts, RENEWED), _SECOND, ())
+    return (*_heat(settings, starts, _FIRST, _PRIORS), begin._replace(anew=True), *rest)
+
+
+def _heat(settings: FitSettings, count: int, most: tuple[float, ...], firmer: tuple[float, ...]) -> tuple[Stage, ...]:
+    """As many stages as ``most`` has; ``firmer`` multiplies their prior, where it is given."""
+    stages, done = list[Stage](), 0
+    for index, limit in enumerate(most):
+        count = int(min(count if index != 1 else -(-count // 2), limit))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))
         steps, rays = max(1, until - done), max(32, round(settings.rays * _RAYS[index]))
-        samples, firmer = max(2, round(settings.samples * _SAMPLES[index])), _PRIORS[index] if blind else 1
+        samples, prior = max(2, round(settings.samples * _SAMPLES[index])), firmer[index] if firmer else 1
         ranks, forgiving = (_RANKS[index],) * 2, _FORGIVING[index]
-        stages.append(Stage(count, steps, min(settings.rays, rays), samples, ranks, firmer * settings.prior, forgiving))
+        stages.append(Stage(count, steps, min(settings.rays, rays), samples, ranks, prior * settings.prior, forgiving))
         done += steps
     return tuple(stages)

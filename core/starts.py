@@ -18,13 +18,11 @@ from torch.nn import functional
 
 from core.camera import rotation
 from core.codes import Codes
+from core.glance import AZIMUTHS, directions, glanced
 from core.model import Model
 from core.precision import autocast
 
 PROTOTYPES = 60
-AZIMUTHS = 24
-ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
-"""degrees. Near the pole the azimuth is the roll of the picture, so every elevation has all azimuths."""
 SIDE = 24
 """px, of a view in the bank"""
 _CELLS = 48
@@ -33,6 +31,8 @@ _SIZE_SHARE, _PLACE_SHARE = 0.3, 1.0
 """of a difference in size (logarithm) and in place (object sizes), against the overlap"""
 _ALIKE = 20
 """views of the bank that are asked where an object should lie"""
+_GLANCE_SHARE = 0.06
+"""of the logarithm of a direction's probability at a glance, against the overlap"""
 _HINT = 0.05
 """of a block's optical depth over a cell: more may be the fringe of something"""
 _LIGHT_SHARE = 0.1
@@ -128,6 +128,8 @@ def ranked(
         apart = (bank.offsets - middle).norm(dim=-1)
         scores = scores - _SIZE_SHARE * (bank.sizes / size).log().abs() - _PLACE_SHARE * apart / size
     best, prototype = scores.max(0)
+    if model.glance:
+        best = best + _GLANCE_SHARE * glanced(model.glance, pixels, mask).clamp_min(1e-6).log()
     chosen = _spread(bank, best, count)
     alike = prototype[chosen], chosen
     distance = model.distance * bank.sizes[alike] / size
@@ -222,10 +224,7 @@ def _spread_out(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
 
 
 def _making(model: Model) -> Generator[None, None, Bank]:
-    elevation, azimuth = torch.meshgrid(
-        torch.tensor(ELEVATIONS).deg2rad(), torch.arange(AZIMUTHS) * (2 * math.pi / AZIMUTHS), indexing="ij"
-    )
-    azimuth, elevation = azimuth.flatten(), elevation.flatten()
+    azimuth, elevation = directions()
     kept, views = [], []
     for codes in _prototypes(model):
         points, colours = (part.cpu() for part in surface(model, codes))

@@ -2,8 +2,10 @@
 
 import argparse
 import json
+import math
 from dataclasses import replace
 
+import torch
 from tqdm import tqdm
 
 from core.authors import load_authors
@@ -13,14 +15,20 @@ from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural, swap_plan
 from core.data.variants import cells
 from core.data.views import SPIRAL_VIEWS
-from core.dataset import read_dataset
+from core.dataset import Dataset, read_dataset
 from core.field import FieldConfig
+from core.glance import Glance
+from core.glimpses import glimpses, share_recognised, taught
 from core.library import load_model
 from core.model import Model
 from core.train import RECIPES, Trainer, held_out_psnr, hold_out
 
 _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
+_GLANCE_STEPS = 8000
+_ASKED = 20
+"""One of so many objects is kept to measure a glance by."""
+_RECOGNISED = math.radians(15)
 _VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
 
 
@@ -76,6 +84,32 @@ def train(chosen: argparse.Namespace) -> None:
                 tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
                 points.append({"step": step.step, "seconds": step.seconds, "psnr": found})
                 write_training({chosen.out.stem: points}, curve)
+    if chosen.recipe == "ours":
+        _taught(trainer.model(), training, chosen.seed).save(chosen.out)
+
+
+def glance(chosen: argparse.Namespace) -> None:
+    """``glance``: teach a trained model to tell at a glance from where a picture is taken, as ``train`` does last."""
+    require_folder(chosen.out)
+    model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
+    if model.category not in ("", dataset.category):
+        raise ValueError(f"the dataset shows {dataset.category}, and the model knows {model.category}")
+    _taught(model, dataset, chosen.seed).save(chosen.out)
+
+
+def _taught(model: Model, dataset: Dataset, seed: int) -> Model:
+    """The model with a glance; some objects are only looked at to say how well it recognises."""
+    asked = dataset.objects[::_ASKED]
+    shown = [views for index, views in enumerate(dataset.objects) if index % _ASKED] or asked
+    seen = glimpses(replace(dataset, objects=tuple(shown)))
+    torch.manual_seed(seed)
+    pupil = Glance()
+    with tqdm(total=_GLANCE_STEPS, desc="glance", unit="step", disable=None) as bar:
+        for _ in taught(pupil, seen, _GLANCE_STEPS, seed):
+            bar.update()
+    share = 100 * share_recognised(pupil, glimpses(replace(dataset, objects=asked)), _RECOGNISED)
+    tqdm.write(f"of objects not looked at, {share:.0f} % of views are told to {math.degrees(_RECOGNISED):.0f} degrees")
+    return replace(model, glance=pupil)
 
 
 def _field(chosen: argparse.Namespace, usual: FieldConfig, begin: Model | None) -> FieldConfig:

@@ -1,16 +1,23 @@
 import pytest
 
-from core.plan import PRESETS, FitSettings, plan
+from core.plan import PRESETS, RENEWED, FitSettings, plan
 
 
-def test_the_race_is_halved_and_ends_with_the_winner():
-    stages = plan(PRESETS["normal"], blind=True)
-    counts = [stage.hypotheses for stage in stages]
-    assert counts == sorted(counts, reverse=True)
-    assert (counts[0], counts[-1]) == (28, 1)
-    assert sum(stage.steps for stage in stages) == PRESETS["normal"].steps
-    assert stages[-1].prior == PRESETS["normal"].prior
-    assert [stage.prior for stage in stages] == sorted((stage.prior for stage in stages), reverse=True)
+def test_the_race_is_halved_twice_and_ends_with_the_winner():
+    settings = PRESETS["normal"]
+    stages = plan(settings, blind=True)
+    (second,) = [index for index, stage in enumerate(stages) if stage.anew]
+    for heat in (stages[:second], stages[second:]):
+        counts = [stage.hypotheses for stage in heat]
+        assert counts == sorted(counts, reverse=True)
+    assert (stages[0].hypotheses, stages[second].hypotheses, stages[-1].hypotheses) == (28, RENEWED, 1)
+    assert sum(stage.steps for stage in stages[second:]) == settings.steps
+    assert sum(stage.steps for stage in stages[:second]) == round(0.6 * settings.steps)
+    assert {stage.prior for stage in stages[second:]} == {settings.prior}
+
+
+def test_with_known_cameras_there_is_one_heat():
+    assert not any(stage.anew for stage in plan(PRESETS["normal"], blind=False))
 
 
 @pytest.mark.parametrize("starts", [1, 2, 3, 7, 100])
