@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from core import entrants, fit, folded, hypotheses, newton, plan, precision, slopes
+from core import entrants, fit, folded, hypotheses, newton, plan, precision, slopes, starts
 from core.bench.ablation import Change, changed
 from core.bench.fitting import Summary, summary, trial
 from core.bench.rendering import machine
@@ -75,6 +75,14 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "without the bank: starts anywhere": (
         _USUAL,
         (Change(entrants, "ranked", _anywhere), Change(entrants, "_LIKENESS", 0.0)),
+    ),
+    "without a glance at the picture": (
+        _USUAL,
+        (Change(fit, "_glanced", lambda model, photo: None), Change(starts, "_GLANCE_SHARE", 0.0)),
+    ),
+    "without beginning anew: codes go on": (
+        _USUAL,
+        (Change(fit, "renewed", lambda model, photos, given, pool: pool),),
     ),
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, entrants)),

@@ -5,10 +5,11 @@ import pytest
 import torch
 
 from core.camera import Camera
-from core.entrants import combined, entrants, gone_on
+from core.entrants import combined, entrants, gone_on, renewed
 from core.hypotheses import Objective, Pool, cameras, codes
 from core.model import Model
 from core.photos import Photo
+from core.plan import AROUND, RENEWED
 from core.render import render_exact
 from core.starts import bank_of
 from tests.conftest import random_model
@@ -40,6 +41,30 @@ def test_known_cameras_come_with_the_mean_shape_and_several_others(tiny: Model, 
     assert len(pool) == len(pool.numbers.shape.unique(dim=0)) > 2
     assert not pool.numbers.shape[0].any()
     assert not pool.numbers.texture.any()
+
+
+def test_a_second_heat_keeps_cameras_and_forgets_codes(tiny: Model, given: list[Camera]):
+    photos = photos_of(tiny, given[:1], (False,))
+    first = entrants(tiny, photos, given[:1], 8, lens=False)
+    moved = first.numbers._replace(shape=first.numbers.shape + 3, texture=first.numbers.texture + 3)
+    pool = replace(first, numbers=moved, cost=torch.arange(8.0), opened=(2, 2))
+    again = renewed(tiny, photos, given[:1], pool)
+    assert len(again) == RENEWED
+    assert again.opened == (0, 0)
+    assert float(again.numbers.shape.abs().max()) < 3
+    assert not again.numbers.texture.any()
+    around = (again.numbers.angles - pool.numbers.angles[again.start]).rad2deg()[:, 0]
+    assert {tuple(move) for move in around.round(decimals=3).tolist()} == {move for part in AROUND for move in part}
+    assert again.start[0] == 0
+    assert len(again.start.unique()) == len(AROUND)
+
+
+def test_known_cameras_stay_in_a_second_heat(tiny: Model, given: list[Camera]):
+    photos = photos_of(tiny, given, (True, False))
+    pool = entrants(tiny, photos, given, 8, lens=False)
+    angles = renewed(tiny, photos, given, pool).numbers.angles
+    assert torch.equal(angles[:, 0], pool.numbers.angles[:1, 0].expand(len(angles), 2))
+    assert len(angles[:, 1].unique(dim=0)) > 2
 
 
 def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Camera]):
