@@ -275,7 +275,8 @@ class _Race:
     def run(self, pool: Pool) -> Iterator[_Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
 
-        The last stage is the winner's alone, but where its rival is close behind: then both go on to the end.
+        The winner of a first heat stands beside the second until it is beaten. The last stage is the winner's alone,
+        but where its rival is close behind: then both go on to the end.
         """
         if self.settings.paper:
             pool, _ = self._opened(pool, self.plan[0])
@@ -287,8 +288,9 @@ class _Race:
             for began in self.descended(pool, stages):
                 yield _Standing(began)
         left = entered = renewed(self.model, self.photos, self.given, began) if before else began
+        winner = began[torch.tensor([began.leader])] if before else began[torch.tensor([], dtype=torch.long)]
         for left in self.descended(entered, racing):
-            yield _Standing(left)
+            yield _Standing(joined(left, winner))  # who stops early gets the best so far
         ended = self._ended(left, began)
         raced = ended.rival if ended.margin < _CLOSE and not self.begin else None  # who goes on with one means that one
         after = finalists = joined(ended.pool, raced) if raced else ended.pool

@@ -105,7 +105,7 @@ def _scored(model: Model, cell: Cell, other_texture: int, seed: int) -> CellScor
     return CellScore(
         cell,
         *_compared(model, codes, views, drawn),
-        found and _compared(model, found, views, drawn),
+        None if found is None else _compared(model, found, views, drawn),
         float((before.opacity - after.opacity).abs().max()),
         float(change.max()) if len(change) else 0.0,
         found,
@@ -195,14 +195,21 @@ class SwapSummary:
 def swap_summary(scores: Sequence[CellScore]) -> SwapSummary:
     """Means, the largest changes, and the four probes on the fitted codes."""
     held, own = ([score for score in scores if score.cell.trained == trained] for trained in (False, True))
-    swapped, trained = (
-        [mean_of([getattr(one, name) for one in part]) for name in ("psnr", "ssim")] for part in (held, own)
-    )
     fits = [score.direct for score in held if score.direct]
-    direct = [mean_of([fit[index] for fit in fits]) for index in range(2)]
-    probes = _probes(scores)
     opacity, ground = (max(getattr(score, name) for score in scores) for name in ("opacity_change", "ground_change"))
-    return SwapSummary(*swapped, len(held), *direct, *trained, len(own), opacity, ground, probes)
+    return SwapSummary(
+        swapped=mean_of([score.psnr for score in held]),
+        swapped_ssim=mean_of([score.ssim for score in held]),
+        swapped_cells=len(held),
+        direct=mean_of([psnr for psnr, _ in fits]),
+        direct_ssim=mean_of([ssim for _, ssim in fits]),
+        trained=mean_of([score.psnr for score in own]),
+        trained_ssim=mean_of([score.ssim for score in own]),
+        trained_cells=len(own),
+        opacity_change=opacity,
+        ground_change=ground,
+        probes=_probes(scores),
+    )
 
 
 def _probes(scores: Sequence[CellScore]) -> dict[str, Probe | None]:

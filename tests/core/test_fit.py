@@ -74,10 +74,10 @@ def test_a_second_heat_begins_anew_around_the_best_cameras(tiny: Model):
     heat = [stage.anew for stage in stages].index(True)
     first = sum(stage.steps for stage in stages[:heat])
     before, after = steps[first - 1], steps[first]
-    assert before.hypotheses < after.hypotheses == min(QUICK.starts, plan.RENEWED)
+    assert after.hypotheses == min(QUICK.starts, plan.RENEWED) + 1
     assert {one.start for one in after.race} <= {one.start for one in before.race}
-    assert len({one.cameras for one in after.race}) == after.hypotheses
-    assert all(step.loss < before.loss for step in steps[-1:])
+    assert after.loss <= before.loss  # the winner of the first heat waits until it is beaten
+    assert before.race[0].cameras in [one.cameras for one in after.race]
 
 
 def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, monkeypatch: pytest.MonkeyPatch):
