@@ -204,6 +204,7 @@ def _add_glance(commands: argparse._SubParsersAction) -> None:
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     _add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    command.add_argument("--steps", type=_count, default=8000)
     command.add_argument("--seed", type=int, default=0)
 
 

@@ -25,7 +25,8 @@ from core.train import RECIPES, Trainer, held_out_psnr, hold_out
 
 _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
-_GLANCE_STEPS = 8000
+_GLANCE_SHARE = 12
+"""One of so many steps of training is one of the glance's."""
 _ASKED = 20
 """One of so many objects is kept to measure a glance by."""
 _RECOGNISED = math.radians(15)
@@ -85,7 +86,8 @@ def train(chosen: argparse.Namespace) -> None:
                 points.append({"step": step.step, "seconds": step.seconds, "psnr": found})
                 write_training({chosen.out.stem: points}, curve)
     if chosen.recipe == "ours":
-        _taught(trainer.model(), training, chosen.seed).save(chosen.out)
+        steps = max(1, chosen.steps // _GLANCE_SHARE)
+        _taught(trainer.model(), training, steps, chosen.seed).save(chosen.out)
 
 
 def glance(chosen: argparse.Namespace) -> None:
@@ -94,18 +96,18 @@ def glance(chosen: argparse.Namespace) -> None:
     model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, and the model knows {model.category}")
-    _taught(model, dataset, chosen.seed).save(chosen.out)
+    _taught(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
 
 
-def _taught(model: Model, dataset: Dataset, seed: int) -> Model:
+def _taught(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
     """The model with a glance; some objects are only looked at to say how well it recognises."""
     asked = dataset.objects[::_ASKED]
     shown = [views for index, views in enumerate(dataset.objects) if index % _ASKED] or asked
     seen = glimpses(replace(dataset, objects=tuple(shown)))
     torch.manual_seed(seed)
     pupil = Glance()
-    with tqdm(total=_GLANCE_STEPS, desc="glance", unit="step", disable=None) as bar:
-        for _ in taught(pupil, seen, _GLANCE_STEPS, seed):
+    with tqdm(total=steps, desc="glance", unit="step", disable=None) as bar:
+        for _ in taught(pupil, seen, steps, seed):
             bar.update()
     share = 100 * share_recognised(pupil, glimpses(replace(dataset, objects=asked)), _RECOGNISED)
     tqdm.write(f"of objects not looked at, {share:.0f} % of views are told to {math.degrees(_RECOGNISED):.0f} degrees")

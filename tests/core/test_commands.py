@@ -184,6 +184,11 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     run("train", tmp_path / "d", "--from", out, "--steps", 2, "--out", tmp_path / "more.safetensors")
     assert load_model(str(tmp_path / "more.safetensors")).field.config == load_model(str(out)).field.config
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
+    run("glance", tmp_path / "d", "--model", out, "--steps", 1, "--out", tmp_path / "looks.safetensors")
+    looks, before = load_model(str(tmp_path / "looks.safetensors")), load_model(str(out))
+    assert looks.fingerprint == before.fingerprint
+    assert looks.glance is not None
+    assert before.glance is not None
     shutil.rmtree(tmp_path / "d")
 
 

@@ -6,6 +6,7 @@ import torch
 from safetensors.torch import save_file
 
 from core.codes import CodeBook
+from core.glance import SIDE, Glance
 from core.model import Model
 
 
@@ -24,6 +25,18 @@ def test_saving_and_loading_is_exact(model: Model, tmp_path):
     )
     assert again.codes.objects == model.codes.objects
     assert [entry.name for entry in tmp_path.iterdir()] == ["m.safetensors"]
+
+
+def test_a_glance_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
+    looking = replace(model, glance=Glance())
+    looking.save(tmp_path / "m.safetensors")
+    again = Model.load(tmp_path / "m.safetensors")
+    assert again.fingerprint == model.fingerprint
+    assert looking.glance is not None
+    assert again.glance is not None
+    seen = torch.rand(2, 4, SIDE, SIDE)
+    assert torch.allclose(again.glance(seen), looking.glance(seen), atol=1e-2)
+    assert model.glance is None
 
 
 def test_broken_objects_are_remembered(model: Model, tmp_path):
