@@ -2,9 +2,10 @@
 
 Many hypotheses are raced: each is a camera per picture and a pair of codes, all of them one batch of one network
 call. The codes enter as biases, so hypotheses cost what their points cost. They start from the bank of
-:mod:`core.starts`, descend by :mod:`core.newton`, are cut by successive halving (:mod:`core.plan`) with a look at what
-:mod:`core.glance` thinks of their cameras, and begin once more with fresh codes where they found the camera. The best of
-another basin, mostly the front/back twin of the leader, is kept to the end. ``PRESETS["paper"]`` is :mod:`core.paper`.
+:mod:`core.starts`, descend by :mod:`core.newton`, are cut by successive halving (:mod:`core.plan`), with a look at what
+:mod:`core.glance` thinks of their cameras, and begin once more with fresh codes where they found the camera. The best
+of another basin, mostly the front/back twin of the leader, is kept to the end. ``PRESETS["paper"]`` is
+:mod:`core.paper`.
 """
 
 import math
