@@ -129,7 +129,7 @@ def ranked(
         scores = scores - _SIZE_SHARE * (bank.sizes / size).log().abs() - _PLACE_SHARE * apart / size
     best, prototype = scores.max(0)
     if model.glance:
-        best = best + _GLANCE_SHARE * glanced(model.glance, pixels, mask).clamp_min(1e-6).log()
+        best = best + _GLANCE_SHARE * glanced(model.glance, pixels, mask).log()
     chosen = _spread(bank, best, count)
     alike = prototype[chosen], chosen
     distance = model.distance * bank.sizes[alike] / size

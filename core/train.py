@@ -360,7 +360,7 @@ class Trainer:
 
     @torch.no_grad()
     def _lit(self, hit: Tensor, points: Tensor, edges: Tensor, owner: Tensor, shape_bias: Tensor) -> Tensor:
-        """Those of the samples that light reaches: two of three lie behind a surface once there is one."""
+        """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
         density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(linear_dtype(self.device.type))
         for part in hit.split(_CHUNK_POINTS):
             asked = _padded(part)
