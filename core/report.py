@@ -80,7 +80,11 @@ def swap_told(scores: Sequence[CellScore]) -> str:
         ("trained cells, their own codes", found.trained, found.trained_ssim, found.trained_cells),
     )
     lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'cells':>9}"]
-    lines += [f"{name:38}{_interval(a, 2):>22}{_interval(b, 3):>24}{count:>9}" for name, a, b, count in rows]
+    lines += [
+        f"{name:38}{_interval(a, 2):>22}{_interval(b, 3):>24}{count:>9}"
+        for name, a, b, count in rows
+        if not math.isnan(a.mean)
+    ]
     lines.append(f"\nanother texture changes the silhouette by at most {found.opacity_change:.2g} of full opacity")
     lines.append(f"and the ground by at most {found.ground_change:.2g} of full colour")
     if found.probes:

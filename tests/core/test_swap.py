@@ -69,6 +69,10 @@ def test_swapped_codes_draw_the_true_cell_and_textures_move_nothing(tiny: Model,
     text = swap_told(scores)
     assert "at most 0 of full opacity" in text
     assert "texture from shape codes" in text
+    unfitted = swap_told([replace(score, direct=None, fitted=None) for score in scores])
+    assert "other views" in text
+    assert "other views" not in unfitted
+    assert "nan" not in unfitted
     write_swap_report(tmp_path / "s.json", scores, {"model": "m"})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s.json", "s.png"]
 
