@@ -27,6 +27,7 @@ from core.glance import glanced, surprise
 from core.hypotheses import (
     FRAMED_SPREAD,
     STRAY_SPREADS,
+    Numbers,
     Objective,
     Pool,
     cameras,
@@ -40,7 +41,7 @@ from core.hypotheses import (
 )
 from core.metrics import psnr_of
 from core.model import Model
-from core.newton import descent, spread, stride, tried
+from core.newton import spread, stride, tried
 from core.photos import Photo
 from core.plan import PRESETS, FitSettings, Stage, plan
 from core.targets import Drawn, Target, draw
@@ -162,10 +163,10 @@ _LEADING = 16
 """principal directions that are never asked whether they pay"""
 _PAYS = 0.002
 """Further ones must lower what held rays cost by this share, in the step that they are tried in."""
-_STILL = 0.003
-_PATIENCE = 3
-"""A fit stops where so many steps lower its objective by less than this share. (One alone may have been too long, so
-that the next one is shorter.)"""
+_BLOCK = 4
+"""Steps of the last stage whose mean is measured: one alone follows its own pixels."""
+_STILL = 0.01
+"""A fit stops where such a mean lowers what it costs by less than this share."""
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
 _TRUST = 0.15
@@ -295,23 +296,28 @@ class _Race:
             yield _Standing(joined(left, winner))  # who stops early gets the best so far
         ended = self._ended(left, began)
         raced = ended.rival if ended.margin < _CLOSE and not self.begin else None  # who goes on with one means that one
-        after = finalists = joined(ended.pool, raced) if raced else ended.pool
-        costs = list[float]()
-        for after in self._descent(finalists, last):
-            costs.append(max(float(after.cost.min()), _LEAST))
-            rests = len(costs) > _PATIENCE and costs[-1] > (1 - _STILL) * costs[-1 - _PATIENCE]
-            if len(costs) == last.steps or (self.settings.sparing and rests):
-                break
+        yield from self._finished(ended, joined(ended.pool, raced) if raced else ended.pool, last)
+
+    def _finished(self, ended: _Standing, finalists: Pool, stage: Stage) -> Iterator[_Standing]:
+        """The last stage, which ends where its steps rest; its result is the best that was measured."""
+        steps, stops = list[Pool](), [ended.pool]
+        for after in self.descended(finalists, (stage._replace(hypotheses=len(finalists)),)):
+            steps.append(after)
+            if len(steps) % _BLOCK == 0 or len(steps) == stage.steps:
+                stops.append(self.measured(_mean(steps[-_BLOCK:])))
+                least = [max(float(stop.cost.min()), _LEAST) for stop in stops]
+                rests = len(stops) > 2 and least[-1] > (1 - _STILL) * min(least[:-1])
+                if len(steps) == stage.steps or (self.settings.sparing and rests):
+                    break
             yield _Standing(after, ended.rival if len(after) == 1 else None)
-        settled = self._settled(ended, after)
-        yield settled._replace(spread=self._spread(settled.pool))
+        rest = joined(*stops)
+        best = rest[torch.tensor([rest.leader])]
+        settled = ended._replace(pool=best) if len(finalists) == 1 else self._against(best, rest)
+        yield settled._replace(spread=self._spread(best))
 
     def descended(self, pool: Pool, plan: Sequence[Stage]) -> Iterator[Pool]:
         """What is left of the hypotheses after every step of some stages."""
-        if not plan:
-            return
-        *stages, last = plan
-        for stage in stages:
+        for stage in plan:
             pool, stage = self._opened(self.cut(pool, stage), stage)
             for step in range(stage.steps):
                 after = stride(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
@@ -319,12 +325,6 @@ class _Race:
                 smooth = torch.lerp(pool.cost, after.cost, _NEWS if step else 1.0).nan_to_num(math.inf, math.inf)
                 pool = replace(after, cost=smooth)
                 yield pool
-        yield from self._descent(self.cut(pool, last), last)
-
-    def _descent(self, pool: Pool, stage: Stage) -> Iterator[Pool]:
-        """The hypotheses after every step of a stage that keeps to its pixels."""
-        pool, stage = self._opened(pool, stage)
-        return descent(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
 
     def _opened(self, pool: Pool, stage: Stage) -> tuple[Pool, Stage]:
         """Both with as many code directions as the stage has; a sparing fit opens further ones of shape, and of
@@ -372,12 +372,6 @@ class _Race:
             return _Standing(rest[torch.tensor([rest.leader])])
         rest = self.measured(joined(pool, before, twin_of(pool, leader, self.unknown)))
         return self._against(rest[torch.tensor([rest.leader])], rest)
-
-    def _settled(self, ended: _Standing, after: Pool) -> _Standing:
-        """Of what went on the best where it was or where it is now, as measured; and what stands against it."""
-        rest = self.measured(joined(ended.pool, after))
-        best = rest[torch.tensor([rest.leader])]
-        return ended._replace(pool=best) if len(after) == 1 else self._against(best, rest)
 
     def _spread(self, pool: Pool) -> float | None:
         """Of the one unknown camera, by rays that are not fitted; in degrees."""
@@ -464,6 +458,12 @@ class _Race:
         framed = torch.tensor([photo.framed for photo in self.photos])
         turned, moved = self.unknown[:, None].expand(-1, 3), (self.unknown & framed)[:, None].expand(-1, 2)
         return torch.cat((turned, (self.unknown & self.settings.lens)[:, None], moved), 1)
+
+
+def _mean(steps: Sequence[Pool]) -> Pool:
+    """Where hypotheses were on average over some steps."""
+    numbers = (torch.stack(parts).mean(0) for parts in zip(*(step.numbers for step in steps), strict=True))
+    return replace(steps[-1], numbers=Numbers(*numbers))
 
 
 def _glanced(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:

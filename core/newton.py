@@ -1,12 +1,13 @@
 """Damped Gauss-Newton (Levenberg and Marquardt) for many hypotheses at once.
 
 Eq. 5 is a sum of squares (of weighted ones, where it forgives), so the slopes of its residuals make a quadratic that
-is right near its minimum. Its minimum is the next guess; where that turns out worse, the guess is drawn nearer. Camera
-and codes move together, so that the valleys in which one makes up for the other are walked along and not across.
+is right near its minimum. Its minimum, damped, is the next guess, and other pixels say where to go from there: asked
+again and again, the same ones lead into holes that are theirs alone. Camera and codes move together, so that the
+valleys in which one makes up for the other are walked along and not across.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -41,10 +42,6 @@ _LONGEST = (0.35, 0.35, 0.15, 0.15, 0.05, 0.05)
 """A step moves none of them by more: beyond, the quadratic says nothing."""
 _LONGEST_CODE = 3.0
 """standard deviations"""
-_STRIDE_DAMPING = 0.3
-"""of the quadratic's own diagonal, where every step has pixels of its own"""
-_DAMPING = 0.03
-"""the same in the beginning of a descent"""
 _INDEPENDENT = 64
 """Errors of a picture's pixels that have nothing to do with each other: so many that right cameras are about as far off
 as their spread."""
@@ -69,8 +66,6 @@ def stride(
 ) -> Pool:
     """One step of every hypothesis towards what these pixels say; its cost and squared error are those before it.
 
-    Few pixels, but new ones for every step, lead further than the same few asked until they are content.
-
     Args:
         jitter: as for :func:`core.hypotheses.judged`.
         free: which numbers of which camera may move.
@@ -79,33 +74,9 @@ def stride(
     """
     around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
     ranks, movable = _movable(pool, stage, free)
-    step = _step(around, torch.full((len(pool),), _STRIDE_DAMPING), movable, free.numel())
-    return _valued(replace(pool, numbers=_moved(pool.numbers, step, ranks)), around)
-
-
-def descent(
-    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 6"]
-) -> Iterator[Pool]:
-    """The pool after every step of a stage, all on the same pixels: no hypothesis is ever worse on them than it was.
-
-    The arguments are those of :func:`stride`. Damping follows how much of what the quadratic promised came true.
-    """
-    around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
-    ranks, movable = _movable(pool, stage, free)
-    damping = torch.full((len(pool),), _DAMPING)
-    for _ in range(stage.steps):
-        step = _step(around, damping, movable, free.numel())
-        guess = _moved(pool.numbers, step, ranks)
-        found = quadratic(model, guess, drawn, jitter, stage, by)
-        promised = -(step * (2 * around.slope + (around.bend @ step[..., None])[..., 0])).sum(1)
-        kept = (around.objective - found.objective) / promised.clamp_min(1e-12)
-        better = found.objective < around.objective
-        change = torch.where(kept > 0.6, 1 / 3, torch.where(kept > 0.25, 1.0, 2.0))
-        damping = (damping * torch.where(better, change, 8.0)).clamp(1e-3, 1e3)
-        numbers = Numbers(*(_chosen(better, *pair) for pair in zip(guess, pool.numbers, strict=True)))
-        around = Quadratic(*(_chosen(better, *pair) for pair in zip(found, around, strict=True)))
-        pool = _valued(replace(pool, numbers=numbers), around)
-        yield pool
+    numbers = _moved(pool.numbers, _step(around, stage.damping, movable, free.numel()), ranks)
+    cost = around.objective.nan_to_num(math.inf, math.inf)
+    return replace(pool, numbers=numbers, cost=cost, squared=around.squared)
 
 
 def tried(
@@ -123,12 +94,12 @@ def tried(
     """
     around = quadratic(model, one.numbers, drawn, None, stage, by)
     (shapes, textures), movable = _movable(one, stage, free)
-    damping, moved = torch.full((1,), _DAMPING), []
+    moved = []
     for shape, texture in choices:
         few = movable.clone()
         few[free.numel() + shape : free.numel() + shapes] = False
         few[free.numel() + shapes + texture :] = False
-        moved.append(_moved(one.numbers, _step(around, damping, few, free.numel()), (shapes, textures)))
+        moved.append(_moved(one.numbers, _step(around, stage.damping, few, free.numel()), (shapes, textures)))
     return Numbers(*(torch.cat(parts) for parts in zip(*moved, strict=True)))
 
 
@@ -155,10 +126,6 @@ def _movable(
     """How many numbers of shape and texture a stage moves, and which of all the numbers of its quadratics."""
     ranks = min(stage.ranks[0], pool.numbers.shape.shape[1]), min(stage.ranks[1], pool.numbers.texture.shape[1])
     return ranks, torch.cat((free.flatten(), torch.ones(sum(ranks), dtype=torch.bool)))
-
-
-def _valued(pool: Pool, around: Quadratic) -> Pool:
-    return replace(pool, cost=around.objective.nan_to_num(math.inf, math.inf), squared=around.squared)
 
 
 def quadratic(
@@ -246,14 +213,14 @@ def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
     )
 
 
-def _step(around: Quadratic, damping: Tensor, movable: Bool[Tensor, "numbers"], cameras: int) -> Tensor:
+def _step(around: Quadratic, damping: float, movable: Bool[Tensor, "numbers"], cameras: int) -> Tensor:
     """To the minimum of the damped quadratic, but not beyond what it can know; nowhere where it is not finite.
 
     (hypotheses, numbers); the first ``cameras`` numbers are those of cameras.
     """
     still = torch.eye(len(movable))
     own = around.bend.diagonal(dim1=1, dim2=2)
-    bend = around.bend + torch.diag_embed(own * damping[:, None] + 1e-9)
+    bend = around.bend + torch.diag_embed(own * damping + 1e-9)
     bend = torch.where(movable[:, None] & movable, bend, still)
     slope = around.slope * movable
     sound = bend.flatten(1).isfinite().all(1) & slope.isfinite().all(1)
@@ -278,8 +245,3 @@ def _moved(numbers: Numbers, step: Tensor, ranks: tuple[int, int]) -> Numbers:
         numbers.texture + pad(texture, (0, numbers.texture.shape[1] - ranks[1])),
     )
     return within_bounds(moved)
-
-
-def _chosen(first: Bool[Tensor, "hypotheses"], one: Tensor, other: Tensor) -> Tensor:
-    """Of every hypothesis the one or the other."""
-    return torch.where(first.reshape(-1, *[1] * (one.ndim - 1)), one, other)

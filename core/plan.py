@@ -11,8 +11,8 @@ class FitSettings:
 
     starts: int = 28
     """cameras to begin from, for every picture whose camera is unknown; where all are known, at most so many shapes"""
-    steps: int = 44
-    """of the last heat; where a camera is unknown, a first one of three fifths as many goes before it"""
+    steps: int = 56
+    """of the last heat, at most; where a camera is unknown, a first one of half as many goes before it"""
     rays: int = 1024
     """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
     samples: int = 64
@@ -37,9 +37,9 @@ class FitSettings:
 
 
 PRESETS = {
-    "draft": FitSettings(starts=12, steps=20, rays=512),
+    "draft": FitSettings(starts=12, steps=26, rays=512),
     "normal": FitSettings(),
-    "fine": FitSettings(starts=40, steps=64, rays=1536),
+    "fine": FitSettings(starts=40, steps=84, rays=1536),
     # Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the
     # same slopes on average.
     "paper": FitSettings(starts=1, steps=299, rays=512, samples=64, prior=1e-4, paper=True),
@@ -61,6 +61,8 @@ class Stage(NamedTuple):
     """while a camera is far off, codes must not explain what only the right camera can"""
     forgiving: float
     """as in :class:`core.hypotheses.Objective`: while a camera is far off, it is what is most wrong that leads on"""
+    damping: float
+    """of steps, against the quadratic's own diagonal"""
     anew: bool = False
     """a second heat begins, with codes that have learnt nothing yet"""
 
@@ -75,13 +77,14 @@ _SHAPES = 6
 """hypotheses where every camera is known: shapes to begin from, as far as there are so many starts"""
 _FIRST, _SECOND = (math.inf, math.inf, 8, 5), (math.inf, math.inf, 4, 3, 2, 1)
 """hypotheses in each stage of a heat; the second has half of the first's"""
-_STEPS = (6, 6, 6, 6, 4, 12)
+_STEPS = (6, 6, 6, 6, 4, 24)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
 _SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
 _RANKS = (8, 16, 32, 64, 10_000, 10_000)
 _PRIORS = (50, 30, 10, 3)
 """in the first heat, whose codes explain what only the right camera can if they are let"""
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
+_DAMPING = (0.3, 0.3, 0.3, 0.3, 0.3, 0.1)
 
 
 def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
@@ -92,7 +95,8 @@ def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
     given up: what they have learnt under a wrong camera they do not forget. The paper has just one hypothesis.
     """
     if settings.paper:
-        return (Stage(1, settings.steps, settings.rays, settings.samples, (_RANKS[-1],) * 2, settings.prior, math.inf),)
+        ranks = (_RANKS[-1],) * 2
+        return (Stage(1, settings.steps, settings.rays, settings.samples, ranks, settings.prior, math.inf, 0.0),)
     if not blind:
         return _heat(settings, min(settings.starts, _SHAPES), _SECOND, ())
     starts = settings.starts * 3 // 2 if settings.lens else settings.starts
@@ -109,6 +113,7 @@ def _heat(settings: FitSettings, count: int, most: tuple[float, ...], firmer: tu
         steps, rays = max(1, until - done), max(32, round(settings.rays * _RAYS[index]))
         samples, prior = max(2, round(settings.samples * _SAMPLES[index])), firmer[index] if firmer else 1
         ranks, forgiving = (_RANKS[index],) * 2, _FORGIVING[index]
-        stages.append(Stage(count, steps, min(settings.rays, rays), samples, ranks, prior * settings.prior, forgiving))
+        rays, prior = min(settings.rays, rays), prior * settings.prior
+        stages.append(Stage(count, steps, rays, samples, ranks, prior, forgiving, _DAMPING[index]))
         done += steps
     return tuple(stages)
