@@ -166,7 +166,7 @@ _PAYS = 0.002
 _BLOCK = 4
 """Steps of the last stage whose mean is measured: one alone follows its own pixels."""
 _STILL = 0.01
-"""A fit stops where such a mean lowers what it costs by less than this share."""
+"""A fit stops where such a mean, but the first, costs not this share less than all that was measured before."""
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
 _TRUST = 0.15
@@ -299,21 +299,23 @@ class _Race:
         yield from self._finished(ended, joined(ended.pool, raced) if raced else ended.pool, last)
 
     def _finished(self, ended: _Standing, finalists: Pool, stage: Stage) -> Iterator[_Standing]:
-        """The last stage, which ends where its steps rest; its result is the best that was measured."""
-        steps, stops = list[Pool](), [ended.pool]
-        for after in self.descended(finalists, (stage._replace(hypotheses=len(finalists)),)):
-            steps.append(after)
-            if len(steps) % _BLOCK == 0 or len(steps) == stage.steps:
-                stops.append(self.measured(_mean(steps[-_BLOCK:])))
-                least = [max(float(stop.cost.min()), _LEAST) for stop in stops]
-                rests = len(stops) > 2 and least[-1] > (1 - _STILL) * min(least[:-1])
-                if len(steps) == stage.steps or (self.settings.sparing and rests):
+        """The last stage, which ends where its steps rest; who stops before gets the best measured till then."""
+        means, recent = [finalists], list[Pool]()
+        stage = stage._replace(hypotheses=len(finalists))
+        for step, after in enumerate(self.descended(finalists, (stage,)), 1):
+            recent = [*recent, after][-_BLOCK:]
+            if step % _BLOCK == 0 or step == stage.steps:
+                means.append(self.measured(_mean(recent)))
+                costs = [max(float(mean.cost.min()), _LEAST) for mean in means]
+                rests = len(means) > 2 and costs[-1] > (1 - _STILL) * min(costs[:-1])
+                if step == stage.steps or (self.settings.sparing and rests):
                     break
-            yield _Standing(after, ended.rival if len(after) == 1 else None)
-        rest = joined(*stops)
-        best = rest[torch.tensor([rest.leader])]
-        settled = ended._replace(pool=best) if len(finalists) == 1 else self._against(best, rest)
-        yield settled._replace(spread=self._spread(best))
+            best = min(means, key=lambda mean: float(mean.cost.min()))
+            yield _Standing(best, ended.rival if len(best) == 1 else None)
+        measured = joined(*means)
+        winner = measured[torch.tensor([measured.leader])]
+        settled = ended._replace(pool=winner) if len(finalists) == 1 else self._against(winner, measured)
+        yield settled._replace(spread=self._spread(winner))
 
     def descended(self, pool: Pool, plan: Sequence[Stage]) -> Iterator[Pool]:
         """What is left of the hypotheses after every step of some stages."""

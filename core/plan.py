@@ -85,6 +85,7 @@ _PRIORS = (50, 30, 10, 3)
 """in the first heat, whose codes explain what only the right camera can if they are let"""
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 _DAMPING = (0.3, 0.3, 0.3, 0.3, 0.3, 0.1)
+"""few rays at first, of which a step should not believe too much"""
 
 
 def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
