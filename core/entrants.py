@@ -17,7 +17,7 @@ from core.codes import Codes, CodeSpace
 from core.hypotheses import Numbers, Pool, cameras, joined, most_opened, spread_out, within_bounds
 from core.model import Model
 from core.photos import Photo
-from core.plan import ANEW, AROUND
+from core.plan import AROUND
 from core.starts import EmptyBankError, bank_of, likenesses, ranked
 
 _LIKENESS = 0.6
@@ -117,12 +117,13 @@ def renewed(model: Model, photos: Sequence[Photo], given: Sequence[Camera], pool
     parts = []
     for index, around in zip(spread_out(pool, unknown).tolist(), AROUND, strict=False):
         at = cameras(model, pool.numbers, index, given)
-        shapes = _LIKENESS * _likely_shapes(model, photos, at, ANEW)
-        one = pool[torch.tensor([index]).repeat(len(around) * len(shapes))]
-        moves = torch.tensor(around).deg2rad().repeat_interleave(len(shapes), 0)[:, None] * unknown[:, None]
+        shapes = _LIKENESS * _likely_shapes(model, photos, at, max(count for *_, count in around))
+        placed = [(move, shape) for *move, count in around for shape in range(min(count, len(shapes)))]
+        one = pool[torch.tensor([index]).repeat(len(placed))]
+        moves = torch.tensor([move for move, _ in placed]).deg2rad()[:, None] * unknown[:, None]
         texture = torch.zeros_like(one.numbers.texture)
         numbers = one.numbers._replace(
-            angles=one.numbers.angles + moves, shape=shapes.repeat(len(around), 1), texture=texture
+            angles=one.numbers.angles + moves, shape=shapes[[shape for _, shape in placed]], texture=texture
         )
         parts.append(replace(one, numbers=within_bounds(numbers), opened=(0, 0)))
     return joined(*parts)

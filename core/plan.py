@@ -67,12 +67,11 @@ class Stage(NamedTuple):
     """a second heat begins, with codes that have learnt nothing yet"""
 
 
-AROUND = (((0.0, 0.0), (1.5, 0.0), (-1.5, 0.0), (0.0, 1.5), (0.0, -1.5)), ((0.0, 0.0),))
-"""degrees by which azimuths and elevations are moved for the second heat: of the best basin's cameras, of the next
-one's"""
-ANEW = 2
-"""shapes that every one of these comes with"""
-RENEWED = ANEW * sum(map(len, AROUND))
+AROUND = (((0.0, 0.0, 6), (1.5, 0.0, 2), (-1.5, 0.0, 2), (0.0, 1.5, 2), (0.0, -1.5, 2)), ((0.0, 0.0, 2),))
+"""degrees by which azimuths and elevations are moved for the second heat, and the shapes that come with each: of the
+best basin's cameras, of the next one's"""
+RENEWED = sum(shapes for around in AROUND for *_, shapes in around)
+"""hypotheses in the second heat, where the model has so many shapes"""
 _SHAPES = 6
 """hypotheses where every camera is known: shapes to begin from, as far as there are so many starts"""
 _FIRST, _SECOND = (math.inf, math.inf, 8, 5), (math.inf, math.inf, 4, 3, 2, 1)

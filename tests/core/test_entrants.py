@@ -49,12 +49,12 @@ def test_a_second_heat_keeps_cameras_and_forgets_codes(tiny: Model, given: list[
     moved = first.numbers._replace(shape=first.numbers.shape + 3, texture=first.numbers.texture + 3)
     pool = replace(first, numbers=moved, cost=torch.arange(8.0), opened=(2, 2))
     again = renewed(tiny, photos, given[:1], pool)
-    assert len(again) == RENEWED
+    assert len(AROUND[0]) < len(again) <= RENEWED
     assert again.opened == (0, 0)
     assert float(again.numbers.shape.abs().max()) < 3
     assert not again.numbers.texture.any()
     around = (again.numbers.angles - pool.numbers.angles[again.start]).rad2deg()[:, 0]
-    assert {tuple(move) for move in around.round(decimals=3).tolist()} == {move for part in AROUND for move in part}
+    assert {tuple(move) for move in around.round(decimals=3).tolist()} == {move[:2] for part in AROUND for move in part}
     assert again.start[0] == 0
     assert len(again.start.unique()) == len(AROUND)
 
