@@ -232,7 +232,7 @@ def spread_out(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
     """
     zooms = pool.numbers.zoom[:, views]
     close = _close(pool, pool, views) & ((zooms[:, None] - zooms).abs() < _LENSES).all(-1)
-    order = pool.cost.argsort()
+    order = pool.cost.argsort(stable=True)
     order = order[pool.cost[order].isfinite()]
     first, beside = list[int](), list[int]()
     for index in order.tolist():

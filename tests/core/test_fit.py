@@ -255,6 +255,18 @@ def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
     assert {step.hypotheses for step in again} == {1}  # whoever goes on with one camera means that one
 
 
+@pytest.mark.parametrize("steps", [1, 8, 30])
+@pytest.mark.parametrize("sparing", [True, False])
+def test_the_last_stage_tells_the_best_that_was_measured(tiny: Model, steps: int, sparing: bool):
+    camera = tiny.camera(0.9, 0.3)
+    settings = replace(SHORT, steps=steps, sparing=sparing)
+    alone = plan.plan(settings, blind=False)[-1].steps
+    found = list(fit(tiny, FitJob((replace(photo_of(tiny, tiny.codes[0], camera), camera=camera),), settings)))
+    ending = [step.loss for step in found if step.step > found[0].steps - alone]
+    assert ending == sorted(ending, reverse=True)
+    assert sparing or found[-1].step == found[-1].steps
+
+
 def test_a_known_camera_has_no_alternative(tiny: Model):
     truth = tiny.camera(0.9, 0.5)
     found = last(tiny, replace(photo_of(tiny, tiny.codes[2], truth), camera=truth), settings=SHORT)
