@@ -215,30 +215,32 @@ def _stability_chart(found: stability.Atlas) -> "Figure":
 
 def parts_table(found: parts.Measured) -> str:
     """Markdown: the preset as it is, then without each part."""
-    whole = found.summaries[0]
-    lines = [f"{found.machine}; {whole.fits} views, cameras unknown; shares with their 95 % intervals.", ""]
-    head = "normal preset | s (median) | rotation (median) | within 5° | within 10° | other views"
-    lines += [f"| {head} |", "|" + "---|" * 6]
-    for one in found.summaries:
+    fits = found.parts[0].summary.fits
+    lines = [f"{found.machine}; {fits} views, cameras unknown; with 95 % intervals.", ""]
+    head = "normal preset | time | rotation (median) | within 5° | within 10° | other views (dB)"
+    lines += [f"| {head} | against the first (dB) |", "|" + "---|" * 7]
+    for part in found.parts:
+        one = part.summary
         shares = " | ".join(map(_share, (one.within_5_degrees, one.within_10_degrees)))
-        times = f"{one.preset} | {one.seconds:.1f} | {one.rotation:.2f}°"
-        lines.append(f"| {times} | {shares} | {one.held_out.mean:.1f} dB |")
+        times = f"{one.preset} | {part.time:.2f} | {one.rotation:.2f}°"
+        lines.append(f"| {times} | {shares} | {one.held_out.mean:.1f} | {_gain(part.gain)} |")
     return "\n".join(lines) + "\n"
 
 
 def _parts_chart(found: parts.Measured) -> "Figure":
     figure, (left, right) = _figure(2)
-    names = [one.preset for one in found.summaries]
-    for axes, values in (
-        (left, [100 * one.within_10_degrees.mean for one in found.summaries]),
-        (right, [one.held_out.mean for one in found.summaries]),
-    ):
-        axes.barh(names, values)
-        axes.axvline(values[0], color="black", linewidth=0.8)
+    whole, *others = found.parts
+    names, gains = [part.summary.preset for part in others], [part.gain for part in others]
+    left.barh(names, [part.time for part in others])
+    left.axvline(1.0, color="black", linewidth=0.8)
+    left.set(xlabel="time (of the whole preset's)")
+    around = [[one.mean - one.low for one in gains], [one.high - one.mean for one in gains]]
+    right.errorbar([one.mean for one in gains], names, xerr=around, fmt="o", capsize=2)
+    right.axvline(0.0, color="black", linewidth=0.8)
+    right.set(xlabel="other views (dB over the whole preset's)", yticks=[])
+    for axes in (left, right):
         axes.invert_yaxis()
-    left.set(xlabel="within 10 degrees (%)")
-    right.set(xlabel="other views (dB)", yticks=[])
-    figure.suptitle(f"{found.machine}, {found.summaries[0].fits} views", fontsize=9)
+    figure.suptitle(f"{found.machine}, {whole.summary.fits} views", fontsize=9)
     return figure
 
 
@@ -268,8 +270,7 @@ def sizes_table(found: sizes.Measured) -> str:
     lines += [f"| {head} | cameras within 10° | 100,000 samples (ms) | blind fit (s) |", "|" + "---|" * 9]
     for one in found.sizes:
         name = one.axis if one.axis == "default" else f"{one.axis} {one.value}"
-        quality = f"{one.own:.2f} | {one.held_out.mean:.2f}"
-        quality += f" | {one.gain.mean:+.2f} ({one.gain.low:+.2f} to {one.gain.high:+.2f})"
+        quality = f"{one.own:.2f} | {one.held_out.mean:.2f} | {_gain(one.gain)}"
         costs = f"{_share(one.found)} | {one.field_ms:.0f} | {one.fit_seconds:.1f}"
         lines.append(f"| {name} | {one.parameters} | {one.bytes / 1000:.0f} | {quality} | {costs} |")
     return "\n".join(lines) + "\n"
@@ -291,6 +292,10 @@ def _sizes_chart(found: sizes.Measured) -> "Figure":
         axes.legend(fontsize=7)
     figure.suptitle(f"{found.machine}, {found.objects} objects, {found.steps} steps each; area: parameters", fontsize=9)
     return figure
+
+
+def _gain(gain: Mean) -> str:
+    return f"{gain.mean:+.2f} ({gain.low:+.2f} to {gain.high:+.2f})"
 
 
 def _figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure", Sequence["Axes"]]:

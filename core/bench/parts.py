@@ -1,8 +1,13 @@
-"""What every part of a blind fit is worth: the ``normal`` preset, and the same without one part at a time."""
+"""What every part of a blind fit is worth: the ``normal`` preset, and the same without one part at a time.
+
+Every view is fitted in all these ways, one right after the other, and each is compared with the whole on the same view:
+views differ by far more than parts do.
+"""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from statistics import median
 
 import torch
 from jaxtyping import Bool, Int
@@ -10,9 +15,10 @@ from torch import Tensor
 
 from core import entrants, fit, folded, hypotheses, newton, plan, precision, slopes, starts
 from core.bench.ablation import Change, changed
-from core.bench.fitting import Summary, summary, trial
+from core.bench.fitting import Summary, Trial, summary, trial
 from core.bench.rendering import machine
 from core.bench.subjects import Subject, anywhere
+from core.evaluate import Mean, mean_of
 from core.hypotheses import Pool
 from core.model import Model
 from core.plan import PRESETS, FitSettings
@@ -22,12 +28,23 @@ WHOLE = "nothing left out"
 
 
 @dataclass(frozen=True)
+class Part:
+    """The preset without something, beside the whole of it."""
+
+    summary: Summary
+    gain: Mean
+    """dB, of the other views over what they are with the whole preset"""
+    time: float
+    """times what the whole preset takes; median"""
+
+
+@dataclass(frozen=True)
 class Measured:
     """Everything that one run found."""
 
     machine: str
-    summaries: tuple[Summary, ...]
-    """of :data:`WHOLE`, then without each part"""
+    parts: tuple[Part, ...]
+    """:data:`WHOLE`, then without each part"""
 
     def told(self) -> dict:
         """As plain values."""
@@ -38,15 +55,19 @@ def measured(model: Model, subjects: Sequence[Subject]) -> Iterator[str | Measur
     """What is being measured now, and in the end all that was found. To stop, ask for no more."""
     yield "bank of views"
     bank_of(model)
-    summaries = []
-    for name, (settings, changes) in _PARTS.items():
-        trials = []
-        for number, subject in enumerate(subjects):
-            yield f"{name}: {subject.views.name}"
+    trials: dict[str, list[Trial]] = {name: [] for name in _PARTS}
+    for number, subject in enumerate(subjects):
+        for name, (settings, changes) in _PARTS.items():
+            yield f"{subject.views.name}, {name}"
             with changed(changes):
-                trials.append(trial(model, subject, name, settings, number))
-        summaries.append(summary(name, trials))
-    yield Measured(machine(model.device), tuple(summaries))
+                trials[name].append(trial(model, subject, name, settings, number))
+    yield Measured(machine(model.device), tuple(_part(name, trials[name], trials[WHOLE]) for name in _PARTS))
+
+
+def _part(name: str, trials: Sequence[Trial], whole: Sequence[Trial]) -> Part:
+    pairs = list(zip(trials, whole, strict=True))
+    gain = mean_of([one.held_out - other.held_out for one, other in pairs])
+    return Part(summary(name, trials), gain, median(one.seconds / other.seconds for one, other in pairs))
 
 
 def _anywhere(bank: Bank, model: Model, pixels: Tensor, mask: Tensor, focal: float, count: int, framed: bool) -> Starts:
