@@ -80,8 +80,9 @@ _STEPS = (6, 6, 6, 6, 4, 24)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
 _SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
 _RANKS = (8, 16, 32, 64, 10_000, 10_000)
-_PRIORS = (50, 30, 10, 3)
-"""in the first heat, whose codes explain what only the right camera can if they are let"""
+_PRIORS, _USUAL = (50, 30, 10, 3), (1, 1, 1, 1, 1, 1)
+"""times the prior in each stage of the first heat, whose codes explain what only the right camera can if they are let,
+and of the second"""
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 _DAMPING = (0.3, 0.3, 0.3, 0.3, 0.3, 0.1)
 """few rays at first, of which a step should not believe too much"""
@@ -98,22 +99,21 @@ def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
         ranks = (_RANKS[-1],) * 2
         return (Stage(1, settings.steps, settings.rays, settings.samples, ranks, settings.prior, math.inf, 0.0),)
     if not blind:
-        return _heat(settings, min(settings.starts, _SHAPES), _SECOND, ())
+        return _heat(settings, min(settings.starts, _SHAPES), _SECOND, _USUAL)
     starts = settings.starts * 3 // 2 if settings.lens else settings.starts
-    begin, *rest = _heat(settings, min(settings.starts, RENEWED), _SECOND, ())
+    begin, *rest = _heat(settings, min(settings.starts, RENEWED), _SECOND, _USUAL)
     return (*_heat(settings, starts, _FIRST, _PRIORS), begin._replace(anew=True), *rest)
 
 
-def _heat(settings: FitSettings, count: int, most: tuple[float, ...], firmer: tuple[float, ...]) -> tuple[Stage, ...]:
-    """As many stages as ``most`` has; ``firmer`` multiplies their prior, where it is given."""
+def _heat(settings: FitSettings, count: int, most: tuple[float, ...], priors: tuple[float, ...]) -> tuple[Stage, ...]:
+    """As many stages as ``most`` has, with so many times the prior."""
     stages, done = list[Stage](), 0
     for index, limit in enumerate(most):
         count = int(min(count if index != 1 else -(-count // 2), limit))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))
-        steps, rays = max(1, until - done), max(32, round(settings.rays * _RAYS[index]))
-        samples, prior = max(2, round(settings.samples * _SAMPLES[index])), firmer[index] if firmer else 1
+        steps, rays = max(1, until - done), min(settings.rays, max(32, round(settings.rays * _RAYS[index])))
+        samples, prior = max(2, round(settings.samples * _SAMPLES[index])), settings.prior * priors[index]
         ranks, forgiving = (_RANKS[index],) * 2, _FORGIVING[index]
-        rays, prior = min(settings.rays, rays), prior * settings.prior
         stages.append(Stage(count, steps, rays, samples, ranks, prior, forgiving, _DAMPING[index]))
         done += steps
     return tuple(stages)
