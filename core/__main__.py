@@ -9,6 +9,14 @@ from pathlib import Path
 from typing import NoReturn
 
 
+class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Tells defaults, where there are any."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        told = action.default not in (None, []) and action.default is not False
+        return super()._get_help_string(action) if told else action.help
+
+
 class _Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
 
@@ -51,9 +59,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _command(commands: argparse._SubParsersAction, name: str, run: str, about: str) -> argparse.ArgumentParser:
-    command = commands.add_parser(
-        name, help=about, description=about, formatter_class=argparse.ArgumentDefaultsHelpFormatter, allow_abbrev=False
-    )
+    command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
     command.set_defaults(run=run)
     return command
 
@@ -76,9 +82,16 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     _add_object_options(command)
-    command.add_argument("--azimuth", type=_degrees, metavar="D", help="degrees; the front is seen from 90")
-    command.add_argument("--elevation", type=_degrees, metavar="D", help="degrees, -90 to 90")
-    command.add_argument("--distance", type=float, metavar="X", help="scene units (an object's diagonal is 1)")
+    command.add_argument(
+        "--azimuth", type=_degrees, metavar="D", help="degrees; the front is seen from 90 (else 60, or the scene's)"
+    )
+    command.add_argument("--elevation", type=_degrees, metavar="D", help="degrees, -90 to 90 (else 20, or the scene's)")
+    command.add_argument(
+        "--distance",
+        type=float,
+        metavar="X",
+        help="scene units (an object's diagonal is 1; else the model's, or the scene's)",
+    )
 
 
 def _add_render(commands: argparse._SubParsersAction) -> None:
@@ -93,13 +106,17 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = _command(commands, "turntable", "showing.turntable", "film one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="become this object halfway round, and turn back")
-    command.add_argument("--frames", type=_count, default=72)
+    command.add_argument("--frames", type=_count, default=72, help="of the whole turn")
     command.add_argument("--fps", type=_count, default=24, help="frames per second")
     command.add_argument("--size", type=_count, default=256, metavar="PX", help="width and height")
     command.add_argument("--quality", type=_count, default=85, help="1 to 100")
     command.add_argument("--transparent", action="store_true", help="leave the white ground out (not in mp4)")
     command.add_argument(
-        "--out", type=Path, required=True, metavar="X.mp4|.gif|.webp|.frames", help="or a folder of png"
+        "--out",
+        type=Path,
+        required=True,
+        metavar="X.mp4|.gif|.webp|.frames",
+        help="a film; .frames: a folder of png pictures",
     )
 
 
@@ -143,12 +160,15 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
-    command.add_argument("--seed", type=int, default=0)
+    command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
 
 
 def _add_preset(command: argparse.ArgumentParser) -> None:
     command.add_argument(
-        "--preset", choices=("draft", "normal", "fine", "paper"), default="normal", help="the paper's: one random start"
+        "--preset",
+        choices=("draft", "normal", "fine", "paper"),
+        default="normal",
+        help="how much work; paper: the authors' recipe, one start",
     )
 
 
@@ -194,7 +214,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "--latent", type=_count, nargs=2, metavar=("SHAPE", "TEXTURE"), help="numbers of a code (default: ours: 64 64)"
     )
     _add_device(command)
-    command.add_argument("--seed", type=int, default=0)
+    command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
 
 
 def _add_glance(commands: argparse._SubParsersAction) -> None:
@@ -205,7 +225,7 @@ def _add_glance(commands: argparse._SubParsersAction) -> None:
     _add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=_count, default=8000)
-    command.add_argument("--seed", type=int, default=0)
+    command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
@@ -224,13 +244,13 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
     _add_model(command)
     command.add_argument("--swap", action="store_true", help="instead: codes of two objects for untrained pairs, leaks")
-    command.add_argument("--inputs", type=_views, default=(64,), metavar="V,V", help="the views that are fitted")
+    command.add_argument("--inputs", type=_views, default="64", metavar="V,V", help="the views that are fitted")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
     _add_preset(command)
     command.add_argument("--objects", type=_count, metavar="N", help="only so many, spread over the dataset")
     command.add_argument("--every", type=_count, default=1, metavar="N", help="draw only each Nth of the other views")
     command.add_argument("--report", type=Path, metavar="R.json", help="numbers; a chart is put beside them as PNG")
-    command.add_argument("--seed", type=int, default=0)
+    command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
 
 
 def _add_bench(commands: argparse._SubParsersAction) -> None:
@@ -246,12 +266,12 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
             "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's own objects"
         )
         kind.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
-        kind.add_argument("--seed", type=int, default=0)
+        kind.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
     stability = _command(
         kinds, "stability", "measuring.bench_stability", "where blind fits fail: success against stressors"
     )
     stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model, spread over it")
-    stability.add_argument("--seed", type=int, default=0)
+    stability.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
     size = _command(
         kinds, "size", "measuring.bench_size", "what sizes of network and codes buy; trains a model for each"
     )
@@ -271,7 +291,10 @@ def _views(text: str) -> tuple[int, ...]:
 
 
 def _box(text: str) -> tuple[float, ...]:
-    left, top, right, bottom = (float(word) for word in text.split(","))
+    try:
+        left, top, right, bottom = (float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a box is four numbers X0,Y0,X1,Y1, not {text!r}") from None
     return left, top, right, bottom
 
 

@@ -129,6 +129,8 @@ def framed(
 def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
     try:
         numbers = [float(word) for word in path.read_text().split()]
+    except FileNotFoundError:
+        raise ValueError(f"no such pose: {path}") from None
     except (OSError, ValueError):
         raise ValueError(f"{path}: cannot be read as a pose (16 numbers)") from None
     if len(numbers) != 16:

@@ -33,6 +33,8 @@ def read_rgba(path: Path) -> Image.Image:
                 return _small_rgba(image)
     except FileNotFoundError:
         raise ValueError(f"no such picture: {path}") from None
+    except IsADirectoryError:
+        raise ValueError(f"{path} is a folder, not a picture") from None
     except MemoryError:
         raise ValueError("the picture is too large for this machine's memory") from None
     except (OSError, SyntaxError, EOFError, IndexError, TypeError, struct.error, zlib.error) as error:

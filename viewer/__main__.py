@@ -43,7 +43,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def parser() -> argparse.ArgumentParser:
     """The words of the command line."""
-    words = argparse.ArgumentParser(prog="python -m viewer", description=__doc__, allow_abbrev=False)
+    words = argparse.ArgumentParser(
+        prog="python -m viewer",
+        description="Opens the window; without a display, draws it into a picture.",
+        allow_abbrev=False,
+    )
     words.add_argument("--model", default="chairs", help="a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--image", type=Path, help="fit this image at once")

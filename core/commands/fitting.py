@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from core import fit as fits
 from core.camera import Camera
-from core.commands.progress import require_folder
+from core.commands.progress import require_place
 from core.confidence import DOUBTFUL
 from core.cutout import Hints, NoGroundError
 from core.fit import PRESETS, Alternative, FitJob, FitStep
@@ -30,6 +30,10 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
     if chosen.lens and chosen.pose:
         raise ValueError("--lens searches for the focal length of unknown cameras, and --pose gives them")
+    if chosen.out and chosen.out.suffix.lower() != ".json":
+        raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
+    for path in filter(None, (chosen.out, chosen.log)):
+        require_place(path)
     settings = replace(PRESETS[chosen.preset], lens=chosen.lens)
     model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
@@ -39,8 +43,6 @@ def fit(chosen: argparse.Namespace) -> None:
         photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
     except NoGroundError as error:
         raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
-    for path in filter(None, (chosen.out, chosen.log)):
-        require_folder(path)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
         for last in fits.fit(model, FitJob(photos, settings, chosen.seed)):
@@ -62,13 +64,13 @@ def fit(chosen: argparse.Namespace) -> None:
 
 
 def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:
-    """A box in px of the upright picture."""
+    """A box in px of the upright picture, as far as it is inside."""
     if box is None:
         return None
     width, height = upright_size(image)
     left, top, right, bottom = box
     try:
-        return Hints((left / width, top / height, right / width, bottom / height))
+        return Hints((max(0, left) / width, max(0, top) / height, min(1, right / width), min(1, bottom / height)))
     except ValueError as error:
         raise ValueError(f"{image}: {error} of {width}x{height} px") from None
 

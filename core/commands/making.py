@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from core.authors import load_authors
 from core.bench.charts import write_training
-from core.commands.progress import drive, require_folder
+from core.commands.progress import drive, require_place
 from core.data.meshes import mesh_plan, render_meshes
 from core.data.procedural import procedural_plan, render_procedural, swap_plan
 from core.data.variants import cells
@@ -59,7 +59,7 @@ def dataset_swap(chosen: argparse.Namespace) -> None:
 
 def train(chosen: argparse.Namespace) -> None:
     """``train``: a model from datasets, saved with its state and its curve as it goes."""
-    require_folder(chosen.out)
+    require_place(chosen.out)
     recipe = RECIPES[chosen.recipe]
     begin = load_model(chosen.begin) if chosen.begin else None
     settings = replace(recipe, field=_field(chosen, recipe.field, begin), steps=chosen.steps, seed=chosen.seed)
@@ -92,7 +92,7 @@ def train(chosen: argparse.Namespace) -> None:
 
 def glance(chosen: argparse.Namespace) -> None:
     """``glance``: teach a trained model to tell at a glance from where a picture is taken, as ``train`` does last."""
-    require_folder(chosen.out)
+    require_place(chosen.out)
     model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, and the model knows {model.category}")
@@ -126,7 +126,7 @@ def _field(chosen: argparse.Namespace, usual: FieldConfig, begin: Model | None) 
 
 def convert(chosen: argparse.Namespace) -> None:
     """``convert``: a checkpoint of the authors' trainer as a model file."""
-    require_folder(chosen.out)
+    require_place(chosen.out)
     if chosen.out.suffix != ".safetensors":
         raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
     model = load_authors(chosen.checkpoint, chosen.config)

@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from core.bench import charts, fitting, parts, rendering, sizes, stability
 from core.bench.subjects import Subject, dataset_subjects, own_subjects
-from core.commands.progress import require_folder
+from core.commands.progress import require_place
 from core.dataset import ObjectPlace, find_objects
 from core.evaluate import ObjectScore, Protocol
 from core.evaluate import evaluate as scored
@@ -32,7 +32,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model, chosen.device)
     places = _places(model, chosen.datasets)
     if chosen.report:
-        require_folder(chosen.report)
+        require_place(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
     if chosen.swap:
         _evaluate_swap(chosen, model, places, about)
@@ -79,7 +79,7 @@ def bench_stability(chosen: argparse.Namespace) -> None:
 def bench_size(chosen: argparse.Namespace) -> None:
     """``bench size``: what sizes of network and codes buy, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    require_folder(chosen.models / "any")
+    require_place(chosen.models / "any")
     tests = _spread(find_objects(chosen.tests)[1], chosen.objects)
     found = _watched(sizes.measured(chosen.datasets, tests, chosen.steps, chosen.models))
     charts.write_sizes(found, chosen.out)

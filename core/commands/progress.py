@@ -14,7 +14,11 @@ def drive(stream: Iterator[object], total: int, unit: str) -> None:
             bar.update()
 
 
-def require_folder(path: Path) -> None:
-    """Raises ``ValueError`` where a file cannot be written for want of its folder: before the work, not after it."""
+def require_place(path: Path) -> None:
+    """Raises ``ValueError`` where a file cannot be written for want of its folder, or because it is one itself: before
+    the work, not after it.
+    """
+    if path.is_dir():
+        raise ValueError(f"cannot write {path}: it is a folder")
     if not path.absolute().parent.is_dir():
         raise ValueError(f"cannot write {path}: there is no folder {path.parent}")

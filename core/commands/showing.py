@@ -10,7 +10,7 @@ from tqdm import tqdm
 from core import timeline
 from core.camera import Camera
 from core.codes import Codes
-from core.commands.progress import drive, require_folder
+from core.commands.progress import drive, require_place
 from core.frames import picture
 from core.library import load_model
 from core.mesh import export_mesh
@@ -25,7 +25,7 @@ from core.video import VideoSettings, film
 def render(chosen: argparse.Namespace) -> None:
     """``render``: one picture."""
     model, codes, camera = _viewed(chosen)
-    require_folder(chosen.out)
+    require_place(chosen.out)
     camera = camera.resized(chosen.size, chosen.size)
     if chosen.exact:
         colour = render_exact(model, codes, camera).colour.clamp(0, 1)

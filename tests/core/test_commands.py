@@ -138,6 +138,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--elevation", "120"), "90 degrees"),
         (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--distance", "-1"), "positive"),
         (("render", "--out", "{tmp}/gone/a.png", "--model", "{file}"), "folder"),
+        (("render", "--out", "{tmp}", "--model", "{file}"), "it is a folder"),
         (("render", "--out", "{tmp}/a.xyz", "--model", "{file}", "--size", "8"), "name ends in"),
         (("render", "--out", "{tmp}/a.png", "--size", "none"), "--size"),
         (("render", "--out", "{tmp}/a.png", "--azimuth", "nan"), "--azimuth"),
@@ -150,6 +151,9 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("evaluate", "{tmp}", "--model", "{file}", "--inputs", "3,3"), "different views"),
         (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
+        (("fit", "a.png", "--out", "{tmp}"), "called .json"),
+        (("fit", "a.png", "--log", "{tmp}"), "it is a folder"),
+        (("fit", "a.png", "--out", "{tmp}/gone/a.json"), "no folder"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
         (("fit", "a.png", "--preset", "best"), "paper"),
         (("fit", "a.png", "--preset", "paper", "--lens"), "focal length"),
@@ -254,12 +258,13 @@ def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys
 
     monkeypatch.setattr(fitting, "load_photo", loaded)
     words = "fit", tmp_path / "a.jpg", "--model", file, "--box"
-    for box in ("20,40,100,300", "20,40,300,300", "20,40,100", "20,40,100,300 1,2,3,4"):
+    for box in ("20,40,100,300", "20,40,300,300", "250,40,300,300", "20,40,100", "20,40,100,300 1,2,3,4"):
         with pytest.raises(SystemExit):
             run(*words, *box.split())
-    assert given == [(0.1, 0.1, 0.5, 0.75)]
+    assert given == [(0.1, 0.1, 0.5, 0.75), (0.1, 0.1, 1.0, 0.75)]
     told = capsys.readouterr().err
     assert "no inside within the picture of 200x400 px" in told
+    assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in told
     assert "1 images need as many boxes, got 2" in told
 
 

@@ -222,7 +222,7 @@ def test_what_is_no_picture(tmp_path: Path, tiny: Model):
     text.write_text("not a picture")
     assert "not a picture" in refused(text, tiny)
     assert "no such picture" in refused(tmp_path / "missing.png", tiny)
-    assert "not a picture" in refused(tmp_path, tiny)
+    assert "is a folder" in refused(tmp_path, tiny)
     (tmp_path / "empty.png").write_bytes(b"")
     assert "not a picture" in refused(tmp_path / "empty.png", tiny)
     whole = saved(drawing(), tmp_path / "whole.png").read_bytes()
@@ -252,6 +252,10 @@ def test_nothing_but_clear(tmp_path: Path, tiny: Model):
 def test_no_plain_ground(tmp_path: Path, tiny: Model):
     noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
     assert "no plain ground" in refused(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny)
+
+
+def test_a_pose_that_is_not_there(tmp_path: Path, tiny: Model):
+    assert "no such pose" in refused(saved(drawing(), tmp_path / "a.png"), tiny, tmp_path / "gone.txt")
 
 
 @pytest.mark.parametrize("text", ["", "1 2 3", "a b c", "0 " * 16, "nan " * 16])
