@@ -50,12 +50,18 @@ def parser() -> argparse.ArgumentParser:
     )
     words.add_argument("--model", default="chairs", help="a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
-    words.add_argument("--image", type=Path, help="fit this image at once")
+    words.add_argument("--image", type=_image, help="fit this image at once")
     words.add_argument(
         "--screenshot", type=_picture, metavar="PNG", help="draw the window with no display, save it, end"
     )
     words.add_argument("--size", type=_size, default=(1280, 800), metavar="WxH", help="of the window (1280x800)")
     return words
+
+
+def _image(text: str) -> Path:
+    if not Path(text).is_file():
+        raise argparse.ArgumentTypeError(f"no such picture: {text}")
+    return Path(text)
 
 
 def _picture(text: str) -> Path:

@@ -107,4 +107,4 @@ def _focal(camera: Camera) -> float:
 def _doubt(trust: float, other: Alternative) -> str:
     told = _camera_told(other.cameras[0])
     where = f"azimuth {told['azimuth']:.0f}, elevation {told['elevation']:.0f}"
-    return f"the camera is doubtful (confidence {trust:.2f}); {where} explains the picture nearly as well"
+    return f"the camera is doubtful (confidence {trust:.2f}): it may be {where}, or the object none of the model's kind"

@@ -64,7 +64,7 @@ def test_what_goes_wrong_is_on_the_picture_and_on_stderr(tmp_path: Path, file: P
     assert (tmp_path / "w.png").is_file()
 
 
-_PLACES = (["--screenshot", "a.xyz"], ["--screenshot", "gone/a.png"], ["--screenshot"])
+_PLACES = (["--screenshot", "a.xyz"], ["--screenshot", "gone/a.png"], ["--screenshot"], ["--image", "gone.png"])
 
 
 @pytest.mark.parametrize("words", [["--size", "big"], ["--size", "12x8"], ["--what"], *_PLACES])
