@@ -237,9 +237,8 @@ def _parts_chart(found: parts.Measured) -> "Figure":
     around = [[one.mean - one.low for one in gains], [one.high - one.mean for one in gains]]
     right.errorbar([one.mean for one in gains], names, xerr=around, fmt="o", capsize=2)
     right.axvline(0.0, color="black", linewidth=0.8)
-    right.set(xlabel="other views (dB over the whole preset's)", yticks=[])
-    for axes in (left, right):
-        axes.invert_yaxis()
+    left.invert_yaxis()
+    right.set(xlabel="other views (dB over the whole preset's)", yticks=[], ylim=left.get_ylim())
     figure.suptitle(f"{found.machine}, {whole.summary.fits} views", fontsize=9)
     return figure
 
