@@ -160,6 +160,10 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, a line each")
+    _add_seed(command)
+
+
+def _add_seed(command: argparse.ArgumentParser) -> None:
     command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
 
 
@@ -214,7 +218,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "--latent", type=_count, nargs=2, metavar=("SHAPE", "TEXTURE"), help="numbers of a code (default: ours: 64 64)"
     )
     _add_device(command)
-    command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
+    _add_seed(command)
 
 
 def _add_glance(commands: argparse._SubParsersAction) -> None:
@@ -225,7 +229,7 @@ def _add_glance(commands: argparse._SubParsersAction) -> None:
     _add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=_count, default=8000)
-    command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
+    _add_seed(command)
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
@@ -250,7 +254,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--objects", type=_count, metavar="N", help="only so many, spread over the dataset")
     command.add_argument("--every", type=_count, default=1, metavar="N", help="draw only each Nth of the other views")
     command.add_argument("--report", type=Path, metavar="R.json", help="numbers; a chart is put beside them as PNG")
-    command.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
+    _add_seed(command)
 
 
 def _add_bench(commands: argparse._SubParsersAction) -> None:
@@ -266,12 +270,12 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
             "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's own objects"
         )
         kind.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
-        kind.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
+        _add_seed(kind)
     stability = _command(
         kinds, "stability", "measuring.bench_stability", "where blind fits fail: success against stressors"
     )
     stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model, spread over it")
-    stability.add_argument("--seed", type=int, default=0, help="of all that is drawn by lot")
+    _add_seed(stability)
     size = _command(
         kinds, "size", "measuring.bench_size", "what sizes of network and codes buy; trains a model for each"
     )
