@@ -1,66 +1,28 @@
 """Fitting (Eq. 5): from pictures of an object to its codes and, where unknown, its cameras.
 
-Many hypotheses are raced: each is a camera per picture and a pair of codes, all of them one batch of one network
-call. The codes enter as biases, so hypotheses cost what their points cost. They start from the bank of
-:mod:`core.starts`, descend by :mod:`core.newton`, are cut by successive halving (:mod:`core.plan`), with a look at what
-:mod:`core.glance` thinks of their cameras, and begin once more with fresh codes where they found the camera. The best
-of another basin, mostly the front/back twin of the leader, is kept to the end. ``PRESETS["paper"]`` is
-:mod:`core.paper`.
+Many hypotheses are raced (:mod:`core.race`): each is a camera per picture and a pair of codes, all of them one batch of
+one network call. The codes enter as biases, so hypotheses cost what their points cost. Where several cameras are
+unknown, each has a first heat of its own before they meet. ``PRESETS["paper"]`` is :mod:`core.paper`.
 """
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-import torch
-from jaxtyping import Bool, Float
-from torch import Tensor
-
-from core import paper
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import confidence
-from core.entrants import combined, entrants, gone_on, renewed
-from core.glance import glanced, surprise
-from core.hypotheses import (
-    FRAMED_SPREAD,
-    STRAY_SPREADS,
-    Numbers,
-    Objective,
-    Pool,
-    cameras,
-    codes,
-    joined,
-    judged,
-    rival_of,
-    spread_out,
-    twin_of,
-    twins,
-)
+from core.entrants import combined
+from core.hypotheses import cameras, codes
 from core.metrics import psnr_of
 from core.model import Model
-from core.newton import spread, stride, tried
 from core.photos import Photo
-from core.plan import PRESETS, FitSettings, Stage, plan
-from core.targets import Drawn, Target, draw
+from core.plan import PRESETS, FitSettings
+from core.race import Hypothesis, Race, Standing
 
-__all__ = ["PRESETS", "Alternative", "FitJob", "FitSettings", "FitStep", "fit"]
-
-
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """What might be the case. A fit can go on from one."""
-
-    start: int
-    """which start it came from"""
-    loss: float
-    cameras: tuple[Camera, ...]
-    """one per photo, at the photo's size"""
-    codes: Codes
-    shift: Float[Tensor, "views 2"]
-    """of the optical axes in the pictures, x right and y down, in focal lengths; 0 unless a picture was reframed"""
+__all__ = ["PRESETS", "Alternative", "FitJob", "FitSettings", "FitStep", "Hypothesis", "fit"]
 
 
 @dataclass(frozen=True)
@@ -133,14 +95,14 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     The model stays as it is; the same seed gives the same steps; to stop, ask for no more. Raises ``ValueError``
     where a picture shows nothing, or where every hypothesis diverged.
     """
-    began, whole = time.perf_counter(), _Race.of(model, job)
-    parts = whole.parts(job)
+    began, whole = time.perf_counter(), Race.of(model, job.photos, job.settings, job.seed, job.begin)
+    parts = _parts(whole, job)
     steps = whole.steps + sum(part.race.steps for part in parts)
     done, found, finalists = 0, list(whole.given), []
     for part in parts:
         for pool in part.race.descended(part.race.entered(), part.race.plan):
             done += 1
-            step = part.race.reported(_Standing(pool), done, steps, began)
+            step = _reported(part.race, Standing(pool), done, steps, began)
             for view, camera in zip(part.views, step.cameras, strict=True):
                 found[view] = camera
             yield replace(step, cameras=tuple(found))
@@ -148,43 +110,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     met = combined(finalists, len(job.photos), whole.plan[0].hypotheses) if finalists else whole.entered()
     for standing in whole.run(met):
         done += 1
-        yield whole.reported(standing, done, steps, began)
-
-
-_PAPER_EVERY = 10
-"""Steps between two measurements in the paper's recipe, the best of which is the result."""
-_LEAST = 1e-6
-"""An objective below this counts as this: nobody tells a perfect picture from a more perfect one."""
-_MEASURED_RAYS = 2048
-"""per picture, always the same ones"""
-_HELD_RAYS = 512
-"""per picture, that are not those of the steps: they tell what pays"""
-_LEADING = 16
-"""principal directions that are never asked whether they pay"""
-_PAYS = 0.002
-"""Further ones must lower what held rays cost by this share, in the step that they are tried in."""
-_BLOCK = 4
-"""Steps of the last stage whose mean is measured: one alone follows its own pixels."""
-_STILL = 0.01
-"""A fit stops where such a mean, but the first, costs not this share less than all that was measured before."""
-_CLOSE = 0.3
-"""A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
-_TRUST = 0.15
-"""What a glance's surprise at a camera counts against the logarithm of its objective; chosen on 15 held-out chairs."""
-_NEWS = 0.4
-"""What a step's cost counts in the running mean by which hypotheses are cut."""
-
-
-class _Standing(NamedTuple):
-    """Where a race stands."""
-
-    pool: Pool
-    rival: Pool | None = None
-    """the best hypothesis of another basin, from when only one goes on"""
-    margin: float = math.nan
-    """logarithm of its objective over that of the best one when both had gone equally far"""
-    spread: float | None = None
-    """degrees, in the end, where one camera is searched for"""
+        yield _reported(whole, standing, done, steps, began)
 
 
 class _Part(NamedTuple):
@@ -192,286 +118,43 @@ class _Part(NamedTuple):
 
     views: list[int]
     """which pictures of the job these are"""
-    race: "_Race"
+    race: Race
 
 
-@dataclass(frozen=True, eq=False)
-class _Race:
-    """All that stays the same during a fit."""
-
-    model: Model
-    settings: FitSettings
-    photos: tuple[Photo, ...]
-    targets: tuple[Target, ...]
-    given: tuple[Camera, ...]
-    """known cameras, and for unknown ones their size and focal length"""
-    unknown: Bool[Tensor, "views"]
-    plan: tuple[Stage, ...]
-    generator: torch.Generator
-    measure: Drawn
-    """the rays that hypotheses are measured on"""
-    held: tuple[Drawn, Drawn]
-    """the rays that code directions are tried on, and those that say what came of it"""
-    glances: tuple[Float[Tensor, "directions"] | None, ...]
-    """how probable every direction is at a glance, where a camera is unknown and the model can tell"""
-    begin: Hypothesis | None = None
-    """where a single hypothesis goes on from"""
-
-    @classmethod
-    def of(cls, model: Model, job: FitJob) -> "_Race":
-        """Raises ``ValueError`` where a picture shows no object."""
-        generator = torch.Generator().manual_seed(job.seed)
-        targets = tuple(Target.of(photo, model) for photo in job.photos)
-        given = tuple(photo.camera or _nominal(photo, model) for photo in job.photos)
-        unknown = torch.tensor([photo.camera is None for photo in job.photos])
-        stages = plan(job.settings, bool(unknown.any()))
-        if job.begin:  # there is nothing to race for, and what was found must not be lost to the early stages
-            stages = (stages[-1]._replace(hypotheses=1, steps=job.settings.steps),)
-        measure, *held = (draw(targets, count, generator) for count in (_MEASURED_RAYS, _HELD_RAYS, _HELD_RAYS))
-        rays = measure, (held[0], held[1])
-        glances = tuple(None if job.settings.paper else _glanced(model, photo) for photo in job.photos)
-        setting = model, job.settings, job.photos, targets, given, unknown, stages, generator
-        return cls(*setting, *rays, glances, job.begin)
-
-    @property
-    def steps(self) -> int:
-        """How many there will be."""
-        return sum(stage.steps for stage in self.plan)
-
-    @property
-    def heats(self) -> tuple[tuple[Stage, ...], ...]:
-        """The plan, where a camera is searched for in two parts."""
-        second = [index for index, stage in enumerate(self.plan) if stage.anew]
-        return (self.plan[: second[0]], self.plan[second[0] :]) if second else (self.plan,)
-
-    def parts(self, job: FitJob) -> list[_Part]:
-        """Where several cameras are unknown: a first heat for each."""
-        unknown = [view for view, photo in enumerate(job.photos) if photo.camera is None]
-        if len(unknown) < 2 or self.settings.paper or self.begin:
-            return []
-        known = [view for view in range(len(job.photos)) if view not in unknown]
-        parts = []
-        for view in unknown:
-            views = [*known, view]
-            race = _Race.of(self.model, replace(job, photos=tuple(job.photos[view] for view in views)))
-            parts.append(_Part(views, replace(race, plan=race.heats[0])))
-        return parts
-
-    @property
-    def by(self) -> Objective:
-        """What hypotheses are judged by in the end."""
-        spreads = torch.tensor([STRAY_SPREADS]).repeat(len(self.photos), 1)
-        spreads[torch.tensor([photo.framed for photo in self.photos]), 1] = FRAMED_SPREAD
-        spreads[~self.unknown] = math.inf
-        return Objective(self.settings.prior, self.settings.paper, spreads, self.plan[-1].forgiving)
-
-    def entered(self) -> Pool:
-        """The hypotheses at the start line."""
-        if self.settings.paper:
-            return paper.entered(self.model, self.given, self.unknown, self.generator)
-        if self.begin:
-            begin, spaces = self.begin, self.by.spaces(self.model)
-            pool = gone_on(self.model, self.photos, self.given, begin.cameras, begin.shift, begin.codes, spaces)
-            return replace(pool, start=torch.tensor([begin.start]))
-        return entrants(self.model, self.photos, self.given, self.plan[0].hypotheses, self.settings.lens)
-
-    def run(self, pool: Pool) -> Iterator[_Standing]:
-        """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
-
-        The winner of a first heat stands beside the second until it is beaten. The last stage is the winner's alone,
-        but where its rival is close behind: then both go on to the end.
-        """
-        if self.settings.paper:
-            pool, _ = self._opened(pool, self.plan[0])
-            yield from map(_Standing, self._descended_as_in_the_paper(pool))
-            return
-        *before, (*racing, last) = self.heats
-        began = pool
-        for stages in before:
-            for began in self.descended(pool, stages):
-                yield _Standing(began)
-        left = entered = renewed(self.model, self.photos, self.given, began) if before else began
-        winner = began[torch.tensor([began.leader])] if before else began[torch.tensor([], dtype=torch.long)]
-        for left in self.descended(entered, racing):
-            yield _Standing(joined(left, winner))  # who stops early gets the best so far
-        ended = self._ended(left, began)
-        raced = ended.rival if ended.margin < _CLOSE and not self.begin else None  # who goes on with one means that one
-        yield from self._finished(ended, joined(ended.pool, raced) if raced else ended.pool, last)
-
-    def _finished(self, ended: _Standing, finalists: Pool, stage: Stage) -> Iterator[_Standing]:
-        """The last stage, which ends where its steps rest; who stops before gets the best measured till then."""
-        means, recent = [finalists], list[Pool]()
-        stage = stage._replace(hypotheses=len(finalists))
-        for step, after in enumerate(self.descended(finalists, (stage,)), 1):
-            recent = [*recent, after][-_BLOCK:]
-            if step % _BLOCK == 0 or step == stage.steps:
-                means.append(self.measured(_mean(recent)))
-                costs = [max(float(mean.cost.min()), _LEAST) for mean in means]
-                rests = len(means) > 2 and costs[-1] > (1 - _STILL) * min(costs[:-1])
-                if step == stage.steps or (self.settings.sparing and rests):
-                    break
-            best = min(means, key=lambda mean: float(mean.cost.min()))
-            yield _Standing(best, ended.rival if len(best) == 1 else None)
-        measured = joined(*means)
-        winner = measured[torch.tensor([measured.leader])]
-        settled = ended._replace(pool=winner) if len(finalists) == 1 else self._against(winner, measured)
-        yield settled._replace(spread=self._spread(winner))
-
-    def descended(self, pool: Pool, plan: Sequence[Stage]) -> Iterator[Pool]:
-        """What is left of the hypotheses after every step of some stages."""
-        for stage in plan:
-            pool, stage = self._opened(self.cut(pool, stage), stage)
-            for step in range(stage.steps):
-                after = stride(self.model, pool, *self._pixels(stage), stage, self._during(stage), self._free)
-                after = self._weighed(after)
-                smooth = torch.lerp(pool.cost, after.cost, _NEWS if step else 1.0).nan_to_num(math.inf, math.inf)
-                pool = replace(after, cost=smooth)
-                yield pool
-
-    def _opened(self, pool: Pool, stage: Stage) -> tuple[Pool, Stage]:
-        """Both with as many code directions as the stage has; a sparing fit opens further ones of shape, and of
-        texture, only where a step of the leader along them lowers what held rays cost.
-        """
-        numbers, before = pool.numbers, pool.opened
-        most = min(stage.ranks[0], numbers.shape.shape[1]), min(stage.ranks[1], numbers.texture.shape[1])
-        stage = stage._replace(ranks=most)
-        leading = all(had >= min(_LEADING, all_of) for had, all_of in zip(before, most, strict=True))
-        few = min(before[0], most[0]), min(before[1], most[1])  # a stage may have fewer than opened before
-        if self.settings.sparing and leading and few != most:
-            leader = pool[torch.tensor([pool.leader])]
-            choices = few, (most[0], few[1]), (few[0], most[1])
-            by, (steps, asked) = self._during(stage), self.held
-            there = tried(self.model, leader, steps, stage, by, self._free, choices)
-            with torch.no_grad():
-                found = judged(self.model, there, asked, stage.samples, by._replace(prior=0.0)).objective
-            worth = (1 - _PAYS) * float(found[0])
-            most = (most[0] if found[1] < worth else few[0]), (most[1] if found[2] < worth else few[1])
-        opened = max(before[0], most[0]), max(before[1], most[1])
-        return replace(pool, opened=opened), stage._replace(ranks=most)
-
-    def _pixels(self, stage: Stage) -> tuple[Drawn, Tensor]:
-        """Some of every picture, and by how much the samples of their rays are moved."""
-        drawn = draw(self.targets, stage.rays, self.generator)
-        return drawn, torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
-
-    def _during(self, stage: Stage) -> Objective:
-        return self.by._replace(prior=stage.prior, forgiving=stage.forgiving)
-
-    def _descended_as_in_the_paper(self, pool: Pool) -> Iterator[Pool]:
-        """The one hypothesis after every step, in the end the best of those that were measured."""
-        best = replace(pool, cost=torch.full_like(pool.cost, math.inf))
-        steps = paper.descent(self.model, pool, self.targets, self.plan[0], self.by, self.unknown, self.generator)
-        for step, after in enumerate(steps, 1):
-            if step % _PAPER_EVERY == 0 or step == self.steps:
-                best = min(best, self.measured(after), key=lambda one: float(one.cost))
-            yield after if step < self.steps else best
-
-    def _ended(self, pool: Pool, began: Pool) -> _Standing:
-        """The best of what is left and of where that began, with what stands against it: mostly its twin."""
-        leader, before = pool.leader, began[torch.isin(began.start, pool.start).nonzero()[:, 0]]
-        if not bool(self.unknown.any()):
-            rest = self.measured(joined(pool, before))
-            return _Standing(rest[torch.tensor([rest.leader])])
-        rest = self.measured(joined(pool, before, twin_of(pool, leader, self.unknown)))
-        return self._against(rest[torch.tensor([rest.leader])], rest)
-
-    def _spread(self, pool: Pool) -> float | None:
-        """Of the one unknown camera, by rays that are not fitted; in degrees."""
-        if int(self.unknown.sum()) != 1:
-            return None
-        view, stage = int(self.unknown.nonzero()[0, 0]), self.plan[-1]._replace(ranks=pool.opened)
-        return math.degrees(spread(self.model, pool, self.held[0], stage, self._during(stage), self._free, view))
-
-    def _against(self, best: Pool, rest: Pool) -> _Standing:
-        """The best hypothesis, with the best of another basin."""
-        rival = rival_of(best, rest, self.unknown)
-        return _Standing(best, rival, math.log(max(float(rival.cost), _LEAST) / max(float(best.cost), _LEAST)))
-
-    def cut(self, pool: Pool, stage: Stage) -> Pool:
-        """The best go on, one from each basin and lens first; the leader's twin is set up again where it is lost."""
-        if len(pool) <= stage.hypotheses:
-            return pool
-        leader, kept = pool.leader, spread_out(pool, self.unknown)[: stage.hypotheses]
-        behind = twins(pool, leader, self.unknown)
-        if not bool(self.unknown.any()) or stage.hypotheses < 3 or bool(behind[kept].any()):
-            return pool[kept]
-        return joined(pool[kept[:-1]], twin_of(pool, leader, self.unknown))
-
-    def measured(self, pool: Pool) -> Pool:
-        """The hypotheses with what they cost on the rays kept for measuring."""
-        with torch.no_grad():
-            found = judged(self.model, pool.numbers, self.measure, self.settings.samples, self.by)
-        cost = found.objective.nan_to_num(math.inf, math.inf)
-        return self._weighed(replace(pool, cost=cost, squared=found.squared))
-
-    def _weighed(self, pool: Pool) -> Pool:
-        """With costs that are the higher, the more cameras would surprise who has only glanced at the pictures."""
-        odds = torch.zeros(len(pool))
-        for probability, angles in zip(self.glances, pool.numbers.angles.unbind(1), strict=True):
-            if probability is not None:
-                odds += surprise(probability, *angles.unbind(-1))
-        return replace(pool, cost=pool.cost * (_TRUST * odds).exp())
-
-    def reported(self, standing: _Standing, step: int, steps: int, began: float) -> FitStep:
-        """The leader, as the stream shows it."""
-        pool, rival = standing.pool, standing.rival
-        leader = pool.leader
-        shown = FitStep(
-            step,
-            steps,
-            int(pool.start[leader]),
-            float(pool.cost[leader]),
-            psnr_of(float(pool.squared[leader])),
-            time.perf_counter() - began,
-            cameras(self.model, pool.numbers, leader, self.given),
-            codes(self.model, pool.numbers, leader, self.by),
-            len(pool),
-            directions=pool.opened,
-            race=self._ranked(pool) + (() if rival is None else self._ranked(rival)),
-        )
-        if rival is None or not math.isfinite(standing.margin) or int(self.unknown.sum()) > 1:
-            return shown
-        alternative = Alternative(cameras(self.model, rival.numbers, 0, self.given), float(rival.cost))
-        # Without a race the alternative had no chance, so its margin says nothing.
-        margin = None if self.begin else standing.margin
-        return replace(shown, alternative=alternative, margin=margin, spread=standing.spread)
-
-    def _ranked(self, pool: Pool) -> tuple[Hypothesis, ...]:
-        """A pool's hypotheses, the least cost first, without those that have diverged."""
-        shapes, textures = (
-            space.code(part).unbind() for space, part in zip(self.by.spaces(self.model), pool.numbers[-2:], strict=True)
-        )
-        starts, costs = pool.start.tolist(), pool.cost.tolist()
-        return tuple(
-            Hypothesis(
-                starts[index],
-                costs[index],
-                cameras(self.model, pool.numbers, index, self.given),
-                Codes(shapes[index], textures[index]),
-                pool.numbers.shift[index],
-            )
-            for index in pool.cost.argsort(stable=True).tolist()
-            if math.isfinite(costs[index])
-        )
-
-    @property
-    def _free(self) -> Bool[Tensor, "views 6"]:
-        """Which numbers of the cameras are searched for: the middle only where a picture was moved."""
-        framed = torch.tensor([photo.framed for photo in self.photos])
-        turned, moved = self.unknown[:, None].expand(-1, 3), (self.unknown & framed)[:, None].expand(-1, 2)
-        return torch.cat((turned, (self.unknown & self.settings.lens)[:, None], moved), 1)
+def _parts(whole: Race, job: FitJob) -> list[_Part]:
+    """Where several cameras are unknown: a first heat for each."""
+    unknown = [view for view, photo in enumerate(job.photos) if photo.camera is None]
+    if len(unknown) < 2 or job.settings.paper or job.begin:
+        return []
+    known = [view for view in range(len(job.photos)) if view not in unknown]
+    parts = []
+    for view in unknown:
+        views = [*known, view]
+        race = Race.of(whole.model, tuple(job.photos[view] for view in views), job.settings, job.seed)
+        parts.append(_Part(views, replace(race, plan=race.heats[0])))
+    return parts
 
 
-def _mean(steps: Sequence[Pool]) -> Pool:
-    """Where hypotheses were on average over some steps."""
-    numbers = (torch.stack(parts).mean(0) for parts in zip(*(step.numbers for step in steps), strict=True))
-    return replace(steps[-1], numbers=Numbers(*numbers))
-
-
-def _glanced(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:
-    return None if model.glance is None or photo.camera else glanced(model.glance, photo.pixels, photo.mask)
-
-
-def _nominal(photo: Photo, model: Model) -> Camera:
-    height, width = photo.mask.shape
-    return Camera(0.0, 0.0, model.distance, model.focal * height / model.image_size, width, height)
+def _reported(race: Race, standing: Standing, step: int, steps: int, began: float) -> FitStep:
+    """The leader, as the stream shows it."""
+    pool, rival = standing.pool, standing.rival
+    leader = pool.leader
+    shown = FitStep(
+        step,
+        steps,
+        int(pool.start[leader]),
+        float(pool.cost[leader]),
+        psnr_of(float(pool.squared[leader])),
+        time.perf_counter() - began,
+        cameras(race.model, pool.numbers, leader, race.given),
+        codes(race.model, pool.numbers, leader, race.by),
+        len(pool),
+        directions=pool.opened,
+        race=race.ranked(pool) + (() if rival is None else race.ranked(rival)),
+    )
+    if rival is None or not math.isfinite(standing.margin) or int(race.unknown.sum()) > 1:
+        return shown
+    alternative = Alternative(cameras(race.model, rival.numbers, 0, race.given), float(rival.cost))
+    # Without a race the alternative had no chance, so its margin says nothing.
+    margin = None if race.begin else standing.margin
+    return replace(shown, alternative=alternative, margin=margin, spread=standing.spread)

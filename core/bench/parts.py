@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from core import entrants, fit, folded, hypotheses, newton, plan, precision, slopes, starts
+from core import entrants, folded, hypotheses, newton, plan, precision, race, slopes, starts
 from core.bench.ablation import Change, changed
 from core.bench.fitting import Summary, Trial, summary, trial
 from core.bench.rendering import machine
@@ -99,16 +99,16 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     ),
     "without a glance at the picture": (
         _USUAL,
-        (Change(fit, "_glanced", lambda model, photo: None), Change(starts, "_GLANCE_SHARE", 0.0)),
+        (Change(race, "_glanced", lambda model, photo: None), Change(starts, "_GLANCE_SHARE", 0.0)),
     ),
     "without beginning anew: codes go on": (
         _USUAL,
-        (Change(fit, "renewed", lambda model, photos, given, pool: pool),),
+        (Change(race, "renewed", lambda model, photos, given, pool: pool),),
     ),
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, entrants)),
-    "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, fit)),
-    "without a second one in the last stage": (_USUAL, _everywhere("_CLOSE", -math.inf, fit)),
+    "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, race)),
+    "without a second one in the last stage": (_USUAL, _everywhere("_CLOSE", -math.inf, race)),
     "all code directions from the beginning": (_USUAL, _everywhere("_RANKS", (10_000,) * _STAGES, plan)),
     "no asking what pays": (replace(_USUAL, sparing=False), ()),
     "no firmer prior at first": (_USUAL, _everywhere("_PRIORS", (1,) * _STAGES, plan)),

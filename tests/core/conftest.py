@@ -1,11 +1,13 @@
-"""Drawing needs OpenGL through EGL (Mesa's software one will do)."""
+"""A tiny model to fit and draw with; drawing datasets needs OpenGL through EGL (Mesa's software one will do)."""
 
 from collections.abc import Iterator
 
 import pytest
 
 from core.data.rasterise import Rasteriser
+from core.model import Model
 from tests.conftest import no_opengl
+from tests.core.tiny import tiny_model
 
 
 @pytest.fixture(scope="module")
@@ -17,3 +19,9 @@ def rasteriser() -> Iterator[Rasteriser]:
         no_opengl(error)
     with made:
         yield made
+
+
+@pytest.fixture(scope="session")
+def tiny() -> Model:
+    """The one of :mod:`tests.core.tiny`, made once."""
+    return tiny_model()

@@ -13,12 +13,6 @@ from core.plan import AROUND, RENEWED
 from core.render import render_exact
 from core.starts import bank_of
 from tests.conftest import random_model
-from tests.core.tiny import tiny_model
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Model:
-    return tiny_model()
 
 
 @pytest.fixture(scope="module")

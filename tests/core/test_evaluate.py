@@ -15,12 +15,6 @@ from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.model import Model
 from core.render import render_exact
 from tests.conftest import random_model
-from tests.core.tiny import tiny_model
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Model:
-    return tiny_model()
 
 
 @pytest.fixture(autouse=True)

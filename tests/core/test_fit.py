@@ -6,33 +6,16 @@ from statistics import median
 import pytest
 import torch
 
-from core import fit as fitting
-from core import plan
-from core.camera import Camera
-from core.codes import Codes
-from core.fit import PRESETS, FitJob, FitSettings, FitStep, _Race, fit
-from core.hypotheses import Numbers, Objective, Pool, joined, judged, rival_of
+from core.fit import PRESETS, FitJob, FitSettings, FitStep, fit
 from core.metrics import distance_error, psnr, rotation_error
 from core.model import Model
 from core.photos import Photo
-from core.rays import cast
-from core.render import render_exact, render_rays
-from core.targets import Target, draw
+from core.render import render_exact
 from tests.conftest import random_model
-from tests.core.tiny import tiny_model
+from tests.core.tiny import photo_of
 
 QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24)
 SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12)
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Model:
-    return tiny_model()
-
-
-def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:
-    seen = render_exact(model, codes, camera, 64)
-    return Photo(seen.colour.clamp(0, 1), seen.opacity > 0.5)
 
 
 def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int = 0) -> FitStep:
@@ -45,52 +28,6 @@ def last_of(model: Model, job: FitJob) -> FitStep:
 
 
 # What is found
-
-
-@pytest.mark.parametrize(("pays", "sparing", "directions"), [(0.002, True, 2), (2.0, True, 1), (2.0, False, 2)])
-def test_code_directions_are_opened_while_they_pay(
-    tiny: Model, monkeypatch: pytest.MonkeyPatch, pays: float, sparing: bool, directions: int
-):
-    monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 2, 2, 2))
-    monkeypatch.setattr(fitting, "_LEADING", 1)
-    monkeypatch.setattr(fitting, "_PAYS", pays)
-    photo = replace(photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)), camera=tiny.camera(0.9, 0.5))
-    found = last(tiny, photo, settings=replace(QUICK, sparing=sparing))
-    assert found.directions == (directions, directions)
-
-
-def test_directions_opened_for_single_pictures_are_told_of_all(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 1, 1, 1))
-    photos = [photo_of(tiny, tiny.codes[2], tiny.camera(azimuth, 0.5)) for azimuth in (0.9, 2.5)]
-    steps = list(fit(tiny, FitJob(tuple(photos), SHORT)))
-    first = [stage.anew for stage in plan.plan(SHORT, blind=True)].index(True)  # where each stage is one step
-    together = [step.directions for step in steps[2 * first : 3 * first]]
-    assert set(together) == {(2, 2)}
-
-
-def test_a_second_heat_begins_anew_around_the_best_cameras(tiny: Model):
-    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)),), QUICK)))
-    stages = plan.plan(QUICK, blind=True)
-    heat = [stage.anew for stage in stages].index(True)
-    first = sum(stage.steps for stage in stages[:heat])
-    before, after = steps[first - 1], steps[first]
-    assert after.hypotheses == min(QUICK.starts, plan.RENEWED) + 1
-    assert {one.start for one in after.race} <= {one.start for one in before.race}
-    assert after.loss <= before.loss  # the winner of the first heat waits until it is beaten
-    assert before.race[0].cameras in [one.cameras for one in after.race]
-
-
-def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(plan, "_RANKS", (1, 1, 2, 2, 2, 2))
-    monkeypatch.setattr(fitting, "_LEADING", 1)
-    steps = 0
-    for index in range(4):
-        camera = tiny.camera(0.9 + index, 0.5)  # given: a race of so small a model is decided by chance
-        photo = replace(photo_of(tiny, tiny.codes[index], camera), camera=camera)
-        spared, lavish = (last(tiny, photo, settings=replace(QUICK, sparing=one), seed=1) for one in (True, False))
-        assert spared.psnr > lavish.psnr - 0.1
-        steps += lavish.step - spared.step
-    assert steps > 0
 
 
 @pytest.mark.parametrize("index, azimuth, elevation", [(0, 1.2, 0.3), (1, 2.9, 0.6), (2, 4.5, 0.2), (3, 6.0, 1.35)])
@@ -133,18 +70,6 @@ def test_with_a_known_camera_the_codes_are_found(tiny: Model):
     other = tiny.camera(3.9, 0.6)
     expected = render_exact(tiny, codes, other, 48).colour
     assert psnr(render_exact(tiny, found.codes, other, 48).colour, expected) > 25
-
-
-def test_where_cameras_are_known_shapes_race(tiny: Model):
-    cameras = [tiny.camera(0.9, 0.5), tiny.camera(2.9, 0.3)]
-    photos = [replace(photo_of(tiny, tiny.codes[2], camera), camera=camera) for camera in cameras]
-    race = _Race.of(tiny, FitJob(tuple(photos), QUICK))
-    pool = race.entered()
-    ranked = replace(pool, cost=torch.arange(len(pool), dtype=torch.float32))
-    cut = race.cut(ranked, race.plan[1]._replace(hypotheses=2))
-    assert cut.start.tolist() == [0, 1]
-    first, *_, end = fit(tiny, FitJob(tuple(photos), QUICK))
-    assert (first.hypotheses, end.hypotheses) == (len(pool), 1)
 
 
 def test_several_unknown_cameras_and_one_pair_of_codes_are_found(tiny: Model):
@@ -240,48 +165,10 @@ def test_there_is_an_alternative_however_short_the_race(tiny: Model, starts: int
     assert found.alternative is not None
 
 
-@pytest.mark.parametrize(("close", "going"), [(math.inf, 2), (-math.inf, 1)])
-def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
-    tiny: Model, monkeypatch: pytest.MonkeyPatch, close: float, going: int
-):
-    monkeypatch.setattr(fitting, "_CLOSE", close)
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
-    *_, before, end = fit(tiny, FitJob((photo,), SHORT))
-    assert (before.hypotheses, end.hypotheses) == (going, 1)
-    assert end.alternative is not None
-    assert end.margin is not None
-    assert end.margin >= 0
-    again = list(fit(tiny, FitJob((photo,), SHORT, begin=end.race[0])))
-    assert {step.hypotheses for step in again} == {1}  # whoever goes on with one camera means that one
-
-
-@pytest.mark.parametrize("steps", [1, 8, 30])
-@pytest.mark.parametrize("sparing", [True, False])
-def test_the_last_stage_tells_the_best_that_was_measured(tiny: Model, steps: int, sparing: bool):
-    camera = tiny.camera(0.9, 0.3)
-    settings = replace(SHORT, steps=steps, sparing=sparing)
-    alone = plan.plan(settings, blind=False)[-1].steps
-    found = list(fit(tiny, FitJob((replace(photo_of(tiny, tiny.codes[0], camera), camera=camera),), settings)))
-    ending = [step.loss for step in found if step.step > found[0].steps - alone]
-    assert ending == sorted(ending, reverse=True)
-    assert sparing or found[-1].step == found[-1].steps
-
-
 def test_a_known_camera_has_no_alternative(tiny: Model):
     truth = tiny.camera(0.9, 0.5)
     found = last(tiny, replace(photo_of(tiny, tiny.codes[2], truth), camera=truth), settings=SHORT)
     assert found.alternative is found.confidence is None
-
-
-def test_a_rival_is_the_best_of_another_basin_or_the_twin(tiny: Model):
-    pool, views = Pool.of(_numbers(tiny, 3)), torch.tensor([True])
-    pool.numbers.angles[:, 0] = torch.tensor([[0.0, 0.2], [0.1, 0.2], [2.0, 0.2]])
-    pool = replace(pool, cost=torch.tensor([1.0, 2.0, 3.0]))
-    assert rival_of(pool, pool, views).start.tolist() == [2]
-    near = pool[torch.tensor([0, 1])]
-    assert float(rival_of(near, near, views).numbers.angles[0, 0, 0]) == pytest.approx(math.pi)
-    lost = replace(pool, cost=torch.tensor([1.0, 2.0, math.inf]))
-    assert rival_of(lost, joined(lost, lost), views).start.tolist() == [0]
 
 
 # The paper's recipe
@@ -405,49 +292,6 @@ def test_odd_pictures_stay_finite(tiny: Model):
         assert math.isfinite(found.cameras[0].distance)
 
 
-def test_no_start_and_no_picture_ends_worse_than_it_began(tiny: Model):
-    for seed in range(10):
-        ends_well(tiny, seed)
-
-
-@pytest.mark.slow
-def test_a_thousand_starts_and_pictures_end_no_worse_than_they_began(tiny: Model):
-    for seed in range(1000):
-        ends_well(tiny, seed)
-
-
-def ends_well(model: Model, seed: int) -> None:
-    """A picture of anything from starts anywhere: each step finite, the end no worse than the start it came from."""
-    generator = torch.Generator().manual_seed(seed)
-
-    def drawn(*size: int) -> torch.Tensor:
-        return torch.rand(size, generator=generator)
-
-    height, width = (int(side) for side in 8 + 40 * drawn(2))
-    mask = drawn(height, width) > drawn(1)
-    mask[height // 2, width // 2] = True
-    pixels = torch.where(mask[..., None], drawn(height, width, 3), torch.ones(3))
-    photo = Photo(pixels, mask, framed=seed % 2 == 0)
-    race = _Race.of(model, FitJob((photo,), FitSettings(starts=4, steps=9, rays=48, samples=12), seed))
-    pool = Pool.of(
-        Numbers(
-            (drawn(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
-            3 * drawn(4, 1) - 1.5,
-            drawn(4, 1) - 0.5,
-            0.4 * drawn(4, 1, 2) - 0.2,
-            8 * drawn(4, 2) - 4,
-            8 * drawn(4, 2) - 4,
-        )
-    )
-    standings = list(race.run(pool))
-    assert len(standings) == race.steps
-    steps = [race.reported(standing, number, race.steps, 0.0) for number, standing in enumerate(standings)]
-    assert all(math.isfinite(step.loss) and math.isfinite(step.psnr) for step in steps)
-    assert all(bool(part.isfinite().all()) for standing in standings for part in standing.pool.numbers)
-    began = race.measured(pool[torch.tensor([steps[-1].start])])
-    assert steps[-1].loss <= float(began.cost) + 1e-6
-
-
 def test_a_picture_without_an_object_is_refused(tiny: Model):
     with pytest.raises(ValueError, match="shows no object"):
         last(tiny, Photo(torch.ones(40, 40, 3), torch.zeros(40, 40, dtype=torch.bool)))
@@ -471,83 +315,3 @@ def test_a_model_gone_wrong_ends_in_one_clear_error():
     model.field.density_layer.bias.fill_(math.nan)
     with pytest.raises(ValueError, match="diverged from every start"):
         last(model, known, settings=replace(SHORT, starts=1))
-
-
-def test_a_hypothesis_that_diverged_is_dropped_and_the_others_are_as_without_it(tiny: Model):
-    pool = Pool.of(_numbers(tiny, 3))
-    assert pool[torch.tensor([2, 0])].start.tolist() == [2, 0]
-    costs = replace(pool, cost=torch.tensor([3.0, math.inf, 2.0]))
-    assert costs.leader == 2
-    with pytest.raises(ValueError, match="diverged"):
-        _ = replace(pool, cost=torch.full((3,), math.inf)).leader
-
-
-# Gradients
-
-
-def _numbers(model: Model, count: int) -> Numbers:
-    generator = torch.Generator().manual_seed(0)
-    return Numbers(
-        torch.rand(count, 1, 2, generator=generator),
-        0.1 * torch.randn(count, 1, generator=generator),
-        torch.zeros(count, 1),
-        torch.zeros(count, 1, 2),
-        torch.randn(count, 2, generator=generator),
-        torch.randn(count, 2, generator=generator),
-    )
-
-
-def test_hypotheses_in_a_batch_are_judged_as_alone(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.5, 0.5))
-    drawn = draw([Target.of(photo, tiny)], 64, torch.Generator().manual_seed(0))
-    numbers = _numbers(tiny, 3)
-    together = judged(tiny, numbers, drawn, 16, Objective(1e-4)).objective
-    for index in range(3):
-        one = Numbers(*(part[index : index + 1] for part in numbers))
-        alone = judged(tiny, one, drawn, 16, Objective(1e-4)).objective
-        torch.testing.assert_close(alone[0], together[index], atol=1e-3, rtol=1e-2)  # bfloat16, in another order
-
-
-def test_the_true_hypothesis_is_the_best(tiny: Model):
-    truth = tiny.camera(0.5, 0.5)
-    drawn = draw([Target.of(photo_of(tiny, tiny.codes[0], truth), tiny)], 256, torch.Generator().manual_seed(0))
-    numbers = _numbers(tiny, 4)
-    numbers.angles[1, 0] = torch.tensor([truth.azimuth, truth.elevation])
-    numbers.distance[1] = 0
-    numbers.shape[1] = tiny.codes.shape_space.coordinates(tiny.codes[0].shape)
-    numbers.texture[1] = tiny.codes.texture_space.coordinates(tiny.codes[0].texture)
-    assert int(judged(tiny, numbers, drawn, 32, Objective(0.0)).objective.argmin()) == 1
-
-
-@pytest.mark.parametrize("name", ["azimuth", "elevation", "distance", "shape", "texture"])
-def test_gradients_of_rendered_rays_against_finite_differences(name: str, monkeypatch: pytest.MonkeyPatch):
-    # Under autocast the field returns to float32 so; here it would throw away the digits that the differences need.
-    monkeypatch.setattr(torch.Tensor, "float", torch.Tensor.double)
-    model = random_model(2)
-    field = model.field.double()
-    generator = torch.Generator().manual_seed(1)
-    pixels = 12 + 8 * torch.rand(6, 2, generator=generator, dtype=torch.float64)
-    target = torch.rand(6, 3, generator=generator, dtype=torch.float64)
-    extent = model.extent_tensor.double()
-    place = {"azimuth": 0.7, "elevation": 0.4, "distance": 2.0}
-    values = {key: torch.tensor(value, dtype=torch.float64) for key, value in place.items()}
-    values |= {"shape": model.codes[0].shape.double(), "texture": model.codes[0].texture.double()}
-    with torch.no_grad():
-        fixed = cast(pixels, *(values[key] for key in place), 32.8, (32, 32), extent)
-
-    def loss(changed: torch.Tensor) -> torch.Tensor:
-        now = values | {name: changed}
-        rays = cast(pixels, *(now[key] for key in place), 32.8, (32, 32), extent)
-        # Where samples stand along a ray is no function of the camera.
-        rays = replace(rays, near=fixed.near, far=fixed.far)
-        seen = render_rays(model, rays, 12, field.shape_bias(now["shape"]), field.texture_bias(now["texture"]))
-        return (seen.colour - target).square().sum()
-
-    assert float(fixed.far.sub(fixed.near).min()) > 0.1
-    start = values[name].clone().requires_grad_()
-    (slope,) = torch.autograd.grad(loss(start), start)
-    direction = torch.randn(slope.shape, generator=generator, dtype=torch.float64)
-    step = 1e-5
-    with torch.no_grad():
-        measured = (loss(values[name] + step * direction) - loss(values[name] - step * direction)) / (2 * step)
-    assert float((slope * direction).sum()) == pytest.approx(float(measured), rel=1e-5, abs=1e-9)

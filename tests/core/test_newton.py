@@ -11,17 +11,11 @@ from core.model import Model
 from core.newton import quadratic, spread, stride, tried
 from core.plan import Stage
 from core.targets import Drawn, Target, draw
-from tests.core.test_fit import photo_of
-from tests.core.tiny import tiny_model
+from tests.core.tiny import photo_of
 
 STAGE = Stage(3, 4, 96, 24, (100, 100), 1e-4, math.inf, 0.3)
 BY = Objective(1e-4)
 FREE = torch.tensor([[True, True, True, True, False, False]])
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Model:
-    return tiny_model()
 
 
 def drawn_of(model: Model) -> Drawn:

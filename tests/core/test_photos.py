@@ -12,12 +12,7 @@ from core.model import Model
 from core.photos import Framing, Photo, load_photo, photo_from_array
 from core.render import render_exact
 from core.starts import apparent
-from tests.core.tiny import SIDE, tiny_model
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Model:
-    return tiny_model()
+from tests.core.tiny import SIDE
 
 
 def drawing(size: tuple[int, int] = (300, 200), ground: tuple[int, ...] = (255, 255, 255)) -> Image.Image:

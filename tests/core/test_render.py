@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,8 +9,9 @@ from core.codes import Codes
 from core.library import load_model
 from core.metrics import psnr
 from core.model import Model
-from core.rays import camera_rays
+from core.rays import camera_rays, cast
 from core.render import render_exact, render_rays
+from tests.conftest import random_model
 
 
 def test_one_ray_is_the_sum_of_the_paper(model: Model):
@@ -69,3 +72,37 @@ def test_the_authors_pictures_are_reproduced(index: int, shared):
     codes = Codes(model.codes.shapes[shape], model.codes.textures[texture])
     found = render_exact(model, codes, camera, 64)
     assert psnr(found.colour, torch.tensor(expected[f"rgb_{index}"])) > 60
+
+
+@pytest.mark.parametrize("name", ["azimuth", "elevation", "distance", "shape", "texture"])
+def test_gradients_of_rendered_rays_against_finite_differences(name: str, monkeypatch: pytest.MonkeyPatch):
+    # Under autocast the field returns to float32 so; here it would throw away the digits that the differences need.
+    monkeypatch.setattr(torch.Tensor, "float", torch.Tensor.double)
+    model = random_model(2)
+    field = model.field.double()
+    generator = torch.Generator().manual_seed(1)
+    pixels = 12 + 8 * torch.rand(6, 2, generator=generator, dtype=torch.float64)
+    target = torch.rand(6, 3, generator=generator, dtype=torch.float64)
+    extent = model.extent_tensor.double()
+    place = {"azimuth": 0.7, "elevation": 0.4, "distance": 2.0}
+    values = {key: torch.tensor(value, dtype=torch.float64) for key, value in place.items()}
+    values |= {"shape": model.codes[0].shape.double(), "texture": model.codes[0].texture.double()}
+    with torch.no_grad():
+        fixed = cast(pixels, *(values[key] for key in place), 32.8, (32, 32), extent)
+
+    def loss(changed: torch.Tensor) -> torch.Tensor:
+        now = values | {name: changed}
+        rays = cast(pixels, *(now[key] for key in place), 32.8, (32, 32), extent)
+        # Where samples stand along a ray is no function of the camera.
+        rays = replace(rays, near=fixed.near, far=fixed.far)
+        seen = render_rays(model, rays, 12, field.shape_bias(now["shape"]), field.texture_bias(now["texture"]))
+        return (seen.colour - target).square().sum()
+
+    assert float(fixed.far.sub(fixed.near).min()) > 0.1
+    start = values[name].clone().requires_grad_()
+    (slope,) = torch.autograd.grad(loss(start), start)
+    direction = torch.randn(slope.shape, generator=generator, dtype=torch.float64)
+    step = 1e-5
+    with torch.no_grad():
+        measured = (loss(values[name] + step * direction) - loss(values[name] - step * direction)) / (2 * step)
+    assert float((slope * direction).sum()) == pytest.approx(float(measured), rel=1e-5, abs=1e-9)

@@ -12,13 +12,7 @@ from core.model import Model
 from core.render import render_exact
 from core.starts import apparent, bank_of, likenesses, preparing, ranked, surface
 from tests.conftest import random_model
-from tests.core.tiny import EXTENT, tiny_model
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Model:
-    return tiny_model()
-
+from tests.core.tiny import EXTENT
 
 VIEWS = [(0.3, 0.3), (1.4, 0.7), (2.5, 0.1), (3.7, 0.9), (4.6, 0.4), (5.6, 1.3)]
 

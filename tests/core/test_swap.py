@@ -12,14 +12,8 @@ from core.model import Model
 from core.report import swap_told, write_swap_report
 from core.swap import probe, swap, swap_summary, table
 from tests.core.test_evaluate import views_of
-from tests.core.tiny import tiny_model
 
 CELLS = {"stool0": (0, 1), "stool1": (1, 0), "stool2": (2, 3), "stool3": (3, 2), "new01": (0, 0), "new23": (2, 2)}
-
-
-@pytest.fixture(scope="module")
-def tiny() -> Model:
-    return tiny_model()
 
 
 @pytest.fixture(autouse=True)

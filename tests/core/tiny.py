@@ -4,9 +4,12 @@ from functools import cache
 
 import torch
 
-from core.codes import CodeBook, Entry
+from core.camera import Camera
+from core.codes import CodeBook, Codes, Entry
 from core.field import Field, FieldConfig
 from core.model import Model
+from core.photos import Photo
+from core.render import render_exact
 
 EXTENT = (0.4, 0.4, 0.4)
 SIDE = 40
@@ -63,3 +66,9 @@ def _stool(points: torch.Tensor, shape: torch.Tensor, texture: torch.Tensor) -> 
 
 def _box(offset: tuple[torch.Tensor, ...], half: tuple) -> torch.Tensor:
     return torch.stack([size - place.abs() for place, size in zip(offset, half, strict=True)], -1).amin(-1)
+
+
+def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:
+    """A picture of one of a model's objects, with its mask."""
+    seen = render_exact(model, codes, camera, 64)
+    return Photo(seen.colour.clamp(0, 1), seen.opacity > 0.5)

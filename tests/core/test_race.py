@@ -1,0 +1,154 @@
+"""What a race does between the start line and the winner."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from core import plan
+from core import race as racing
+from core.fit import FitJob, FitSettings, FitStep, fit
+from core.hypotheses import Numbers, Pool
+from core.model import Model
+from core.photos import Photo
+from core.race import Race
+from tests.core.tiny import photo_of
+
+QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24)
+SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12)
+
+
+def last(model: Model, photo: Photo, settings: FitSettings, seed: int = 0) -> FitStep:
+    *_, step = fit(model, FitJob((photo,), settings, seed))
+    return step
+
+
+@pytest.mark.parametrize(("pays", "sparing", "directions"), [(0.002, True, 2), (2.0, True, 1), (2.0, False, 2)])
+def test_code_directions_are_opened_while_they_pay(
+    tiny: Model, monkeypatch: pytest.MonkeyPatch, pays: float, sparing: bool, directions: int
+):
+    monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 2, 2, 2))
+    monkeypatch.setattr(racing, "_LEADING", 1)
+    monkeypatch.setattr(racing, "_PAYS", pays)
+    photo = replace(photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)), camera=tiny.camera(0.9, 0.5))
+    found = last(tiny, photo, replace(QUICK, sparing=sparing))
+    assert found.directions == (directions, directions)
+
+
+def test_directions_opened_for_single_pictures_are_told_of_all(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 1, 1, 1))
+    photos = [photo_of(tiny, tiny.codes[2], tiny.camera(azimuth, 0.5)) for azimuth in (0.9, 2.5)]
+    steps = list(fit(tiny, FitJob(tuple(photos), SHORT)))
+    first = [stage.anew for stage in plan.plan(SHORT, blind=True)].index(True)  # where each stage is one step
+    together = [step.directions for step in steps[2 * first : 3 * first]]
+    assert set(together) == {(2, 2)}
+
+
+def test_a_second_heat_begins_anew_around_the_best_cameras(tiny: Model):
+    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)),), QUICK)))
+    stages = plan.plan(QUICK, blind=True)
+    heat = [stage.anew for stage in stages].index(True)
+    first = sum(stage.steps for stage in stages[:heat])
+    before, after = steps[first - 1], steps[first]
+    assert after.hypotheses == min(QUICK.starts, plan.RENEWED) + 1
+    assert {one.start for one in after.race} <= {one.start for one in before.race}
+    assert after.loss <= before.loss  # the winner of the first heat waits until it is beaten
+    assert before.race[0].cameras in [one.cameras for one in after.race]
+
+
+def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(plan, "_RANKS", (1, 1, 2, 2, 2, 2))
+    monkeypatch.setattr(racing, "_LEADING", 1)
+    steps = 0
+    for index in range(4):
+        camera = tiny.camera(0.9 + index, 0.5)  # given: a race of so small a model is decided by chance
+        photo = replace(photo_of(tiny, tiny.codes[index], camera), camera=camera)
+        spared, lavish = (last(tiny, photo, replace(QUICK, sparing=one), seed=1) for one in (True, False))
+        assert spared.psnr > lavish.psnr - 0.1
+        steps += lavish.step - spared.step
+    assert steps > 0
+
+
+def test_where_cameras_are_known_shapes_race(tiny: Model):
+    cameras = [tiny.camera(0.9, 0.5), tiny.camera(2.9, 0.3)]
+    photos = [replace(photo_of(tiny, tiny.codes[2], camera), camera=camera) for camera in cameras]
+    race = Race.of(tiny, tuple(photos), QUICK, 0)
+    pool = race.entered()
+    ranked = replace(pool, cost=torch.arange(len(pool), dtype=torch.float32))
+    cut = race.cut(ranked, race.plan[1]._replace(hypotheses=2))
+    assert cut.start.tolist() == [0, 1]
+    first, *_, end = fit(tiny, FitJob(tuple(photos), QUICK))
+    assert (first.hypotheses, end.hypotheses) == (len(pool), 1)
+
+
+@pytest.mark.parametrize(("close", "going"), [(math.inf, 2), (-math.inf, 1)])
+def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
+    tiny: Model, monkeypatch: pytest.MonkeyPatch, close: float, going: int
+):
+    monkeypatch.setattr(racing, "_CLOSE", close)
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    *_, before, end = fit(tiny, FitJob((photo,), SHORT))
+    assert (before.hypotheses, end.hypotheses) == (going, 1)
+    assert end.alternative is not None
+    assert end.margin is not None
+    assert end.margin >= 0
+    again = list(fit(tiny, FitJob((photo,), SHORT, begin=end.race[0])))
+    assert {step.hypotheses for step in again} == {1}  # whoever goes on with one camera means that one
+
+
+@pytest.mark.parametrize("steps", [1, 8, 30])
+@pytest.mark.parametrize("sparing", [True, False])
+def test_the_last_stage_tells_the_best_that_was_measured(tiny: Model, steps: int, sparing: bool):
+    camera = tiny.camera(0.9, 0.3)
+    settings = replace(SHORT, steps=steps, sparing=sparing)
+    alone = plan.plan(settings, blind=False)[-1].steps
+    found = list(fit(tiny, FitJob((replace(photo_of(tiny, tiny.codes[0], camera), camera=camera),), settings)))
+    ending = [step.loss for step in found if step.step > found[0].steps - alone]
+    assert ending == sorted(ending, reverse=True)
+    assert sparing or found[-1].step == found[-1].steps
+
+
+def test_no_start_and_no_picture_ends_worse_than_it_began(tiny: Model):
+    for seed in range(10):
+        ends_well(tiny, seed)
+
+
+@pytest.mark.slow
+def test_a_thousand_starts_and_pictures_end_no_worse_than_they_began(tiny: Model):
+    for seed in range(1000):
+        ends_well(tiny, seed)
+
+
+def ends_well(model: Model, seed: int) -> None:
+    """A picture of anything from starts anywhere: each step finite, the end no worse than the start it came from."""
+    generator = torch.Generator().manual_seed(seed)
+
+    def drawn(*size: int) -> torch.Tensor:
+        return torch.rand(size, generator=generator)
+
+    height, width = (int(side) for side in 8 + 40 * drawn(2))
+    mask = drawn(height, width) > drawn(1)
+    mask[height // 2, width // 2] = True
+    pixels = torch.where(mask[..., None], drawn(height, width, 3), torch.ones(3))
+    photo = Photo(pixels, mask, framed=seed % 2 == 0)
+    race = Race.of(model, (photo,), FitSettings(starts=4, steps=9, rays=48, samples=12), seed)
+    pool = Pool.of(
+        Numbers(
+            (drawn(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
+            3 * drawn(4, 1) - 1.5,
+            drawn(4, 1) - 0.5,
+            0.4 * drawn(4, 1, 2) - 0.2,
+            8 * drawn(4, 2) - 4,
+            8 * drawn(4, 2) - 4,
+        )
+    )
+    standings = list(race.run(pool))
+    assert len(standings) == race.steps
+    for standing in standings:
+        leader, left = standing.pool.leader, standing.pool
+        assert math.isfinite(float(left.cost[leader])) and math.isfinite(float(left.squared[leader]))
+        assert all(bool(part.isfinite().all()) for part in left.numbers)
+    end = standings[-1].pool
+    began = race.measured(pool[end.start[end.leader][None]])
+    assert float(end.cost[end.leader]) <= float(began.cost) + 1e-6
