@@ -213,9 +213,13 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         default="ours",
         help="M1, M2: ours, but entangled",
     )
-    command.add_argument("--width", type=_count, help="of the network (default: the recipe's; ours: 128)")
+    command.add_argument("--width", type=_count, help="of the network (default: the recipe's; ours: 96)")
     command.add_argument(
-        "--latent", type=_count, nargs=2, metavar=("SHAPE", "TEXTURE"), help="numbers of a code (default: ours: 64 64)"
+        "--latent",
+        type=_count,
+        nargs=2,
+        metavar=("SHAPE", "TEXTURE"),
+        help="numbers of a code (default: the recipe's; ours: 64 32)",
     )
     _add_device(command)
     _add_seed(command)

@@ -14,14 +14,14 @@ from torch.nn import functional
 
 @dataclass(frozen=True)
 class FieldConfig:
-    """The size and the conventions of a field."""
+    """The size and the conventions of a field. Sizes are those of the shipped models; the paper has others."""
 
-    width: int = 128
-    shape_blocks: int = 2
+    width: int = 96
+    shape_blocks: int = 3
     texture_blocks: int = 1
     shape_latent: int = 64
-    texture_latent: int = 64
-    point_octaves: int = 10
+    texture_latent: int = 32
+    point_octaves: int = 6
     direction_octaves: int = 4
     density_scale: float = 30.0
     """Multiplies the softplus: an object is opaque within a hundredth of a scene unit, so the layer before it

@@ -94,7 +94,15 @@ RECIPES = {
     # Sections 3.2 and 4; kinder than theirs in three things: objects are mixed in a batch, the ground is white without
     # having to be painted, and rays are sampled in the box that the objects share.
     "paper": TrainSettings(
-        field=FieldConfig(width=256, shape_latent=256, texture_latent=256, density_scale=1.0, bounded_colour=False),
+        field=FieldConfig(
+            width=256,
+            shape_blocks=2,
+            shape_latent=256,
+            texture_latent=256,
+            point_octaves=10,
+            density_scale=1.0,
+            bounded_colour=False,
+        ),
         everywhere=True,
         outside=0,
         matrix_rate=None,
@@ -263,7 +271,7 @@ class Trainer:
         while self.step < self.settings.steps:
             began = time.perf_counter()
             if self.step >= _SETTLED and self.step in self._prunings:
-                self.bank.prune(self.field, self._biases()[0])
+                self.bank.prune(self.field, self.field.shape_bias(self.shapes[self.shape_row]))
             loss, error = self._advance()
             self.step += 1
             self.seconds += time.perf_counter() - began
@@ -339,13 +347,14 @@ class Trainer:
         depths = jittered(edges, self.generator)
         points = points_at(rays, depths)
         hit = self.bank.inside(points, owner[:, None]).flatten().nonzero()[:, 0]
-        of_objects = self._biases()
+        shape, texture = self.shapes[self.shape_row[owner]], self.textures[self.texture_row[owner]]
+        of_rays = self.field.biases(shape, texture)
         if not settings.everywhere and settings.field.design != "M1":  # whose density depends on the direction
-            hit = self._lit(hit, points, edges, owner, of_objects[0])
+            hit = self._lit(hit, points, edges, of_rays[0])
         asked = _padded(hit)
         ray = asked // settings.samples
         towards = self.field.direction_bias(rays.directions).index_select(0, ray)
-        biases = (bias.index_select(0, owner[ray]) for bias in of_objects)
+        biases = (bias.index_select(0, ray) for bias in of_rays)
         found, seen = self.field.radiance(points.flatten(0, 1)[asked], towards, *biases)
         density = depths.new_zeros(depths.numel()).index_copy(0, hit, found[: len(hit)]).view_as(depths)
         colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, seen[: len(hit)]).view_as(points)
@@ -353,27 +362,22 @@ class Trainer:
         error = functional.mse_loss(over_white(shares, left, colours), truth)
         sure = kind != 1
         silhouette = ((1 - left - kind.float() / 2) * sure).square().sum() / sure.sum().clamp_min(1)
-        shape, texture = self.shapes[self.shape_row[owner]], self.textures[self.texture_row[owner]]
         prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
         loss = error + settings.silhouette * silhouette + settings.prior * prior
         return loss + settings.emptiness * self._stray_density() if settings.outside else loss, error
 
     @torch.no_grad()
-    def _lit(self, hit: Tensor, points: Tensor, edges: Tensor, owner: Tensor, shape_bias: Tensor) -> Tensor:
+    def _lit(self, hit: Tensor, points: Tensor, edges: Tensor, shape_bias: Tensor) -> Tensor:
         """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
         density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(linear_dtype(self.device.type))
         for part in hit.split(_CHUNK_POINTS):
             asked = _padded(part)
-            bias = shape_bias.index_select(0, owner[asked // points.shape[1]])
+            bias = shape_bias.index_select(0, asked // points.shape[1])
             found = self.field.density(points.flatten(0, 1).index_select(0, asked), bias)[0]
             density[part] = found[: len(part)]
         passed = (density.view(points.shape[:-1]) * edges.diff(dim=-1)).cumsum(-1)
         dark = functional.pad(passed, (1, -1)) > -math.log(_DARK)
         return hit[~dark.flatten()[hit]]
-
-    def _biases(self) -> tuple[Tensor, Tensor]:
-        """The field's for the codes of every object."""
-        return self.field.biases(self.shapes[self.shape_row], self.textures[self.texture_row])
 
     def _stray_density(self) -> Tensor:
         """The mean share of light that density outside the hulls would take within one interval of a ray.

@@ -268,7 +268,7 @@ def sizes_table(found: sizes.Measured) -> str:
     head = "differs in | parameters | file (kB) | own, new views (dB) | held out (dB) | against the first (dB)"
     lines += [f"| {head} | cameras within 10° | 100,000 samples (ms) | blind fit (s) |", "|" + "---|" * 9]
     for one in found.sizes:
-        name = one.axis if one.axis == "default" else f"{one.axis} {one.value}"
+        name = f"{one.axis} {one.value}" if one.value else one.axis
         quality = f"{one.own:.2f} | {one.held_out.mean:.2f} | {_gain(one.gain)}"
         costs = f"{_share(one.found)} | {one.field_ms:.0f} | {one.fit_seconds:.1f}"
         lines.append(f"| {name} | {one.parameters} | {one.bytes / 1000:.0f} | {quality} | {costs} |")
@@ -277,13 +277,17 @@ def sizes_table(found: sizes.Measured) -> str:
 
 def _sizes_chart(found: sizes.Measured) -> "Figure":
     figure, (left, right) = _figure(2)
-    default = found.sizes[0]
-    for axis in dict.fromkeys(one.axis for one in found.sizes[1:]):
-        some = sorted((default, *(one for one in found.sizes if one.axis == axis)), key=lambda one: one.bytes)
+    centre = found.sizes[0]
+    for axis in dict.fromkeys(one.axis for one in found.sizes if one.value):
+        some = sorted((centre, *(one for one in found.sizes if one.axis == axis)), key=lambda one: one.bytes)
         marks = [one.parameters / 1000 for one in some]
         for axes, quality in ((left, [one.own for one in some]), (right, [one.held_out.mean for one in some])):
             (line,) = axes.plot([one.field_ms for one in some], quality, "-", alpha=0.6, label=axis)
             axes.scatter([one.field_ms for one in some], quality, marks, color=line.get_color())
+    for one in found.sizes:
+        if one.axis == "shipped":
+            left.plot(one.field_ms, one.own, "k*", markersize=14, label=one.axis, zorder=3)
+            right.plot(one.field_ms, one.held_out.mean, "k*", markersize=14, label=one.axis, zorder=3)
     left.set(xlabel="ms for 100,000 samples", ylabel="own objects, new views (dB)")
     right.set(xlabel="ms for 100,000 samples", ylabel="held-out objects, one view (dB)")
     for axes in (left, right):

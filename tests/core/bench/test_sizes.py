@@ -14,18 +14,18 @@ from core.evaluate import Protocol
 from core.field import FieldConfig
 from core.fit import PRESETS, FitSettings
 from core.model import Model
-from core.train import TrainSettings, TrainStep
+from core.train import RECIPES, TrainSettings, TrainStep
 from tests.core.test_evaluate import views_of
 from tests.core.tiny import tiny_model
 
 
 def test_every_model_of_the_plan_differs_in_one_number() -> None:
-    default, *others = sizes.plan()
-    assert default[2] == sizes.DEFAULT
+    centre, *others, shipped = sizes.plan()
+    assert (centre[2], shipped[2]) == (sizes.CENTRE, RECIPES["ours"].field)
     assert len({config for _, _, config in others}) == len(others)
     for axis, value, config in others:
-        assert config == replace(sizes.DEFAULT, **{axis: value})
-        assert config != sizes.DEFAULT
+        assert config == replace(sizes.CENTRE, **{axis: value})
+        assert config != sizes.CENTRE
 
 
 class Taught:
@@ -66,7 +66,7 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
 
 
 def test_models_are_trained_once_and_measured(found: Measured, tmp_path: Path) -> None:
-    assert [(one.axis, one.value) for one in found.sizes] == [("default", 0), ("width", 32)]
+    assert [(one.axis, one.value) for one in found.sizes] == [("centre", 0), ("width", 32)]
     assert all(one.own > 0 and one.bytes > 0 and one.field_ms > 0 and one.fit_seconds > 0 for one in found.sizes)
     assert [one.gain.mean for one in found.sizes] == [0, 0]  # the same model twice
     assert len({one.found.mean for one in found.sizes}) == 1
