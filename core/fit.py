@@ -38,8 +38,8 @@ class FitJob:
     def __post_init__(self) -> None:
         if not self.photos:
             raise ValueError("there is no picture to fit")
-        if self.begin and (len(self.begin.cameras) != len(self.photos) or self.settings.paper):
-            raise ValueError("a fit goes on with the pictures it had, and not in the paper's recipe")
+        if self.begin and len(self.begin.cameras) != len(self.photos):
+            raise ValueError("a fit goes on with the pictures it had")
 
 
 class Alternative(NamedTuple):

@@ -154,12 +154,12 @@ class Race:
 
     def entered(self) -> Pool:
         """The hypotheses at the start line."""
-        if self.settings.paper:
-            return paper.entered(self.model, self.given, self.unknown, self.generator)
         if self.begin:
             begin, spaces = self.begin, self.by.spaces(self.model)
             pool = gone_on(self.model, self.photos, self.given, begin.cameras, begin.shift, begin.codes, spaces)
             return replace(pool, start=torch.tensor([begin.start]))
+        if self.settings.paper:
+            return paper.entered(self.model, self.given, self.unknown, self.generator)
         return entrants(self.model, self.photos, self.given, self.plan[0].hypotheses, self.settings.lens)
 
     def run(self, pool: Pool) -> Iterator[Standing]:

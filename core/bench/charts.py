@@ -204,12 +204,13 @@ def _stability_chart(found: stability.Atlas) -> "Figure":
         for preset in next(iter(cells.values())):
             shares = [100 * cells[name, level][preset] for level in levels]
             axes.plot(range(len(levels)), shares, "o-", alpha=0.7, label=preset)
-        axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels])
+        axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels] if len(levels) > 1 else [""])
         axes.set(title=name, ylim=(-5, 105), xlabel=stability.STRESSORS[name].unit)
         axes.grid(alpha=0.3)
-    panels[0].set_ylabel(f"within {stability.SUCCESS_DEGREES:g} degrees (%)")
-    panels[0].legend()
-    figure.suptitle(f"{found.machine}, {found.objects} objects", fontsize=9)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower right", ncols=len(labels))
+    what = f"cameras within {stability.SUCCESS_DEGREES:g}°, or nothing believed where there is nothing (%)"
+    figure.suptitle(f"{what}; {found.objects} objects; {found.machine}", fontsize=9)
     return figure
 
 

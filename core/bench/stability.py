@@ -20,7 +20,7 @@ from core.bench.subjects import anywhere, drawn_on_white, looks_alike, spread_ob
 from core.camera import Camera
 from core.codes import Codes
 from core.confidence import DOUBTFUL
-from core.fit import PRESETS, FitJob, FitSettings, fit
+from core.fit import PRESETS, FitJob, FitSettings, Hypothesis, fit
 from core.library import load_model, shipped_models
 from core.metrics import rotation_error
 from core.model import Model
@@ -44,6 +44,8 @@ class Stressor(NamedTuple):
     """a picture with 3 or 4 channels"""
     viewed: Callable[[Camera, float], Camera] = lambda camera, _: camera
     """the camera that it is drawn from"""
+    begun: Callable[[Camera, float], Camera] | None = None
+    """from the true camera, where the paper's recipe is told to begin; ours is never told"""
     absent: bool = False
     """It shows nothing that the model knows: to be refused, or doubted."""
     other: bool = False
@@ -116,7 +118,9 @@ def measured(
                 picture = _picture(model, codes, truth, stressor, level, seed + number)
                 for preset, settings in presets.items():
                     trial = Trial(what, level, preset, name, None, None, "")
-                    trials.append(_tried(model, codes, picture, truth, settings, seed + number, trial, stressor.absent))
+                    begin = stressor.begun(truth, level) if stressor.begun and settings.paper else None
+                    job = _Job(picture, settings, seed + number, begin)
+                    trials.append(_tried(model, codes, job, truth, trial, stressor.absent))
     yield Atlas(machine(model.device), len(seen), tuple(trials))
 
 
@@ -129,20 +133,28 @@ def _picture(model: Model, codes: Codes, camera: Camera, stressor: Stressor, lev
     return stressor.worsened(cutout, level, np.random.default_rng(seed))
 
 
-def _tried(
-    model: Model,
-    codes: Codes,
-    picture: np.ndarray,
-    truth: Camera,
-    settings: FitSettings,
-    seed: int,
-    trial: Trial,
-    absent: bool,
-) -> Trial:
+class _Job(NamedTuple):
+    """A fit of a worsened picture."""
+
+    picture: np.ndarray
+    settings: FitSettings
+    seed: int
+    begin: Camera | None
+
+    def for_model(self, model: Model) -> FitJob:
+        """With the mean codes, where it is told where to begin."""
+        photo, begin = photo_from_array(self.picture, model), None
+        if self.begin:
+            begin = Hypothesis(0, math.inf, (self.begin,), model.codes.mean, torch.zeros(1, 2))
+        return FitJob((photo,), self.settings, self.seed, begin)
+
+
+def _tried(model: Model, codes: Codes, job: _Job, truth: Camera, trial: Trial, absent: bool) -> Trial:
     """The trial with what came of it."""
+    picture = job.picture
     before = (255 * picture[..., :3] + 0.5).astype(np.uint8) if picture.dtype != np.uint8 else picture[..., :3]
     try:
-        *_, last = fit(model, FitJob((photo_from_array(picture, model),), settings, seed))
+        *_, last = fit(model, job.for_model(model))
     except ValueError as error:
         return replace(trial, ended="refused" if absent else str(error), seen=None if absent else (before, None))
     off: float | None = None
@@ -250,6 +262,11 @@ def _random(cutout: Cutout, _: float, numbers: np.random.Generator) -> np.ndarra
 
 STRESSORS = {
     "nothing": Stressor("", (0.0,)),
+    "initial error": Stressor(
+        "degrees around; ours is told no start",
+        (0.0, 15.0, 45.0, 90.0, 180.0),
+        begun=lambda camera, level: replace(camera, azimuth=camera.azimuth + math.radians(level)),
+    ),
     "elevation": Stressor(
         "degrees", (0.0, 30.0, 60.0, 89.0), viewed=lambda camera, level: replace(camera, elevation=math.radians(level))
     ),

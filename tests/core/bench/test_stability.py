@@ -1,4 +1,5 @@
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,10 @@ from PIL import Image
 from core.bench import stability
 from core.bench.charts import stability_table, write_stability
 from core.bench.stability import STRESSORS, Atlas, Stressor, _kind, measured
-from core.fit import PRESETS, FitSettings
+from core.camera import Camera
+from core.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.metrics import rotation_error
+from core.model import Model
 from tests.core.tiny import tiny_model
 
 QUICK = {
@@ -26,7 +30,10 @@ def cutout() -> np.ndarray:
     return picture
 
 
-@pytest.mark.parametrize("name", [name for name in STRESSORS if name not in ("elevation", "focal length")])
+_OF_CAMERAS = ("initial error", "elevation", "focal length")
+
+
+@pytest.mark.parametrize("name", [name for name in STRESSORS if name not in _OF_CAMERAS])
 def test_a_worsened_picture_is_one_and_every_level_is_another(name: str):
     stressor = STRESSORS[name]
     made = [stressor.worsened(cutout(), level, np.random.default_rng(0)) for level in stressor.levels]
@@ -52,6 +59,24 @@ def test_a_wrong_camera_is_named_by_where_it_ended():
     assert _kind(replace(truth, azimuth=0.6), truth, 11.0) == "near"
     assert _kind(replace(truth, azimuth=0.4 - 3.1), truth, 178.0) == "twin"
     assert _kind(replace(truth, azimuth=2.0), truth, 90.0) == "elsewhere"
+
+
+def test_only_the_paper_is_told_where_to_begin(monkeypatch: pytest.MonkeyPatch):
+    some = STRESSORS["initial error"]._replace(levels=(0.0, 90.0))
+    monkeypatch.setattr(stability, "STRESSORS", {"initial error": some})
+    began, fit = list[Camera | None](), stability.fit
+
+    def watched(model: Model, job: FitJob) -> Iterator[FitStep]:
+        began.append(job.begin.cameras[0] if job.begin else None)
+        return fit(model, job)
+
+    monkeypatch.setattr(stability, "fit", watched)
+    *_, found = measured(tiny_model(), 1, presets=QUICK)
+    assert isinstance(found, Atlas)
+    assert [one is None for one in began] == [True, False, True, False]
+    assert rotation_error(began[1], began[3]) == pytest.approx(90)
+    near, far = (trial.rotation for trial in found.trials if trial.preset == "paper")
+    assert near < far
 
 
 @pytest.fixture(scope="module")
