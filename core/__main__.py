@@ -190,7 +190,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     swap.add_argument("--blocks", type=_count, default=4, metavar="B", help="tables of four shapes x four textures")
     swap.add_argument("--views", type=_count, default=24, help="per object")
     for command in (meshes, procedural):
-        command.add_argument("--split", choices=("train", "test"), default="train")
+        command.add_argument("--split", choices=("train", "test"), default="train", help="what the objects are for")
         command.add_argument("--views", type=_count, help="per object (default: 50 to train on, 251 to test on)")
     for command in (meshes, procedural, swap):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
@@ -206,7 +206,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--from", dest="begin", metavar="MODEL", help="start from a trained model, gently: more steps, or more objects"
     )
-    command.add_argument("--steps", type=_count, default=100_000)
+    command.add_argument("--steps", type=_count, default=100_000, help="of the whole schedule")
     command.add_argument(
         "--recipe",
         choices=("ours", "paper", "M1", "M2"),
@@ -232,7 +232,7 @@ def _add_glance(commands: argparse._SubParsersAction) -> None:
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     _add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
-    command.add_argument("--steps", type=_count, default=8000)
+    command.add_argument("--steps", type=_count, default=8000, help="of training")
     _add_seed(command)
 
 

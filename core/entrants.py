@@ -14,11 +14,11 @@ from torch import Tensor
 
 from core.camera import Camera
 from core.codes import Codes, CodeSpace
-from core.hypotheses import Numbers, Pool, cameras, joined, most_opened, spread_out, within_bounds
+from core.hypotheses import Numbers, Pool, cameras, most_opened, spread_out, within_bounds
 from core.model import Model
 from core.photos import Photo
 from core.plan import AROUND
-from core.starts import EmptyBankError, bank_of, likenesses, ranked
+from core.starts import EmptyBankError, Starts, bank_of, likenesses, ranked
 
 _LIKENESS = 0.6
 """How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
@@ -41,9 +41,13 @@ def entrants(model: Model, photos: Sequence[Photo], given: Sequence[Camera], cou
     """
     unknown = torch.tensor([photo.camera is None for photo in photos])
     space, views = model.codes.shape_space, len(photos)
-    alike = (
-        torch.zeros(count, len(space.spread)) if bool(unknown.any()) else _likely_shapes(model, photos, given, count)
-    )
+    found = {
+        view: ranked(bank_of(model), model, photo.pixels, photo.mask, given[view].focal, count, photo.framed)
+        for view, photo in enumerate(photos)
+        if unknown[view]
+    }
+    count = min([count, *(len(starts.azimuth) for starts in found.values())])
+    alike = torch.zeros(count, len(space.spread)) if found else _likely_shapes(model, photos, given, count)
     count = len(alike)
     angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
     zoom = torch.zeros_like(distance)
@@ -52,15 +56,14 @@ def entrants(model: Model, photos: Sequence[Photo], given: Sequence[Camera], cou
     for view, (photo, camera) in enumerate(zip(photos, given, strict=True)):
         angles[:, view] = torch.tensor([camera.azimuth, camera.elevation])
         distance[:, view] = math.log(camera.distance / model.distance)
-        if unknown[view]:
-            bank = bank_of(model)
-            starts = ranked(bank, model, photo.pixels, photo.mask, camera.focal, count, photo.framed)
+        if view in found:
+            starts = Starts(*(part[:count] for part in found[view]))
             angles[:, view] = torch.stack((starts.azimuth, starts.elevation), -1)
             away = (starts.distance / model.distance).log()
             # Objects differ in size too: only what that does not explain is put down to the distance.
             distance[:, view] = away - away.clamp(-_SIZES, _SIZES)
             shift[:, view] = starts.shift * photo.framed
-            alike += space.coordinates(bank.codes.shape)[starts.prototype] / int(unknown.sum())
+            alike += space.coordinates(bank_of(model).codes.shape)[starts.prototype] / len(found)
     texture = torch.zeros(count, len(model.codes.texture_space.spread))
     return Pool.of(Numbers(angles, distance, zoom, shift, _LIKENESS * alike, texture))
 
@@ -109,24 +112,24 @@ def gone_on(
     return Pool.of(Numbers(angles, away, zoom, shift[None], shape[None], texture[None]))
 
 
-def renewed(model: Model, photos: Sequence[Photo], given: Sequence[Camera], pool: Pool) -> Pool:
-    """Hypotheses at and around the cameras of a pool's best basins (:data:`core.plan.AROUND`), with codes that know
-    nothing of what those have learnt: the mean ones, and shapes towards what looks most like the pictures from there.
+def renewed(model: Model, photos: Sequence[Photo], given: Sequence[Camera], pool: Pool, count: int) -> Pool:
+    """At most ``count`` hypotheses at and around the cameras of a pool's best basins (:data:`core.plan.AROUND`), with
+    codes that know nothing of what those have learnt: the mean ones, and shapes towards what looks most like the
+    pictures from there.
     """
     unknown = torch.tensor([photo.camera is None for photo in photos])
-    parts = []
+    placed = []
     for index, around in zip(spread_out(pool, unknown).tolist(), AROUND, strict=False):
         at = cameras(model, pool.numbers, index, given)
-        shapes = _LIKENESS * _likely_shapes(model, photos, at, max(count for *_, count in around))
-        placed = [(move, shape) for *move, count in around for shape in range(min(count, len(shapes)))]
-        one = pool[torch.tensor([index]).repeat(len(placed))]
-        moves = torch.tensor([move for move, _ in placed]).deg2rad()[:, None] * unknown[:, None]
-        texture = torch.zeros_like(one.numbers.texture)
-        numbers = one.numbers._replace(
-            angles=one.numbers.angles + moves, shape=shapes[[shape for _, shape in placed]], texture=texture
-        )
-        parts.append(replace(one, numbers=within_bounds(numbers), opened=(0, 0)))
-    return joined(*parts)
+        likely = _LIKENESS * _likely_shapes(model, photos, at, max(most for *_, most in around))
+        placed += [(rank, index, move, shape) for *move, most in around for rank, shape in enumerate(likely[:most])]
+    placed.sort(key=lambda one: one[0])  # where there are not so many, every place has its likeliest shapes
+    _, indices, moves, shapes = zip(*placed[:count], strict=True)
+    begin = pool[torch.tensor(indices)]
+    angles = begin.numbers.angles + torch.tensor(moves).deg2rad()[:, None] * unknown[:, None]
+    texture = torch.zeros_like(begin.numbers.texture)
+    numbers = begin.numbers._replace(angles=angles, shape=torch.stack(shapes), texture=texture)
+    return replace(begin, numbers=within_bounds(numbers, unknown), opened=(0, 0))
 
 
 def combined(finalists: Sequence[tuple[list[int], Pool]], views: int, count: int) -> Pool:

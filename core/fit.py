@@ -15,7 +15,7 @@ from core.camera import Camera
 from core.codes import Codes
 from core.confidence import confidence
 from core.entrants import combined
-from core.hypotheses import cameras, codes
+from core.hypotheses import cameras
 from core.metrics import psnr_of
 from core.model import Model
 from core.photos import Photo
@@ -60,8 +60,10 @@ class FitStep:
     start: int
     """which start it came from"""
     loss: float
+    """what hypotheses are ranked by: the objective of its rays, smoothed over steps and weighed with a glance at the
+    pictures"""
     psnr: float
-    """dB, of the whole pictures: estimated from the rays of the step, in the last step measured on more of them"""
+    """dB, of the whole pictures: estimated from the rays of the step, in the last stage measured on more of them"""
     seconds: float
     """since the job began"""
     cameras: tuple[Camera, ...]
@@ -139,18 +141,19 @@ def _reported(race: Race, standing: Standing, step: int, steps: int, began: floa
     """The leader, as the stream shows it."""
     pool, rival = standing.pool, standing.rival
     leader = pool.leader
+    first, *others = race.ranked(pool)
     shown = FitStep(
         step,
         steps,
-        int(pool.start[leader]),
-        float(pool.cost[leader]),
+        first.start,
+        first.loss,
         psnr_of(float(pool.squared[leader])),
         time.perf_counter() - began,
-        cameras(race.model, pool.numbers, leader, race.given),
-        codes(race.model, pool.numbers, leader, race.by),
+        first.cameras,
+        first.codes,
         len(pool),
         directions=pool.opened,
-        race=race.ranked(pool) + (() if rival is None else race.ranked(rival)),
+        race=(first, *others, *(() if rival is None else race.ranked(rival))),
     )
     if rival is None or not math.isfinite(standing.margin) or int(race.unknown.sum()) > 1:
         return shown

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.camera import Camera, rotation
-from core.codes import Codes, CodeSpace
+from core.codes import CodeSpace
 from core.model import Model
 from core.precision import autocast
 from core.rays import Rays, cast
@@ -92,7 +92,8 @@ class Pool:
 
     numbers: Numbers
     cost: Float[Tensor, "hypotheses"]
-    """the objective where they stand; infinite where a hypothesis diverged"""
+    """what they are ranked by: during a race the running mean of the objective over its last steps, with what a glance
+    thinks of their cameras; infinite where a hypothesis diverged"""
     squared: Float[Tensor, "hypotheses"]
     """as in :class:`Judged`"""
     start: Int[Tensor, "hypotheses"]
@@ -192,12 +193,13 @@ def aimed(model: Model, numbers: Numbers, drawn: Drawn, samples: int = 1, jitter
     return replace(rays, near=near, far=far)
 
 
-def within_bounds(numbers: Numbers) -> Numbers:
-    """With elevations, distances and lenses kept to what a camera can have."""
+def within_bounds(numbers: Numbers, views: Bool[Tensor, "views"]) -> Numbers:
+    """With elevations, distances and lenses of these views kept to what is searched."""
     azimuth, elevation = numbers.angles.unbind(-1)
-    angles = torch.stack((azimuth, elevation.clamp(-_STEEPEST, _STEEPEST)), -1)
     return numbers._replace(
-        angles=angles, distance=numbers.distance.clamp(-1.0, 1.5), zoom=numbers.zoom.clamp(-0.5, 1.5)
+        angles=torch.stack((azimuth, elevation.clamp(-_STEEPEST, _STEEPEST).where(views, elevation)), -1),
+        distance=numbers.distance.clamp(-1.0, 1.5).where(views, numbers.distance),
+        zoom=numbers.zoom.clamp(-0.5, 1.5).where(views, numbers.zoom),
     )
 
 
@@ -211,12 +213,6 @@ def cameras(model: Model, numbers: Numbers, index: int, given: Sequence[Camera])
         azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
         found.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance, focal=focal))
     return tuple(found)
-
-
-def codes(model: Model, numbers: Numbers, index: int, by: Objective) -> Codes:
-    """A hypothesis' codes."""
-    shapes, textures = by.spaces(model)
-    return Codes(shapes.code(numbers.shape[index]).clone(), textures.code(numbers.texture[index]).clone())
 
 
 def twins(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, "hypotheses"]:
@@ -248,10 +244,13 @@ def _close(first: Pool, second: Pool, views: Bool[Tensor, "views"]) -> Bool[Tens
 
 
 def rival_of(pool: Pool, among: Pool, views: Bool[Tensor, "views"]) -> Pool:
-    """The best of ``among`` that is in another basin than the leader of ``pool``; the leader's twin if none is."""
+    """The best of ``among`` that is in another basin than the leader of ``pool``; if none is, the leader's twin, of
+    which nothing is known.
+    """
     apart = ~_close(pool, among, views)[pool.leader] & among.cost.isfinite()
     if not bool(apart.any()):
-        return twin_of(pool, pool.leader, views)
+        unknown = twin_of(pool, pool.leader, views)
+        return replace(unknown, cost=torch.full_like(unknown.cost, math.inf))
     return among[among.cost.where(apart, torch.tensor(math.inf)).argmin()[None]]
 
 

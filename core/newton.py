@@ -74,7 +74,7 @@ def stride(
     """
     around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
     ranks, movable = _movable(pool, stage, free)
-    numbers = _moved(pool.numbers, _step(around, stage.damping, movable, free.numel()), ranks)
+    numbers = _moved(pool.numbers, _step(around, stage.damping, movable, free.numel()), ranks, free)
     cost = around.objective.nan_to_num(math.inf, math.inf)
     return replace(pool, numbers=numbers, cost=cost, squared=around.squared)
 
@@ -99,7 +99,8 @@ def tried(
         few = movable.clone()
         few[free.numel() + shape : free.numel() + shapes] = False
         few[free.numel() + shapes + texture :] = False
-        moved.append(_moved(one.numbers, _step(around, stage.damping, few, free.numel()), (shapes, textures)))
+        step = _step(around, stage.damping, few, free.numel())
+        moved.append(_moved(one.numbers, step, (shapes, textures), free))
     return Numbers(*(torch.cat(parts) for parts in zip(*moved, strict=True)))
 
 
@@ -232,7 +233,7 @@ def _step(around: Quadratic, damping: float, movable: Bool[Tensor, "numbers"], c
     return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
 
 
-def _moved(numbers: Numbers, step: Tensor, ranks: tuple[int, int]) -> Numbers:
+def _moved(numbers: Numbers, step: Tensor, ranks: tuple[int, int], free: Bool[Tensor, "views 6"]) -> Numbers:
     """A step further, within what cameras can be."""
     camera, shape, texture = step.split((step.shape[1] - sum(ranks), *ranks), 1)
     camera = camera.reshape(*numbers.distance.shape, _CAMERA)
@@ -244,4 +245,4 @@ def _moved(numbers: Numbers, step: Tensor, ranks: tuple[int, int]) -> Numbers:
         numbers.shape + pad(shape, (0, numbers.shape.shape[1] - ranks[0])),
         numbers.texture + pad(texture, (0, numbers.texture.shape[1] - ranks[1])),
     )
-    return within_bounds(moved)
+    return within_bounds(moved, free.any(1))

@@ -71,6 +71,6 @@ def descent(
 
 def _settle(searched: Numbers, before: Numbers, unknown: Bool[Tensor, "views"]) -> None:
     """Unknown cameras within what they can be, known ones back where they stood: AdamW moves them all."""
-    bounded = within_bounds(searched)
+    bounded = within_bounds(searched, unknown)
     searched.angles.copy_(torch.where(unknown[:, None], bounded.angles, before.angles))
     searched.distance.copy_(torch.where(unknown, bounded.distance, before.distance))

@@ -10,9 +10,11 @@ class FitSettings:
     """Every field is an axis of the charts."""
 
     starts: int = 28
-    """cameras to begin from, for every picture whose camera is unknown; where all are known, at most so many shapes"""
+    """cameras to begin from, for every picture whose camera is unknown, as far as there are so many; also the most
+    hypotheses of a second heat, and where all cameras are known of shapes"""
     steps: int = 56
-    """of the last heat, at most; where a camera is unknown, a first one of half as many goes before it"""
+    """of the last heat, at most, and at least six; where a camera is unknown, a first one of half as many goes before
+    it"""
     rays: int = 1024
     """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
     samples: int = 64

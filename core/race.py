@@ -91,7 +91,7 @@ class Standing(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Race:
-    """All that stays the same during a fit."""
+    """All that stays the same during a fit, and the dice: run a second time it goes another way."""
 
     model: Model
     settings: FitSettings
@@ -139,10 +139,10 @@ class Race:
         return sum(stage.steps for stage in self.plan)
 
     @property
-    def heats(self) -> tuple[tuple[Stage, ...], ...]:
-        """The plan, where a camera is searched for in two parts."""
-        second = [index for index, stage in enumerate(self.plan) if stage.anew]
-        return (self.plan[: second[0]], self.plan[second[0] :]) if second else (self.plan,)
+    def heats(self) -> tuple[tuple[Stage, ...], tuple[Stage, ...]]:
+        """The plan in two: a first heat, where a camera is searched for (else none), and what comes after it."""
+        second = next((index for index, stage in enumerate(self.plan) if stage.anew), 0)
+        return self.plan[:second], self.plan[second:]
 
     @property
     def by(self) -> Objective:
@@ -157,7 +157,7 @@ class Race:
         if self.begin:
             begin, spaces = self.begin, self.by.spaces(self.model)
             pool = gone_on(self.model, self.photos, self.given, begin.cameras, begin.shift, begin.codes, spaces)
-            return replace(pool, start=torch.tensor([begin.start]))
+            return replace(pool, start=torch.tensor([begin.start]), opened=(_LEADING, _LEADING))
         if self.settings.paper:
             return paper.entered(self.model, self.given, self.unknown, self.generator)
         return entrants(self.model, self.photos, self.given, self.plan[0].hypotheses, self.settings.lens)
@@ -165,22 +165,20 @@ class Race:
     def run(self, pool: Pool) -> Iterator[Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
 
-        The winner of a first heat stands beside the second until it is beaten. The last stage is the winner's alone,
-        but where its rival is close behind: then both go on to the end.
+        The winner of a first heat stands beside the second, as it was: who stops early gets the better of the two.
+        The last stage is the winner's alone, but where its rival is close behind: then both go on to the end.
         """
         if self.settings.paper:
             pool, _ = self._opened(pool, self.plan[0])
             yield from map(Standing, self._descended_as_in_the_paper(pool))
             return
-        *before, (*racing, last) = self.heats
+        first, (*racing, last) = self.heats
         began = pool
-        for stages in before:
-            for began in self.descended(pool, stages):
-                yield Standing(began)
-        left = entered = renewed(self.model, self.photos, self.given, began) if before else began
-        winner = began[torch.tensor([began.leader])] if before else began[torch.tensor([], dtype=torch.long)]
+        for began in self.descended(pool, first):
+            yield Standing(began)
+        left = entered = renewed(self.model, self.photos, self.given, began, racing[0].hypotheses) if first else began
         for left in self.descended(entered, racing):
-            yield Standing(joined(left, winner))  # who stops early gets the best so far
+            yield Standing(joined(left, began[torch.tensor([began.leader])]) if first else left)
         ended = self._ended(left, began)
         raced = ended.rival if ended.margin < _CLOSE and not self.begin else None  # who goes on with one means that one
         yield from self._finished(ended, joined(ended.pool, raced) if raced else ended.pool, last)
@@ -254,13 +252,18 @@ class Race:
             yield after if step < self.steps else best
 
     def _ended(self, pool: Pool, began: Pool) -> Standing:
-        """The best of what is left and of where that began, with what stands against it: mostly its twin."""
-        leader, before = pool.leader, began[torch.isin(began.start, pool.start).nonzero()[:, 0]]
-        if not bool(self.unknown.any()):
-            rest = self.measured(joined(pool, before))
-            return Standing(rest[torch.tensor([rest.leader])])
-        rest = self.measured(joined(pool, before, twin_of(pool, leader, self.unknown)))
-        return self._against(rest[torch.tensor([rest.leader])], rest)
+        """The best of what is left, of where that began and of what won there, with what stands against it: mostly
+        its twin.
+        """
+        asked = torch.isin(began.start, pool.start)
+        asked[began.leader] = True
+        rest = joined(pool, began[asked.nonzero()[:, 0]])
+        if bool(self.unknown.any()):
+            rest = joined(rest, twin_of(pool, pool.leader, self.unknown))
+        # What a first heat opened and the second did not is closed again.
+        rest = self.measured(replace(rest, opened=pool.opened))
+        best = rest[torch.tensor([rest.leader])]
+        return self._against(best, rest) if bool(self.unknown.any()) else Standing(best)
 
     def _spread(self, pool: Pool) -> float | None:
         """Of the one unknown camera, by rays that are not fitted; in degrees."""
@@ -282,7 +285,7 @@ class Race:
         behind = twins(pool, leader, self.unknown)
         if not bool(self.unknown.any()) or stage.hypotheses < 3 or bool(behind[kept].any()):
             return pool[kept]
-        return joined(pool[kept[:-1]], twin_of(pool, leader, self.unknown))
+        return joined(pool[kept[: stage.hypotheses - 1]], twin_of(pool, leader, self.unknown))
 
     def measured(self, pool: Pool) -> Pool:
         """The hypotheses with what they cost on the rays kept for measuring."""

@@ -113,7 +113,8 @@ def ranked(
     count: int,
     framed: bool = False,
 ) -> Starts:
-    """The ``count`` most promising cameras for a picture, spread out, every second one the twin of the one before.
+    """The ``count`` most promising cameras for a picture, or as many as there are so far apart, every second one the
+    twin of the one before.
 
     Args:
         pixels: on white, 0..1.

@@ -295,6 +295,7 @@ class Trainer:
     def save_state(self, path: Path) -> None:
         """Write everything that :meth:`load_state` needs; an interrupted write leaves the last file whole."""
         state = {
+            "objects": [entry.name for entry in self.entries],
             "field": self.field.state_dict(),
             "codes": (self.shapes.detach(), self.textures.detach()),
             "averages": self.averages,
@@ -311,6 +312,8 @@ class Trainer:
         """Go on where a saved run stood. Raises ``ValueError`` where it had another size or other objects."""
         try:
             state = torch.load(path, map_location=self.device, weights_only=True)
+            if state["objects"] != [entry.name for entry in self.entries]:
+                raise ValueError("it is of other objects, or of the same in another order")
             self.field.load_state_dict(state["field"])
             with torch.no_grad():
                 for parameter, value in zip((self.shapes, self.textures), state["codes"], strict=True):

@@ -81,7 +81,7 @@ def _anywhere(bank: Bank, model: Model, pixels: Tensor, mask: Tensor, focal: flo
 
 def _cheapest(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
     """In place of the best of each basin."""
-    order = pool.cost.argsort()
+    order = pool.cost.argsort(stable=True)
     return order[pool.cost[order].isfinite()]
 
 
@@ -90,7 +90,7 @@ def _everywhere(name: str, value: object, *owners: object) -> tuple[Change, ...]
 
 
 _USUAL = PRESETS["normal"]
-_STAGES = len(plan.plan(_USUAL, blind=True))
+_STAGES = len(plan._STEPS)
 _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     WHOLE: (_USUAL, ()),
     "without the bank: starts anywhere": (
@@ -107,7 +107,7 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     ),
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, entrants)),
-    "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, race)),
+    "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, entrants, race)),
     "without a second one in the last stage": (_USUAL, _everywhere("_CLOSE", -math.inf, race)),
     "all code directions from the beginning": (_USUAL, _everywhere("_RANKS", (10_000,) * _STAGES, plan)),
     "no asking what pays": (replace(_USUAL, sparing=False), ()),

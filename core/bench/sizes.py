@@ -118,23 +118,20 @@ def plan() -> tuple[tuple[str, int, FieldConfig], ...]:
     return (("centre", 0, CENTRE), *others, ("shipped", 0, RECIPES["ours"].field))
 
 
-def measured(
-    folders: Sequence[Path], tests: Sequence[ObjectPlace], steps: int, kept: Path, only: slice = slice(None)
-) -> Iterator[str | Measured]:
+def measured(folders: Sequence[Path], tests: Sequence[ObjectPlace], steps: int, kept: Path) -> Iterator[str | Measured]:
     """What is being done now, and in the end all that was found. To stop, ask for no more.
 
     Args:
         folders: of the dataset to train on, which is read as a whole only where a model is missing.
         kept: where models are kept, and what was found of them; what is there already is not done again.
-        only: part of :func:`plan`.
     """
     category, places = find_objects(folders)
     training = cache(lambda: hold_out(read_dataset(list(folders)))[0])
-    chosen = plan()[only]
+    chosen = plan()
     paths = [kept / f"{category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
     models, worths = list[Model](), list[_Worth]()
     for (_, _, config), path in zip(chosen, paths, strict=True):
-        if not path.exists():
+        if not path.exists() or Model.load(path).field.config != config:
             yield from _train(training(), config, steps, path)
         models.append(Model.load(path))
     training.cache_clear()

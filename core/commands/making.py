@@ -1,4 +1,4 @@
-"""``dataset``, ``train`` and ``convert``: what models are made of, and from."""
+"""``dataset``, ``train``, ``glance`` and ``convert``: what models are made of, and from."""
 
 import argparse
 import json

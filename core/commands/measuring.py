@@ -79,7 +79,8 @@ def bench_stability(chosen: argparse.Namespace) -> None:
 def bench_size(chosen: argparse.Namespace) -> None:
     """``bench size``: what sizes of network and codes buy, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    require_place(chosen.models / "any")
+    if not chosen.models.is_dir():
+        raise ValueError(f"there is no folder {chosen.models}")
     tests = _spread(find_objects(chosen.tests)[1], chosen.objects)
     found = _watched(sizes.measured(chosen.datasets, tests, chosen.steps, chosen.models))
     charts.write_sizes(found, chosen.out)

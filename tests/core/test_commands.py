@@ -21,6 +21,7 @@ from core.library import load_model
 from core.model import Model
 from core.photos import Photo
 from core.scene import Scene
+from core.train import RECIPES
 from tests.core.test_evaluate import views_of
 from tests.core.tiny import tiny_model
 
@@ -244,6 +245,15 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
 def test_the_presets_of_the_command_line_are_those_of_the_fit():
     for name in PRESETS:
         assert parser().parse_args(["fit", "a.png", "--preset", name]).preset == name
+
+
+def test_the_sizes_that_the_command_line_tells_are_those_of_the_recipe():
+    ours = RECIPES["ours"].field
+    train = next(iter(parser()._subparsers._group_actions)).choices["train"]
+    told = {action.dest: action for action in train._actions}
+    assert f"ours: {ours.width})" in told["width"].help
+    assert f"ours: {ours.shape_latent} {ours.texture_latent})" in told["latent"].help
+    assert tuple(told["recipe"].choices) == tuple(RECIPES)
 
 
 def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys, monkeypatch):

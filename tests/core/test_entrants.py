@@ -6,7 +6,7 @@ import torch
 
 from core.camera import Camera
 from core.entrants import combined, entrants, gone_on, renewed
-from core.hypotheses import Objective, Pool, cameras, codes
+from core.hypotheses import Objective, Pool, cameras
 from core.model import Model
 from core.photos import Photo
 from core.plan import AROUND, RENEWED
@@ -42,7 +42,7 @@ def test_a_second_heat_keeps_cameras_and_forgets_codes(tiny: Model, given: list[
     first = entrants(tiny, photos, given[:1], 8, lens=False)
     moved = first.numbers._replace(shape=first.numbers.shape + 3, texture=first.numbers.texture + 3)
     pool = replace(first, numbers=moved, cost=torch.arange(8.0), opened=(2, 2))
-    again = renewed(tiny, photos, given[:1], pool)
+    again = renewed(tiny, photos, given[:1], pool, RENEWED)
     assert len(AROUND[0]) < len(again) <= RENEWED
     assert again.opened == (0, 0)
     assert float(again.numbers.shape.abs().max()) < 3
@@ -51,14 +51,25 @@ def test_a_second_heat_keeps_cameras_and_forgets_codes(tiny: Model, given: list[
     assert {tuple(move) for move in around.round(decimals=3).tolist()} == {move[:2] for part in AROUND for move in part}
     assert again.start[0] == 0
     assert len(again.start.unique()) == len(AROUND)
+    few = renewed(tiny, photos, given[:1], pool, 8)
+    assert len(few) == 8
+    places = torch.cat((few.start[:, None], few.numbers.angles[:, 0]), 1).unique(dim=0)
+    assert len(places) == sum(len(part) for part in AROUND)  # every place is kept, with fewer shapes
 
 
 def test_known_cameras_stay_in_a_second_heat(tiny: Model, given: list[Camera]):
     photos = photos_of(tiny, given, (True, False))
     pool = entrants(tiny, photos, given, 8, lens=False)
-    angles = renewed(tiny, photos, given, pool).numbers.angles
+    angles = renewed(tiny, photos, given, pool, RENEWED).numbers.angles
     assert torch.equal(angles[:, 0], pool.numbers.angles[:1, 0].expand(len(angles), 2))
     assert len(angles[:, 1].unique(dim=0)) > 2
+
+
+def test_there_are_no_more_starts_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
+    photos = photos_of(tiny, given, (True, False))
+    few, all_there_are = (len(entrants(tiny, photos, given, count, lens=True)) for count in (5, 1000))
+    assert few == 5
+    assert 20 < all_there_are < 168
 
 
 def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Camera]):
@@ -104,7 +115,9 @@ def test_one_hypothesis_goes_on_where_another_fit_ended(tiny: Model, given: list
     assert (back[1].azimuth, back[1].distance, back[1].focal) == pytest.approx(
         (found[1].azimuth, found[1].distance, found[1].focal)
     )
-    torch.testing.assert_close(codes(tiny, pool.numbers, 0, by).shape, tiny.codes[1].shape, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(
+        by.spaces(tiny)[0].code(pool.numbers.shape[0]), tiny.codes[1].shape, atol=1e-4, rtol=1e-4
+    )
 
 
 def test_the_cheapest_combinations_of_single_races_meet(tiny: Model, given: list[Camera]):

@@ -94,7 +94,7 @@ def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
     assert rotation_error(last(tiny, moved).cameras[0], truth) < 5
 
 
-def test_the_last_step_is_measured_and_better_than_the_first_ones(tiny: Model):
+def test_the_last_step_is_better_than_the_first_ones(tiny: Model):
     steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[3], tiny.camera(0.4, 0.2)),), QUICK)))
     assert steps[-1].psnr > median(step.psnr for step in steps[: QUICK.steps // 2])
     assert steps[-1].loss < median(step.loss for step in steps[: QUICK.steps // 2])
@@ -187,15 +187,11 @@ def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
     torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
 
 
-def test_the_paper_finds_the_camera_from_some_starts_and_halves_its_rates(tiny: Model):
+def test_the_paper_finds_the_camera_from_some_starts(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
     photo = photo_of(tiny, tiny.codes[0], truth)
     streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(3)]
     assert min(rotation_error(steps[-1].cameras[0], truth) for steps in streams) < 15
-    first, late = (
-        abs(steps[i].cameras[0].azimuth - steps[i - 1].cameras[0].azimuth) for i in (2, 110) for steps in streams[:1]
-    )
-    assert late < first
     assert all(len(steps) == PAPER.steps for steps in streams)
 
 
@@ -263,12 +259,8 @@ def test_a_model_that_paints_its_ground_and_one_that_does_not(painted: bool):
     mask = torch.zeros(32, 32, dtype=torch.bool)
     mask[10:22, 8:20] = True
     pixels = torch.where(mask[..., None], torch.rand(32, 32, 3, generator=generator), torch.ones(3))
-    try:
-        found = last(model, Photo(pixels, mask), settings=SHORT)
-    except ValueError as error:
-        assert "no objects" in str(error)
-    else:
-        assert math.isfinite(found.psnr)
+    found = last(model, Photo(pixels, mask, model.camera(0.4, 0.3)), settings=SHORT)
+    assert math.isfinite(found.psnr)
 
 
 # Pictures that show nothing the model knows

@@ -86,11 +86,12 @@ def test_a_rival_is_the_best_of_another_basin_or_the_twin():
     assert rival_of(pool, pool, views).start.tolist() == [2]
     near = pool[torch.tensor([0, 1])]
     assert float(rival_of(near, near, views).numbers.angles[0, 0, 0]) == pytest.approx(math.pi)
+    assert math.isinf(rival_of(near, near, views).cost)  # nobody has asked it
     lost = replace(pool, cost=torch.tensor([1.0, 2.0, math.inf]))
     assert rival_of(lost, joined(lost, lost), views).start.tolist() == [0]
 
 
-def test_a_hypothesis_that_diverged_is_dropped_and_the_others_are_as_without_it():
+def test_a_hypothesis_that_diverged_does_not_lead():
     pool = Pool.of(random_numbers(3))
     assert pool[torch.tensor([2, 0])].start.tolist() == [2, 0]
     costs = replace(pool, cost=torch.tensor([3.0, math.inf, 2.0]))

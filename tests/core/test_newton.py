@@ -102,6 +102,18 @@ def test_two_views_share_codes_and_not_cameras(tiny: Model):
     assert bool(found.bend[:, 6:10, 12:].any())
 
 
+def test_a_given_camera_stays_wherever_it_is(tiny: Model):
+    one = numbers_of(1)
+    beyond = one._replace(angles=torch.full((1, 1, 2), math.pi / 2), distance=torch.full((1, 1), -2.0))
+    drawn, still = drawn_of(tiny), torch.zeros(1, 6, dtype=torch.bool)
+    pool = stride(tiny, Pool.of(beyond), drawn, torch.zeros_like(drawn.opaque), STAGE, BY, still)
+    assert torch.equal(pool.numbers.angles, beyond.angles)
+    assert torch.equal(pool.numbers.distance, beyond.distance)
+    free = stride(tiny, Pool.of(beyond), drawn, torch.zeros_like(drawn.opaque), STAGE, BY, FREE).numbers
+    assert float(free.angles[..., 1]) < math.pi / 2
+    assert float(free.distance) >= -1
+
+
 def test_strides_go_down_and_leave_alone_what_is_given(tiny: Model):
     pool = first = Pool.of(numbers_of())
     drawn = drawn_of(tiny)

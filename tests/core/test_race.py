@@ -82,6 +82,14 @@ def test_where_cameras_are_known_shapes_race(tiny: Model):
     assert (first.hypotheses, end.hypotheses) == (len(pool), 1)
 
 
+def test_the_leader_goes_on_where_all_others_have_diverged(tiny: Model):
+    race = Race.of(tiny, (photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), QUICK, 0)
+    pool = race.entered()
+    pool = replace(pool, cost=torch.full((len(pool),), math.inf).index_fill(0, torch.tensor(5), 1.0))
+    kept = race.cut(pool, race.plan[2]._replace(hypotheses=4))
+    assert kept.start.tolist() == [5, 5]  # and its twin
+
+
 @pytest.mark.parametrize(("close", "going"), [(math.inf, 2), (-math.inf, 1)])
 def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
     tiny: Model, monkeypatch: pytest.MonkeyPatch, close: float, going: int

@@ -1,6 +1,5 @@
 import dataclasses
 
-import numpy as np
 import pytest
 import torch
 
@@ -143,6 +142,9 @@ def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
             Trainer(dataset, other).load_state(path)
     with pytest.raises(ValueError, match=r"run\.state"):
         Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).load_state(tmp_path / "run.state")
+    turned = dataclasses.replace(dataset, objects=dataset.objects[::-1])
+    with pytest.raises(ValueError, match="other objects"):
+        Trainer(turned, SETTINGS).load_state(tmp_path / "run.state")
 
 
 def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
@@ -167,7 +169,7 @@ def test_an_object_with_one_view_cannot_be_measured(dataset: Dataset):
 
 
 def test_a_diverging_run_says_so(dataset: Dataset):
-    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, network_rate=1e6))
-    with np.errstate(all="ignore"), pytest.raises(ValueError, match="diverged"):
+    trainer = Trainer(dataset, SETTINGS)
+    with pytest.raises(ValueError, match="diverged"):
         trainer.field.point_layer.weight.data.fill_(float("nan"))
         list(trainer.steps())

@@ -31,7 +31,7 @@ def test_every_model_of_the_plan_differs_in_one_number() -> None:
 class Taught:
     """A trainer that needs no steps. It notes the sizes that it was asked for."""
 
-    asked: ClassVar[list[FieldConfig]] = []
+    asked: ClassVar[list[FieldConfig]]
 
     def __init__(self, dataset: Dataset, recipe: TrainSettings) -> None:
         Taught.asked.append(recipe.field)
@@ -54,14 +54,20 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
     write_manifest(tmp_path / "data", "stools", {f"stool{i}": (f"s{i}", f"t{i}") for i in range(4)})
     folders, places = [tmp_path / "data"], find_objects([tmp_path / "data"])[1]
     (tmp_path / "models").mkdir()
-    *_, found = measured(folders, places[:1], 20, tmp_path / "models", slice(0, 2))
+    monkeypatch.setattr(Taught, "asked", [], raising=False)
+    two = [("centre", 0, tiny_model().field.config), ("width", 32, tiny_model().field.config)]
+    monkeypatch.setattr(sizes, "plan", lambda: two)
+    *_, found = measured(folders, places[:1], 20, tmp_path / "models")
     for done in ("Trainer", "evaluate", "read_dataset"):  # from now on all comes from what is kept
         monkeypatch.setattr(sizes, done, None)
-    *_, again = measured(folders, places[:1], 20, tmp_path / "models", slice(0, 1))
+    *_, again = measured(folders, places[:1], 20, tmp_path / "models")
     with pytest.raises(TypeError):  # other tests are measured anew
-        list(measured(folders, places[1:2], 20, tmp_path / "models", slice(0, 1)))
+        list(measured(folders, places[1:2], 20, tmp_path / "models"))
     assert again.sizes[0].own == found.sizes[0].own
-    assert Taught.asked == [size for _, _, size in sizes.plan()[:2]]
+    assert Taught.asked == [size for _, _, size in two]
+    monkeypatch.setattr(sizes, "plan", lambda: [("centre", 0, sizes.CENTRE)])
+    with pytest.raises(TypeError):  # so is a model of another size
+        list(measured(folders, places[:1], 20, tmp_path / "models"))
     return found
 
 
