@@ -103,7 +103,7 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     ),
     "without beginning anew: codes go on": (
         _USUAL,
-        (Change(race, "renewed", lambda model, photos, given, pool: pool),),
+        (Change(race, "renewed", lambda model, photos, given, pool, count: pool),),
     ),
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, entrants)),
