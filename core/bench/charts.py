@@ -182,6 +182,8 @@ def stability_table(found: stability.Atlas) -> str:
     for (name, level), shares in cells.items():
         told = " | ".join(f"{100 * shares[preset]:.0f} %" for preset in presets)
         lines.append(f"| {name} | {level:g} {stability.STRESSORS[name].unit} | {told} |")
+    alike = dict.fromkeys(trial.name for trial in found.trials if trial.ended == "symmetric")
+    lines += ["", f"Found from another side, from which they look the same: {', '.join(alike) or 'none'}."]
     lines += ["", "| failure | level | preset | object | off by | confidence | ended |", "|" + "---|" * 7]
     for trial in found.trials:
         if not trial.success:

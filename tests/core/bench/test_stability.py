@@ -129,4 +129,7 @@ def test_charts_are_written(found: Atlas, tmp_path: Path, monkeypatch: pytest.Mo
     table = stability_table(found)
     assert (tmp_path / "stability.md").read_text() == table
     assert "| hidden | 1 | normal | stool0 |" in table
+    assert "look the same: none." in table
+    alike = replace(found, trials=tuple(replace(trial, ended="symmetric") for trial in found.trials))
+    assert "look the same: stool0." in stability_table(alike)
     assert Image.open(tmp_path / "failures.png").width > 400
