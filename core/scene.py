@@ -62,5 +62,7 @@ class Scene:
         config = model.field.config
         sizes = (config.shape_latent,), (config.texture_latent,)
         if found != model.fingerprint or (codes.shape.shape, codes.texture.shape) != sizes:
-            raise ValueError(f"the scene belongs to another model ({found}, this is {model.fingerprint})")
+            raise ValueError(
+                f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
+            )
         return cls(found, codes, camera)

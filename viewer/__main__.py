@@ -26,7 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         session = Session(worker, Streams(partial(load_model, device=chosen.device)))
         headless = chosen.screenshot is not None
         app = App(session, chosen.size, None if headless else config_folder(), headless)
-        session.open_model(chosen.model)
+        path = Path(chosen.model)
+        session.open_model(str(path.resolve()) if path.is_file() else chosen.model)  # found again from other folders
         if chosen.image:
             app.desk.fit(chosen.image)
         if headless:

@@ -87,7 +87,7 @@ class App:
         calls.before_exit = self._closing
         calls.pre_new_frame = self._before_frame
         calls.show_gui = self._draw
-        calls.show_menus = lambda: menu.draw(self.desk)
+        calls.show_menus = self._draw_menus
         self.session.worker.wake = hello_imgui.request_refresh
 
     def _dock(self) -> None:
@@ -118,14 +118,20 @@ class App:
             if imgui.button("Try again"):
                 del self._failed[panel.title]
             return
+        if error := self._safely(f"The panel {panel.title} failed", lambda: panel.draw(self.desk)):
+            self._failed[panel.title] = explain(error)
+
+    def _safely(self, what: str, draw: Callable[[], None]) -> Exception | None:
+        """Draw something; a failure is told, returned, and does not end the program."""
         state = imgui.internal.ErrorRecoveryState()
         imgui.internal.error_recovery_store_state(state)
         try:
-            panel.draw(self.desk)
+            draw()
         except Exception as error:
             imgui.internal.error_recovery_try_to_recover_state(state)
-            self._failed[panel.title] = explain(error)
-            self.session.report(f"The panel {panel.title} failed", error)
+            self.session.report(what, error)
+            return error
+        return None
 
     def _opened(self) -> None:
         self._context = moderngl.get_context()
@@ -156,10 +162,13 @@ class App:
         self.desk.images.release()
 
     def _before_frame(self) -> None:
-        self.session.tick()
-        self.desk.follow_fit()
-        if self.desk.autosave:
-            self.desk.autosave.tick()
+        try:
+            self.session.tick()
+            self.desk.follow_fit()
+            if self.desk.autosave:
+                self.desk.autosave.tick()
+        except Exception as error:  # of one callback; the others go on in the next frame
+            self.session.report("Something went wrong", error)
         likes = self.desk.likes
         if likes.dark != self._themed:
             self._themed = likes.dark
@@ -178,13 +187,17 @@ class App:
             return _RATE
         return _RATE_BESIDE_WORKER if time.monotonic() - self._touched < _TOUCHED else _RATE_OF_PROGRESS
 
+    def _draw_menus(self) -> None:
+        self._safely("The menu failed", lambda: menu.draw(self.desk))
+
     def _draw(self) -> None:
-        menu.keys(self.desk)
-        messages.draw(self.desk)
-        help.draw(self.desk)
-        recovery.draw(self.desk)
-        self.desk.files.draw()
-        self._cutting.draw(self.desk)
+        self._safely("This key failed", lambda: menu.keys(self.desk))
+        self._safely("The messages failed", lambda: messages.draw(self.desk))
+        self._safely("The help failed", lambda: help.draw(self.desk))
+        self._safely("The last session cannot be offered", lambda: recovery.draw(self.desk))
+        self._safely("Cannot take this file", self.desk.files.draw)
+        if self._safely("The photo cannot be cut out", lambda: self._cutting.draw(self.desk)):
+            self.session.cutting.close()
         for title in filter(None, (self.desk.beside, self.desk.focus)):
             self.params.docking_params.focus_dockable_window(title)
         self.desk.beside = self.desk.focus = ""

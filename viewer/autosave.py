@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import sys
 import time
 from collections.abc import Callable
@@ -24,15 +25,15 @@ class Autosave:
 
     def __init__(self, session: Session, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self._session, self._clock = session, clock
-        self._file = folder / f"session-{os.getpid()}.json"
+        self._file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}.json"
         self._written: object = None
         """the state in the file, or the first one, which is worth no file"""
         self._when = clock()
         found = [path for path in folder.glob("session-*.json") if path != self._file and not _runs(path)]
         self.left: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
-        """what was left, the last one at the end; nothing once it was restored or put away"""
-        self.when = self.left[-1].stat().st_mtime if self.left else 0.0
-        """s since the epoch, when that was written"""
+        """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
+        self.times = tuple(path.stat().st_mtime for path in self.left)
+        """s since the epoch, when each was written"""
 
     def tick(self) -> None:
         """Once a frame: write, if there is something new and the hand rests."""
@@ -43,7 +44,7 @@ class Autosave:
             self._write()
 
     def restore(self) -> None:
-        """Go on with what was left. Where that cannot be, it stays until it is put away."""
+        """Go on with what was left last. Where that cannot be, it stays until it is put away."""
         try:
             saved = Saved.read(self.left[-1].read_text())
         except (ValueError, OSError) as error:
@@ -52,10 +53,9 @@ class Autosave:
             self._session.restore(saved, self.discard)
 
     def discard(self) -> None:
-        """Put away what was left."""
-        for path in self.left:
-            path.unlink(missing_ok=True)
-        self.left = ()
+        """Put away what was left last."""
+        self.left[-1].unlink(missing_ok=True)
+        self.left, self.times = self.left[:-1], self.times[:-1]
 
     def close(self) -> None:
         """The run ends well; what an earlier one left stays until someone has decided."""
@@ -73,9 +73,9 @@ class Autosave:
 
 def _runs(path: Path) -> bool:
     """Whether the program that writes this file is still there. Windows cannot be asked."""
-    number = path.stem.removeprefix("session-")
-    if not number.isdigit() or sys.platform == "win32":
-        return False
+    number = path.stem.removeprefix("session-").partition("-")[0]
+    if not number.isdigit() or sys.platform == "win32" or int(number) == os.getpid():
+        return False  # an earlier run had this one's number
     try:
         os.kill(int(number), 0)
     except (ProcessLookupError, OverflowError):

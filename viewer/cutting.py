@@ -108,7 +108,10 @@ class Cutting:
             self._begin()
 
     def fit(self) -> None:
-        """Fit the photos, this one as it was cut out."""
+        """Fit the photos, this one as it was cut out; not beside another fit, which would leave it open."""
+        if self._session.fitting.running:
+            self._session.say("A fit is under way: stop it first")
+            return
         told = self.sources[self.index]._replace(hints=self.hints or None, framing=self.framing)
         sources = (*self.sources[: self.index], told, *self.sources[self.index + 1 :])
         self.close()

@@ -11,7 +11,7 @@ from core.pictures import held_scene
 from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.exporting import Kind
-from viewer.files import Files, Wish
+from viewer.files import Files, Wish, is_there
 from viewer.preferences import Preferences
 from viewer.session import Session
 from viewer.theme import DARK, LIGHT, Palette
@@ -68,7 +68,8 @@ class Desk:
         """Fit images of one object and show how it goes."""
         self.focus = "Fit"
         for path in paths:
-            self._remember(path)
+            if path.suffix.lower() in IMAGES:
+                self._remember(path)
         self.session.fitting.start(*paths)
 
     def follow_fit(self) -> None:
@@ -85,7 +86,7 @@ class Desk:
             if error:
                 session.report("Cannot paste", error)
 
-        found = Job("paste", lambda: session.clipboard.images(text), lambda paths: self.fit(*paths), ended)
+        found = Job("paste", lambda: session.clipboard.images(text), lambda paths: session.fitting.start(*paths), ended)
         session.worker.submit(found)
 
     def open_scene(self) -> None:
@@ -113,7 +114,7 @@ class Desk:
             self.fit(*map(Path, paths))
 
     def _remember(self, path: Path) -> None:
-        if path.is_file():
+        if is_there(path):
             self.likes = self.likes.opened(path)
 
 

@@ -131,7 +131,9 @@ class Exporting:
                 self._session.say(f"Saved {path.name}")
 
         stream = self._session.streams.frames(model, job)
-        self._session.worker.submit(Job("picture", lambda: _written(stream, path, scene), lambda _: None, ended))
+        self._session.worker.submit(
+            Job(f"picture {path}", lambda: _written(stream, path, scene), lambda _: None, ended)
+        )
 
     def _film(
         self,

@@ -3,6 +3,7 @@
 import shutil
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,8 +26,17 @@ class Wish:
 
     def path(self, typed: str) -> Path:
         """Where an answer leads; a file to save that has no ending gets the proposed one's."""
-        path = Path(typed.strip()).expanduser()
+        path = Path(typed.strip())
+        with suppress(RuntimeError):  # a home of nobody
+            path = path.expanduser()
         return Path(f"{path}{Path(self.name).suffix}") if self.save and not path.suffix else path
+
+
+def is_there(path: Path) -> bool:
+    """Whether a file is there and can be told to be."""
+    with suppress(OSError, ValueError):
+        return path.is_file()
+    return False
 
 
 def has_native() -> bool:
@@ -98,8 +108,8 @@ class Files:
     def _verdict(self, wish: Wish) -> str:
         path = wish.path(self._text)
         if wish.save:
-            return "The file is there and will be replaced" if path.is_file() else " / ".join(wish.suffixes)
-        return " / ".join(wish.suffixes) if path.is_file() else "Type the path of a file"
+            return "The file is there and will be replaced" if is_there(path) else " / ".join(wish.suffixes)
+        return " / ".join(wish.suffixes) if is_there(path) else "Type the path of a file"
 
     def _close(self, answer: str) -> None:
         wish, self._wish, self._dialog = self._wish, None, None

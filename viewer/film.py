@@ -41,7 +41,8 @@ class Film:
         self._began: float | None = None
         """s on the clock when it stood at 0, while it plays"""
         self._last: Scene | None = None
-        """what it showed while it plays; another scene is another edit"""
+        self._played: Timeline | None = None
+        """what it showed while it plays, and of which film; another scene or film is another edit"""
         self._pictures: dict[int, tuple[Frame, orbit.Excerpt]] = {}
         """by their number, of :attr:`_drawn_of`"""
         self._drawn_of: tuple[Timeline, object] | None = None
@@ -89,7 +90,7 @@ class Film:
         """Once a frame: go on, if it plays. Any other edit stops it."""
         if self._began is None:
             return
-        if self._session.scene is not self._last:
+        if self._session.scene is not self._last or self.timeline is not self._played:
             self._stop()
             return
         length = self.timeline.length
@@ -219,4 +220,4 @@ class Film:
         shot = self.timeline.at(self.seconds)
         scene = replace(self._session.scene, codes=shot.codes, camera=shot.camera)
         self._session.change(scene, gesture=_PLAYING)
-        self._last = self._session.scene
+        self._last, self._played = self._session.scene, self.timeline

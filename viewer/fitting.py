@@ -75,26 +75,22 @@ class Fitting:
 
     def fit(self, *sources: Source) -> None:
         """Fit the object in photos. What cannot be used leaves everything as it was."""
-        if self._session.model is None:
-            self._session.when_ready = lambda: self.fit(*sources)
-        elif self.running:
-            self._session.say("A fit is under way: stop it first")
-        elif sources:
-            self._run(Course(sources))
+        if sources and not self._session.when_ready(lambda: self.fit(*sources)):
+            self._begin(Course(sources))
 
     def cut_out(self) -> None:
         """Point out the object in the photo that is looked at, and fit once more."""
         self._session.cutting.open(self.course.sources, self.course.view)
 
-    def add(self, path: Path) -> None:
-        """Fit once more, with another photo of the same object."""
-        self._run(Course((*self.course.sources, Source(path))))
+    def add(self, course: Course, path: Path) -> None:
+        """Fit once more, with another photo of the object of a course."""
+        self._begin(Course((*course.sources, Source(path))))
 
-    def pose(self, path: Path) -> None:
-        """Fit once more, with the known camera of the photo that is looked at."""
-        sources = list(self.course.sources)
-        sources[self.course.view] = sources[self.course.view]._replace(pose=path)
-        self._run(Course(tuple(sources), view=self.course.view))
+    def pose(self, course: Course, path: Path) -> None:
+        """Fit once more, with the known camera of the photo that was looked at in a course."""
+        sources = list(course.sources)
+        sources[course.view] = sources[course.view]._replace(pose=path)
+        self._begin(Course(tuple(sources), view=course.view))
 
     def again(self) -> None:
         """Fit the same photos once more, from the beginning."""
@@ -183,6 +179,12 @@ class Fitting:
         assert model is not None, "no model yet"
         return camera.resized(model.image_size, model.image_size)
 
+    def _begin(self, course: Course) -> None:
+        if self.running:
+            self._session.say("A fit is under way: stop it first")
+        else:
+            self._run(course)
+
     def _run(self, course: Course, begin: Hypothesis | None = None) -> None:
         model, before, race = self._session.model, self.course, self.race.tiles
         assert model is not None, "no model yet"
@@ -234,11 +236,12 @@ class Fitting:
         assert model is not None and step is not None
         camera = step.cameras[view]
         wide = (*self._session.panel, camera.height, self._session.pan)
-        whole = orbit.filling(camera, *(wide if self.followed else (camera.width, camera.height, camera.height)))
+        followed = self.followed
+        whole = orbit.filling(camera, *(wide if followed else (camera.width, camera.height, camera.height)))
         job = RenderJob(step.codes, whole.camera, settings)
 
         def pictured(frame: Frame) -> None:
-            if self.followed:
+            if followed and self.followed:
                 self._session.worker.cancel("view")
                 self._session.put(frame, whole)
                 self.live = self._session.frame

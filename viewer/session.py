@@ -41,6 +41,8 @@ _BESIDE = 0.2
 """Share of the worker for what will be wanted soon."""
 _ACROSS = 2
 """Pixels drawn across each pixel of the finished picture."""
+_NEWS = 3
+"""Lines of information that stay beside a new one, until they fade."""
 PARTS: tuple[Part, Part] = ("shape", "texture")
 
 
@@ -68,8 +70,10 @@ class Session:
         """the name of the model that is there"""
         self.loading = ""
         """the name of the model on its way"""
-        self.when_ready: Callable[[], None] = lambda: None
+        self._wishes: list[Callable[[], None]] = []
         """what was asked for while the model was on its way"""
+        self._left: dict[str, Saved] = {}
+        """by the name of their model, sessions that were left for another model"""
         self.history: History | None = None
         self.frame: Frame | None = None
         """the newest picture of the scene"""
@@ -157,23 +161,40 @@ class Session:
     # The model
 
     def open_model(self, name: str) -> None:
-        """Load a model, by shipped name or path. What is open stays until it is there."""
+        """Load a model, by shipped name or path. What is open stays until it is there; what was made with the model
+        comes back with it.
+        """
         self.loading = name
 
         def ended(error: Exception | None) -> None:
-            self.loading = ""
             if error:
-                self.when_ready = lambda: None
+                self.loading = ""
+                self._wishes.clear()
                 self.report(f"Cannot open the model {name}", error)
 
         def opened(model: Model) -> None:
-            self.opened = name
+            if self.history and self.history.past:
+                self._left[self.opened] = Saved.of(self.opened, self.state, self.gallery.added)
+            self.opened, self.loading = name, ""
             self._opened(model)
+            if left := self._left.pop(name, None):
+                self.restore(left)
+            wishes, self._wishes = self._wishes, []
+            for wish in wishes:
+                wish()
 
         self.worker.submit(Job("model", lambda: (self.streams.load_model(name),), opened, ended))
 
+    def when_ready(self, wish: Callable[[], None]) -> bool:
+        """Put a wish off until the model on its way is there. Whether it was put off."""
+        if self.model is not None and not self.loading:
+            return False
+        self._wishes.append(wish)
+        return True
+
     def _opened(self, model: Model) -> None:
         self.fitting.reset()
+        self.worker.cancel("view")
         self.cutting.close()
         self.exporting.cancel()
         self.model, self.frame, self.drawn, self.locked = model, None, None, frozenset()
@@ -186,8 +207,6 @@ class Session:
         self.history = History(State(scene, Mix(Pair(first, first), second)))
         self.render()
         self.worker.submit(Job("bank", lambda: self.streams.preparing(model), lambda _: None, share=_BESIDE))
-        waiting, self.when_ready = self.when_ready, lambda: None
-        waiting()
 
     # Edits: each is one step of undo, or joins the drag it belongs to
 
@@ -293,9 +312,9 @@ class Session:
         """Open a scene, or a picture that holds one: its object joins the objects. What cannot be read, or is of
         another model, changes nothing.
         """
-        if self.model is None:
-            self.when_ready = lambda: self.load_scene(path)
+        if self.when_ready(lambda: self.load_scene(path)):
             return
+        assert self.model is not None
         try:
             scene = open_scene(path, self.model)
         except ValueError as error:
@@ -319,10 +338,10 @@ class Session:
         Args:
             done: called once all of it is back.
         """
-        if self.model is None or self.opened != saved.model:
-            self.when_ready = lambda: self.restore(saved, done)
-            if self.loading != saved.model:
+        if self.model is None or self.loading or self.opened != saved.model:
+            if (self.loading or self.opened) != saved.model:
                 self.open_model(saved.model)
+            self.when_ready(lambda: self.restore(saved, done))
             return
         try:
             state, things = saved.restored(self.model)
@@ -394,9 +413,12 @@ class Session:
         self.render()
 
     def say(self, text: str, kind: Kind = Kind.INFO) -> None:
-        """Show a line in the window."""
-        self.messages = [message for message in self.messages if not message.faded][-4:]
-        self.messages.append(Message(text, kind))
+        """Show a line in the window, in place of the same one, if that is still there."""
+        left = [
+            message for message in self.messages if not message.faded and (message.text, message.kind) != (text, kind)
+        ]
+        news = [message for message in left if message.kind is Kind.INFO][:-_NEWS]
+        self.messages = [*(message for message in left if message not in news), Message(text, kind)]
 
     def report(self, what: str, error: Exception) -> None:
         """Show what went wrong; what nobody foresaw is logged with its trace as well."""

@@ -76,7 +76,6 @@ def test_it_is_written_when_the_hand_rests_and_goes_with_a_good_end(
     clock.now = 20.0
     autosave.tick()
     assert written.read_text() != before
-    assert Autosave(session, tmp_path, clock).left == ()
     autosave.close()
     assert not list(tmp_path.iterdir())
 
@@ -91,6 +90,18 @@ def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) 
     assert [path.name for path in autosave.left] == [f"session-{ended.pid}.json"]
     autosave.discard()
     assert [path.name for path in tmp_path.iterdir()] == [f"session-{os.getppid()}.json"]
+
+
+def test_of_several_that_were_left_the_last_is_offered_first(session: Session, tmp_path: Path) -> None:
+    for age, name in enumerate(("999999999-a", f"{os.getpid()}-b", "999999998")):  # the second's number is ours now
+        (tmp_path / f"session-{name}.json").write_text("{}")
+        os.utime(tmp_path / f"session-{name}.json", (age, age))
+    autosave = Autosave(session, tmp_path)
+    assert autosave.times == (0, 1, 2)
+    autosave.discard()
+    autosave.discard()
+    assert [path.name for path in tmp_path.iterdir()] == ["session-999999999-a.json"]
+    assert autosave.left
 
 
 @pytest.mark.parametrize("harm", ["{", "[]", "opened only", "no key", "another model", "bad film", "no such object"])
@@ -133,9 +144,9 @@ def test_a_session_of_another_model_opens_it_first(session: Session, photo: Path
 def test_a_restored_object_whose_name_is_taken_gets_another(session: Session, photo: Path) -> None:
     busy(session, photo)
     session.show("block")
-    saved = Saved.of("chairs", session.state, session.gallery.added)
+    saved = Saved.of("other", session.state, session.gallery.added)
     codes = session.gallery["block"].codes
-    session.open_model("chairs")
+    session.open_model("other")
     finish(session)
     session.gallery.add(Thing("block", session.gallery["object 1"].codes))
     session.restore(saved)

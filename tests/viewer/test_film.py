@@ -37,6 +37,16 @@ def film(session: Session, clock: Clock) -> Film:
     return session.film
 
 
+def test_the_film_stops_where_undo_takes_its_keys(session: Session, clock: Clock) -> None:
+    film = session.film = Film(session, clock)
+    film.add_key()
+    film.play()
+    session.undo()
+    film.tick()
+    assert not film.playing
+    assert not film.timeline.keys
+
+
 def test_playing_goes_with_the_clock_and_round(session: Session, film: Film, clock: Clock) -> None:
     film.seek(0.0)
     session.settle()
@@ -92,7 +102,7 @@ def test_any_edit_stops_it(session: Session, film: Film, clock: Clock) -> None:
 
 def test_a_model_opened_meanwhile_has_an_empty_film(session: Session, film: Film) -> None:
     film.play()
-    session.open_model("chairs")
+    session.open_model("other")
     finish(session)
     assert not film.playing
     assert film.timeline.keys == ()

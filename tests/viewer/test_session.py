@@ -442,6 +442,54 @@ def test_files_that_are_no_pictures_are_told_and_change_nothing(
         assert "Traceback" not in session.errors[0]
 
 
+def test_what_was_made_stays_with_its_model(session: Session, photo: Path) -> None:
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    session.film.add_key()
+    before = session.state
+    session.open_model("other")
+    finish(session)
+    assert "block" not in session.gallery.names
+    session.open_model("chairs")
+    finish(session)
+    assert session.gallery.names[0] == "block"
+    assert session.state == before
+
+
+def test_all_that_is_asked_for_while_another_model_loads_is_for_that(session: Session, photo: Path) -> None:
+    session.open_model("other")
+    scene = photo.with_name("a.json")
+    session.scene.save(scene)
+    session.load_scene(scene)
+    session.fitting.start(photo)
+    assert not session.fitting.running
+    finish(session, lambda: session.opened == "other" and not session.fitting.running)
+    finish(session)
+    assert {"a", "block"} <= {*session.gallery.names}
+
+
+def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, photo: Path) -> None:
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    first = session.fitting.course
+    session.fitting.start(photo)
+    session.fitting.add(first, photo)
+    assert "stop it first" in session.messages[-1].text
+    finish(session, lambda: not session.fitting.running)
+    assert len(session.fitting.course.sources) == 1
+    session.fitting.add(first, photo)
+    finish(session, lambda: not session.fitting.running)
+    assert len(session.fitting.course.sources) == 2
+
+
+def test_errors_stay_and_are_told_once(session: Session) -> None:
+    for number in (1, 2, 2, 3, 4, 5, 6):
+        session.say(f"wrong {number}", Kind.ERROR)
+        session.say(f"news {number}")
+    assert session.errors == [f"wrong {number}" for number in range(1, 7)]
+    assert [one.text for one in session.messages if one.kind is Kind.INFO] == [f"news {n}" for n in (3, 4, 5, 6)]
+
+
 def test_an_image_dropped_while_the_model_loads_is_fitted_then(worker: Worker, streams: Streams, photo: Path) -> None:
     session = Session(worker, streams)
     session.fitting.start(photo)

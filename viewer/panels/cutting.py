@@ -19,6 +19,8 @@ _TIPS = (
 )
 _COLUMN = 14.5
 """em, of tools and preview"""
+_WITHIN = imgui.SliderFlags_.always_clamp
+"""also where numbers are typed"""
 _LEAST = 0.01
 """of the picture: a smaller box is a slip of the hand"""
 
@@ -114,7 +116,7 @@ class CuttingDialog:
                 self._tool = tool
             tip(told)
         imgui.set_next_item_width(-1)
-        _, share = imgui.slider_float("##brush", 100 * self._brush, 0.5, 15, "Brush %.1f %%")
+        _, share = imgui.slider_float("##brush", 100 * self._brush, 0.5, 15, "Brush %.1f %%", _WITHIN)
         self._brush = share / 100
         if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo cut", "Take the last box or stroke back (Ctrl+Z)"):
             cutting.undo()
@@ -143,11 +145,11 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     tip("As it will be fitted")
     framing, width = cutting.framing, -1.0
     imgui.set_next_item_width(width)
-    scale = imgui.slider_float("##scale", framing.scale, 0.5, 1.5, "Size %.2f")[1]
+    scale = imgui.slider_float("##scale", framing.scale, 0.5, 1.5, "Size %.2f", _WITHIN)[1]
     imgui.set_next_item_width(width)
-    across = imgui.slider_float("##across", framing.across, -0.3, 0.3, "Across %.2f")[1]
+    across = imgui.slider_float("##across", framing.across, -0.3, 0.3, "Across %.2f", _WITHIN)[1]
     imgui.set_next_item_width(width)
-    down = imgui.slider_float("##down", framing.down, -0.3, 0.3, "Down %.2f")[1]
+    down = imgui.slider_float("##down", framing.down, -0.3, 0.3, "Down %.2f", _WITHIN)[1]
     cutting.frame(Framing(scale, across, down))
 
 

@@ -14,7 +14,7 @@ _CUBE = icons_fontawesome_4.ICON_FA_CUBE
 _SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
 _COUNTS = {count: f"{count} frames" for count in (36, 72, 144, 288)}
 _MESHES = {suffix: suffix for suffix in MESHES}
-_PICTURE_HELP = """The view as a square picture on white.
+_PICTURE_HELP = """The object, in colour and in the middle, as a square picture on white.
 A png holds codes and camera: drop it on the window to bring them back."""
 _CELLS: dict[int | None, str] = {None: "auto"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
 _CELLS_HELP = "Along the object: more are finer, and slower. Auto: as many as its detail asks for"

@@ -1,5 +1,7 @@
 """Photos on their way to a code: compared with their render, and every step of the way to go back to."""
 
+from functools import partial
+
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
 from core.confidence import DOUBTFUL, RIGHT_DEGREES
@@ -18,7 +20,7 @@ _AGAIN = f"Fit again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _OTHER_HELP = """Try the other camera, which explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
 _EFFORT_HELP = "How much work the next fit is: draft less than half of normal, fine twice as much"
-_ON_HELP = "Improve the fit from the step that is shown, for as long as you like: stop it and go on again"
+_ON_HELP = "Improve the fit from the step that is shown, for a third of the steps of a new one; it can go on again"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then go on from there:
 for a camera that was not found"""
 _CUT_HELP = "Point out the object in this photo, move it in its frame, and fit again"
@@ -85,13 +87,13 @@ def _draw_start(desk: Desk, fitting: Fitting) -> None:
     tip(_EFFORT_HELP)
     flow(_ADD)
     if button(f"{_ADD}###add photo", "Fit again with another photo of the same object beside this one", enabled=fitted):
-        desk.files.ask(Wish("Another photo of the same object", fitting.add, IMAGES))
+        desk.files.ask(Wish("Another photo of the same object", partial(fitting.add, fitting.course), IMAGES))
     flow(_SCISSORS)
     if button(f"{_SCISSORS}###cut out", _CUT_HELP, enabled=fitted):
         fitting.cut_out()
     flow(_PLACE)
     if button(f"{_PLACE}###pose", "Fit again with the known camera of this photo (an SRN pose file)", enabled=fitted):
-        desk.files.ask(Wish("Pose of this photo", fitting.pose, (".txt",)))
+        desk.files.ask(Wish("Pose of this photo", partial(fitting.pose, fitting.course), (".txt",)))
 
 
 def _draw_more(desk: Desk, fitting: Fitting) -> None:

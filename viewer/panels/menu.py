@@ -103,8 +103,10 @@ def _draw_models(desk: Desk) -> None:
     session = desk.session
     if imgui.begin_menu("Model"):
         for name in shipped_models():
-            if imgui.menu_item(name, "", session.opened == name, not session.loading)[0]:
+            here = session.opened == name
+            if imgui.menu_item(name, "", here, not (session.loading or session.fitting.running))[0] and not here:
                 session.open_model(name)
+            tip("What you have made stays with its model, and comes back with it; undo begins anew")
         imgui.end_menu()
 
 

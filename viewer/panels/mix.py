@@ -46,7 +46,10 @@ class MixPanel:
         name, locked = getattr(session.state.mix.a, part), part in session.locked
         imgui.begin_group()
         _draw_face(desk, name, faces.ICONS[part], desk.palette.accent, side, f"slot {part}")
-        tip(f"The {part} is taken from {name}\nDrop an object here to take only its {part}")
+        invited = (
+            "It is locked: the lock below lets it change" if locked else f"Drop an object here to take only its {part}"
+        )
+        tip(f"The {part} is taken from {name}\n{invited}")
         if not locked and (dropped := faces.dropped(desk)):
             session.take(part, dropped)
         what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or drawn at random"

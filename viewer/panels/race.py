@@ -64,11 +64,12 @@ class RacePanel:
 
     def _draw_tile(self, desk: Desk, tile: Tile, rank: int, side: float) -> None:
         fitting, corner = desk.session.fitting, imgui.get_cursor_screen_pos()
-        if imgui.invisible_button(f"hypothesis {rank + 1}", (side, side)) and fitting.can_prefer(tile.hypothesis):
+        preferable = fitting.can_prefer(tile.hypothesis)
+        if imgui.invisible_button(f"hypothesis {rank + 1}", (side, side)) and preferable:
             fitting.go_on(tile.hypothesis)
         if imgui.is_item_hovered():
             self._hovered = tile.name
-        tip(_told(tile, rank))
+        tip(_told(tile, rank, preferable))
         faces.paint_frame(desk, tile.picture, corner, side)
         if lost := _lost(desk, tile):
             veil = packed(desk.palette.panel, _FADED * lost)
@@ -119,11 +120,12 @@ def _lost(desk: Desk, tile: Tile) -> float:
     return min(1.0, 0.3 + (last.seconds - tile.lost) / _FADING) if tile.lost is not None and last else 0.0
 
 
-def _told(tile: Tile, rank: int) -> str:
+def _told(tile: Tile, rank: int, preferable: bool) -> str:
     camera = tile.hypothesis.cameras[0]
     place = f"azimuth {math.degrees(camera.azimuth):.0f}, elevation {math.degrees(camera.elevation):.0f} degrees"
     place += (
         f"\ndistance {camera.distance:.2f}, focal length {camera.focal / camera.height:.2f} of the picture's height"
     )
     state = f"Rank {rank + 1}" if tile.lost is None else f"Out of the race after {tile.lost:.1f} s"
-    return f"{state}, loss {tile.hypothesis.loss:.4f}\n{place}\nClick to prefer it: the fit goes on from here alone"
+    prefer = "\nClick to prefer it: the fit goes on from here alone" if preferable else ""
+    return f"{state}, loss {tile.hypothesis.loss:.4f}\n{place}{prefer}"

@@ -17,7 +17,7 @@ def draw(desk: Desk) -> None:
     centre = (desk.view[0] + desk.view[1]) * 0.5
     imgui.set_next_window_pos(centre, imgui.Cond_.always, (0.5, 0.5))
     if imgui.begin("The last session did not end well###Recovery", None, fixed)[0]:
-        when = datetime.fromtimestamp(autosave.when)
+        when = datetime.fromtimestamp(autosave.times[-1])
         imgui.text(f"It was saved on {when:%d %B at %H:%M}, with its film and its fitted objects.")
         if button("Go on with it###restore", "Bring its state, its film and its fitted objects back", width=9):
             autosave.restore()

@@ -143,7 +143,8 @@ def _draw_line(desk: Desk, film: Film) -> None:
 def _draw_key(desk: Desk, film: Film, index: int, key: Key, corner: ImVec2, side: float, width: float) -> None:
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
-    if imgui.invisible_button(f"key {index + 1}", (side, side)):
+    moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until it is let go, and in that frame still
+    if imgui.invisible_button(f"key {index + 1}", (side, side)) and not any(moved):
         film.go_to_key(index)
     across = imgui.get_io().mouse_delta.x
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):

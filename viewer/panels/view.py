@@ -90,6 +90,8 @@ class View:
                 self._nudge(desk, orbit.zoomed(session.scene.camera, io.mouse_wheel, session.model), "zoom")
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(desk)
+        if self._nudged and imgui.is_any_item_active():
+            self._nudged = 0.0  # a hand has taken over, and lets go when it does
         if self._nudged and time.monotonic() - self._nudged > _REST:
             session.settle()
             self._nudged = 0.0
