@@ -82,10 +82,7 @@ class Desk:
         """Fit the images in the clipboard."""
         session, text = self.session, imgui.get_clipboard_text()
 
-        def ended(error: Exception | None) -> None:
-            if error:
-                session.report("Cannot paste", error)
-
+        ended = session.reporting("Cannot paste")
         found = Job("paste", lambda: session.clipboard.images(text), lambda paths: session.fitting.start(*paths), ended)
         session.worker.submit(found)
 

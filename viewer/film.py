@@ -108,7 +108,7 @@ class Film:
         self.pause()
         here = self.key
         if here is None:
-            self._retime(self.timeline.added(self.seconds, self._shown))
+            self._session.retime(self.timeline.added(self.seconds, self._shown))
             self.seconds = min(self.seconds, self.timeline.keys[-1].seconds)  # a loop has no key at its very end
         else:
             self.replace_key(here)
@@ -116,19 +116,19 @@ class Film:
     def replace_key(self, index: int) -> None:
         """What is shown takes the place of a key."""
         self.pause()
-        self._retime(self.timeline.replaced(index, self._shown))
+        self._session.retime(self.timeline.replaced(index, self._shown))
 
     def remove_key(self, index: int) -> None:
         """Take a key out."""
         self.pause()
-        self._retime(self.timeline.removed(index))
+        self._session.retime(self.timeline.removed(index))
 
     def move_key(self, index: int, seconds: float) -> None:
         """Give a key another time; to be ended by :meth:`Session.settle`."""
         moved = self.timeline.moved(index, seconds)
         self._stop()
         self.seconds = moved.keys[index].seconds
-        self._retime(moved, f"key {index}")
+        self._session.retime(moved, f"key {index}")
 
     def go_to_key(self, index: int) -> None:
         """Stand on a key and show it."""
@@ -141,22 +141,22 @@ class Film:
         stretched = self.timeline.stretched(length)
         self._stop()
         self.seconds = share * stretched.length
-        self._retime(stretched, "film length")
+        self._session.retime(stretched, "film length")
 
     def set_loop(self, loop: bool) -> None:
         """Go on from the last key to the first, or end."""
         self.pause()
-        self._retime(self.timeline.looped(loop))
+        self._session.retime(self.timeline.looped(loop))
 
     def set_turns(self, turns: int) -> None:
         """Let the camera go round so many times more."""
         self.pause()
-        self._retime(replace(self.timeline, turns=turns))
+        self._session.retime(replace(self.timeline, turns=turns))
 
     def set_smooth(self, smooth: bool) -> None:
         """Go through the keys without corners, or straight from one to the next."""
         self.pause()
-        self._retime(replace(self.timeline, smooth=smooth))
+        self._session.retime(replace(self.timeline, smooth=smooth))
 
     def toggle(self) -> None:
         """Play, or pause."""
@@ -199,25 +199,19 @@ class Film:
                 for frame in session.streams.frames(model, RenderJob(shot.codes, excerpt.camera, _SETTINGS)):
                     yield (index, replace(frame, stages=2), excerpt) if frame else None  # a preview
 
-        session.worker.submit(Job("film", lambda: drawn(model), self._keep, self._ended))
+        session.worker.submit(
+            Job("film", lambda: drawn(model), self._keep, self._session.reporting("Cannot draw the film"))
+        )
 
     def _keep(self, drawn: tuple[int, Frame, orbit.Excerpt]) -> None:
         index, frame, excerpt = drawn
         self._pictures[index] = frame, excerpt
 
-    def _ended(self, error: Exception | None) -> None:
-        if error:
-            self._session.report("Cannot draw the film", error)
-
     @property
     def _shown(self) -> Shot:
         return Shot(self._session.scene.codes, self._session.scene.camera)
 
-    def _retime(self, timeline: Timeline, gesture: str = "") -> None:
-        self._session.retime(timeline, gesture)
-
     def _show(self) -> None:
         shot = self.timeline.at(self.seconds)
-        scene = replace(self._session.scene, codes=shot.codes, camera=shot.camera)
-        self._session.change(scene, gesture=_PLAYING)
+        self._session.visit(shot.codes, shot.camera, gesture=_PLAYING)
         self._last, self._played = self._session.scene, self.timeline

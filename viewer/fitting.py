@@ -251,14 +251,10 @@ class Fitting:
                 difference = _doubled_difference(shot.pixels, picture.image)
                 self.course = replace(self.course, picture=picture, difference=difference)
 
-        def failed(error: Exception | None) -> None:
-            if error:
-                self._session.report("Cannot draw the fit", error)
-
-        stream = self._session.streams.frames
+        stream, ended = self._session.streams.frames, self._session.reporting("Cannot draw the fit")
         # A hand that scrubs asks for many: each is shown before the next replaces it.
         urgent = self.course.at is not None
-        self._session.worker.submit(Job("fit picture", lambda: stream(model, job), pictured, failed, urgent))
+        self._session.worker.submit(Job("fit picture", lambda: stream(model, job), pictured, ended, urgent))
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:

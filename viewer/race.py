@@ -102,7 +102,15 @@ class Race:
         model = self._session.model
         assert model is not None, "no model yet"
         if self.tiles and not self._session.worker.busy("race"):
-            self._session.worker.submit(Job("race", lambda: self._drawn(model), self._keep, self._ended, share=_SHARE))
+            self._session.worker.submit(
+                Job(
+                    "race",
+                    lambda: self._drawn(model),
+                    self._keep,
+                    self._session.reporting("Cannot draw the race"),
+                    share=_SHARE,
+                )
+            )
 
     def _drawn(self, model: Model) -> Iterator[tuple[int, Frame]]:
         """Every other picture is the leader's; between them comes whoever was drawn the longest ago. After the race
@@ -121,10 +129,6 @@ class Race:
     def _keep(self, drawn: tuple[int, Frame]) -> None:
         name, picture = drawn
         self.tiles = tuple(replace(tile, picture=picture) if tile.name == name else tile for tile in self.tiles)
-
-    def _ended(self, error: Exception | None) -> None:
-        if error:
-            self._session.report("Cannot draw the race", error)
 
 
 def _glance(model: Model, hypothesis: Hypothesis) -> Frame:

@@ -305,7 +305,7 @@ class Session:
         self._edit(replace(self.scene, codes=thing.codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
 
     def visit(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
-        """Show codes and the camera they belong to, such as a fit had on its way."""
+        """Show codes and the camera they belong to, such as a fit had on its way, or a film has at a time."""
         self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
 
     def load_scene(self, path: Path) -> None:
@@ -322,10 +322,6 @@ class Session:
         else:
             self.adopt(Thing(path.stem, scene.codes), scene.camera)
             self.say(f"Opened {path.name}")
-
-    def change(self, scene: Scene, gesture: str = "") -> None:
-        """Show another scene of this model."""
-        self._edit(scene, gesture=gesture)
 
     def retime(self, timeline: Timeline, gesture: str = "") -> None:
         """Change the film; what is shown stays."""
@@ -426,6 +422,10 @@ class Session:
             logging.getLogger(__name__).error(what, exc_info=error)
         self.say(f"{what}: {explain(error)}", Kind.ERROR)
 
+    def reporting(self, what: str) -> Callable[[Exception | None], None]:
+        """For the end of a job: reports what went wrong, if anything did."""
+        return lambda error: self.report(what, error) if error else None
+
     def dismiss(self, message: Message) -> None:
         """Put a message away."""
         self.messages = [other for other in self.messages if other is not message]
@@ -449,7 +449,8 @@ class Session:
             if frame.stage == 0:
                 self.pace.seen(stages[0], frame.seconds)
 
-        self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, self._undrawn, urgent=True))
+        ended = self.reporting("Cannot draw the object")
+        self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, ended, urgent=True))
 
     def put(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
         """Show a picture."""
@@ -459,10 +460,6 @@ class Session:
         earlier = self.times if self.drawn and self.drawn[1] is excerpt else ()
         self.times = (*earlier, (frame.resolution, frame.seconds))
         self.put(frame, excerpt)
-
-    def _undrawn(self, error: Exception | None) -> None:
-        if error:
-            self.report("Cannot draw the object", error)
 
     def _search_nearest(self, book: CodeBook, part: Part, code: Tensor) -> tuple[str, float]:
         index = book.nearest_shape(code) if part == "shape" else book.nearest_texture(code)

@@ -72,7 +72,9 @@ class Sheet:
         assert model is not None, "no model yet"
         missing = [pair for row in self.rows for pair in row if pair not in self._pictures]
         jobs = [(pair, self._session.pair(pair)) for pair in missing]
-        self._session.worker.submit(Job("sheet", lambda: self._drawn(model, jobs), self._keep, self._ended))
+        self._session.worker.submit(
+            Job("sheet", lambda: self._drawn(model, jobs), self._keep, self._session.reporting("Cannot draw the sheet"))
+        )
 
     def _drawn(self, model: Model, jobs: list[tuple[Pair, Codes]]) -> Iterator[tuple[Pair, Frame] | None]:
         camera = orbit.home(model).resized(_SIZE, _SIZE)
@@ -82,10 +84,6 @@ class Sheet:
 
     def _keep(self, drawn: tuple[Pair, Frame]) -> None:
         self._pictures[drawn[0]] = drawn[1]
-
-    def _ended(self, error: Exception | None) -> None:
-        if error:
-            self._session.report("Cannot draw the sheet", error)
 
 
 def write_sheet(

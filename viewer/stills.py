@@ -70,7 +70,13 @@ class Stills:
         wanted, self._wanted = list(self._wanted.items())[:_AT_ONCE], {}
         model = self._session.model
         if wanted and model and not self._session.worker.busy("stills"):
-            job = Job("stills", lambda: self._drawn(model, wanted), self._keep, self._ended, share=_SHARE)
+            job = Job(
+                "stills",
+                lambda: self._drawn(model, wanted),
+                self._keep,
+                self._session.reporting("Cannot draw the small pictures"),
+                share=_SHARE,
+            )
             self._session.worker.submit(job)
 
     def _drawn(self, model: Model, wanted: list[tuple[_Still, RenderJob]]) -> Iterator[tuple[_Still, Frame] | None]:
@@ -82,7 +88,3 @@ class Stills:
         self._pictures[drawn[0]] = drawn[1]
         while len(self._pictures) > _KEPT:
             self._pictures.popitem(last=False)
-
-    def _ended(self, error: Exception | None) -> None:
-        if error:
-            self._session.report("Cannot draw the small pictures", error)
