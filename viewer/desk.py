@@ -100,15 +100,18 @@ class Desk:
         self.files.ask(Wish("Save the scene as", self.session.save_scene, (".json",), True, "scene.json"))
 
     def drop(self, paths: list[str]) -> None:
-        """Take files let go over the window: a scene, or a picture that holds one, is opened; any others are fitted."""
-        if not paths:
-            return
+        """Take files let go over the window: scenes, and pictures that hold one, are opened; any others are pictures of
+        one object, which is fitted.
+        """
         self.session.cutting.close()
-        path = Path(paths[0])
-        if path.suffix.lower() == ".json" or held_scene(path):
-            self.load_scene(path)
-        else:
-            self.fit(*map(Path, paths))
+        others = []
+        for path in map(Path, paths):
+            if path.suffix.lower() == ".json" or held_scene(path):
+                self.load_scene(path)
+            else:
+                others.append(path)
+        if others:
+            self.fit(*others)
 
     def _remember(self, path: Path) -> None:
         if is_there(path):

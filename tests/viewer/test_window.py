@@ -828,7 +828,9 @@ def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) 
     drive(act)
 
 
-def test_a_dropped_picture_of_this_program_restores_its_scene(drive: Drive, tmp_path: Path, model: Model) -> None:
+def test_a_dropped_picture_of_this_program_restores_its_scene(
+    drive: Drive, tmp_path: Path, model: Model, photo: Path
+) -> None:
     other = Scene("another model", model.codes[0], model.camera(0, 0))
     save_picture(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
 
@@ -853,6 +855,10 @@ def test_a_dropped_picture_of_this_program_restores_its_scene(drive: Drive, tmp_
         assert not session.fitting.running
         assert session.gallery.names == ["mine", *(f"object {number}" for number in range(6))]
         testing.capture(window.ctx, str(tmp_path / "told.png"))
+        session.show("object 4")
+        window.desk.drop([str(tmp_path / "mine.png"), str(photo)])  # both are taken
+        assert session.scene == scene
+        window.wait(lambda: "block" in session.gallery.names)
 
     drive(act)
 
