@@ -14,7 +14,7 @@ from torch.nn import functional
 
 @dataclass(frozen=True)
 class FieldConfig:
-    """The size and the conventions of a field. Sizes are those of the shipped models; the paper has others."""
+    """The size and the conventions of a field. Sizes are those that are trained unless told; the paper has others."""
 
     width: int = 96
     shape_blocks: int = 3

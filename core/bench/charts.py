@@ -288,7 +288,7 @@ def _sizes_chart(found: sizes.Measured) -> "Figure":
             (line,) = axes.plot([one.field_ms for one in some], quality, "-", alpha=0.6, label=axis)
             axes.scatter([one.field_ms for one in some], quality, marks, color=line.get_color())
     for one in found.sizes:
-        if one.axis == "shipped":
+        if one.axis == "ours":
             left.plot(one.field_ms, one.own, "k*", markersize=14, label=one.axis, zorder=3)
             right.plot(one.field_ms, one.held_out.mean, "k*", markersize=14, label=one.axis, zorder=3)
     left.set(xlabel="ms for 100,000 samples", ylabel="own objects, new views (dB)")

@@ -1,6 +1,6 @@
 """What each size of the network and the codes buys: models trained alike, of which each differs in one number.
 
-The rule: from a centre, one axis at a time; last comes the shipped size, which was put together from what pays. All
+The rule: from a centre, one axis at a time; last comes the size of our recipe, put together from what pays. All
 are trained on the same objects with the same steps and the same random rays; what each is worth is written down beside
 it, so that a run goes on where one was stopped. Their speed is measured at the end, turn about.
 """
@@ -51,7 +51,7 @@ class Size:
     """One model."""
 
     axis: str
-    """in which it differs from the centre; "centre" for that itself, "shipped" for the shipped size"""
+    """in which it differs from the centre; "centre" for that itself, "ours" for the size of our recipe"""
     value: int
     """there; 0 for these two"""
     config: FieldConfig
@@ -109,13 +109,13 @@ class Measured:
 
 
 def plan() -> tuple[tuple[str, int, FieldConfig], ...]:
-    """The centre, then every other value of each axis, then the shipped size: (axis, value, size)."""
+    """The centre, then every other value of each axis, then that of our recipe: (axis, value, size)."""
 
     def varied(**change: Any) -> FieldConfig:
         return replace(CENTRE, **change)
 
     others = [(axis, value, varied(**{axis: value})) for axis, values in AXES.items() for value in values]
-    return (("centre", 0, CENTRE), *others, ("shipped", 0, RECIPES["ours"].field))
+    return (("centre", 0, CENTRE), *others, ("ours", 0, RECIPES["ours"].field))
 
 
 def measured(folders: Sequence[Path], tests: Sequence[ObjectPlace], steps: int, kept: Path) -> Iterator[str | Measured]:

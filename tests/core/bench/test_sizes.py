@@ -20,8 +20,8 @@ from tests.core.tiny import tiny_model
 
 
 def test_every_model_of_the_plan_differs_in_one_number() -> None:
-    centre, *others, shipped = sizes.plan()
-    assert (centre[2], shipped[2]) == (sizes.CENTRE, RECIPES["ours"].field)
+    centre, *others, ours = sizes.plan()
+    assert (centre[2], ours[2]) == (sizes.CENTRE, RECIPES["ours"].field)
     assert len({config for _, _, config in others}) == len(others)
     for axis, value, config in others:
         assert config == replace(sizes.CENTRE, **{axis: value})
