@@ -69,9 +69,20 @@ class Stage(NamedTuple):
     """a second heat begins, with codes that have learnt nothing yet"""
 
 
-AROUND = (((0.0, 0.0, 6), (1.5, 0.0, 2), (-1.5, 0.0, 2), (0.0, 1.5, 2), (0.0, -1.5, 2)), ((0.0, 0.0, 2),))
+AROUND = (
+    (
+        (0.0, 0.0, 4),
+        (1.5, 0.0, 1),
+        (-1.5, 0.0, 1),
+        (0.0, 1.5, 1),
+        (0.0, -1.5, 1),
+        (13.0, 0.0, 3),
+        (-13.0, 0.0, 3),
+    ),
+    ((0.0, 0.0, 2),),
+)
 """degrees by which azimuths and elevations are moved for the second heat, and the shapes that come with each: of the
-best basin's cameras, of the next one's"""
+best basin's cameras, of the next one's. Thirteen degrees are for a first heat that has settled beside its basin's best"""
 RENEWED = sum(shapes for around in AROUND for *_, shapes in around)
 """hypotheses in the second heat, where the model has so many shapes"""
 _SHAPES = 6

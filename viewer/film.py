@@ -93,6 +93,8 @@ class Film:
         if self._session.scene is not self._last or self.timeline is not self._played:
             self._stop()
             return
+        if self._drawn_of != (self.timeline, self._place):
+            self._draw_ahead()
         length = self.timeline.length
         passed = self._clock() - self._began
         self.seconds = passed % length if self.timeline.loop else min(passed, length)
@@ -183,7 +185,7 @@ class Film:
         """Draw the pictures that are not there, from this moment on and once round."""
         session, timeline, model = self._session, self.timeline, self._session.model
         assert model is not None, "no model yet"
-        place = *session.panel, _DETAIL, session.pan
+        place = self._place
         if self._drawn_of != (timeline, place):
             self._drawn_of = timeline, place
             self._pictures.clear()
@@ -206,6 +208,11 @@ class Film:
     def _keep(self, drawn: tuple[int, Frame, orbit.Excerpt]) -> None:
         index, frame, excerpt = drawn
         self._pictures[index] = frame, excerpt
+
+    @property
+    def _place(self) -> tuple[int, int, int, tuple[float, float]]:
+        """How its pictures lie in the view: what :func:`viewer.orbit.filling` takes."""
+        return *self._session.panel, _DETAIL, self._session.pan
 
     @property
     def _shown(self) -> Shot:

@@ -90,6 +90,19 @@ def test_pictures_are_drawn_ahead_and_shown(session: Session, film: Film, clock:
     assert session.frame.final
 
 
+def test_it_fits_a_view_that_changes_its_size(session: Session, film: Film, clock: Clock) -> None:
+    film.play()
+    finish(session)
+    session.resize(300, 100)
+    film.tick()
+    finish(session)
+    film.tick()
+    assert session.frame is not None
+    width, height = session.frame.resolution
+    assert width == 3 * height
+    assert film.playing
+
+
 def test_any_edit_stops_it(session: Session, film: Film, clock: Clock) -> None:
     film.play()
     session.show("object 1")
