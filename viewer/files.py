@@ -4,7 +4,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui
@@ -79,7 +79,15 @@ class Files:
             self._draw_line(self._wish)
         elif self._dialog.ready(0):
             result = self._dialog.result()
-            self._close(result if isinstance(result, str) else next(iter(result), ""))
+            self._answered(self._wish, result if isinstance(result, str) else next(iter(result), ""))
+
+    def _answered(self, wish: Wish, answer: str) -> None:
+        """The system has asked about the name that was typed, not about the one that an ending makes of it."""
+        path = wish.path(answer)
+        if wish.save and answer and path != Path(answer) and is_there(path):
+            self._dialog = _open_native(replace(wish, name=path.name), path.parent)
+        else:
+            self._close(answer)
 
     def _draw_line(self, wish: Wish) -> None:
         if self._fresh:
