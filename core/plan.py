@@ -82,7 +82,7 @@ AROUND = (
     ((0.0, 0.0, 2),),
 )
 """degrees by which azimuths and elevations are moved for the second heat, and the shapes that come with each: of the
-best basin's cameras, of the next one's. Thirteen degrees are for a first heat that has settled beside its basin's best"""
+best basin's cameras, of the next one's. Thirteen degrees are for a first heat that has settled beside its best."""
 RENEWED = sum(shapes for around in AROUND for *_, shapes in around)
 """hypotheses in the second heat, where the model has so many shapes"""
 _SHAPES = 6

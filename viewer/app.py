@@ -56,7 +56,7 @@ class App:
         self._size, self._folder, self._headless = size, folder, headless
         if folder:
             self.desk.likes = Preferences.load(folder)
-            session.quality = QUALITIES[self.desk.likes.quality]
+            session.viewport.quality = QUALITIES[self.desk.likes.quality]
             self.desk.autosave = Autosave(session, folder)
         self._kept = self.desk.likes
         self._context: moderngl.Context | None = None

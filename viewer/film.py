@@ -100,7 +100,7 @@ class Film:
         self.seconds = passed % length if self.timeline.loop else min(passed, length)
         self._show()
         if picture := self._picture():
-            self._session.put(*picture)
+            self._session.viewport.put(*picture)
         if passed >= length and not self.timeline.loop:
             self.pause()
         self._session.worker.wake()
@@ -174,7 +174,7 @@ class Film:
         if self._began is not None:
             self._began = None
             self._session.worker.cancel("film")
-            self._session.render()
+            self._session.viewport.render()
 
     def _picture(self) -> tuple[Frame, orbit.Excerpt] | None:
         """The newest picture that is there, of this moment or before."""
@@ -212,7 +212,7 @@ class Film:
     @property
     def _place(self) -> tuple[int, int, int, tuple[float, float]]:
         """How its pictures lie in the view: what :func:`viewer.orbit.filling` takes."""
-        return *self._session.panel, _DETAIL, self._session.pan
+        return *self._session.viewport.panel, _DETAIL, self._session.viewport.pan
 
     @property
     def _shown(self) -> Shot:

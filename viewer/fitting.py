@@ -235,7 +235,7 @@ class Fitting:
         model, step, view = self._session.model, self.course.step, self.course.view
         assert model is not None and step is not None
         camera = step.cameras[view]
-        wide = (*self._session.panel, camera.height, self._session.pan)
+        wide = (*self._session.viewport.panel, camera.height, self._session.viewport.pan)
         followed = self.followed
         whole = orbit.filling(camera, *(wide if followed else (camera.width, camera.height, camera.height)))
         job = RenderJob(step.codes, whole.camera, settings)
@@ -243,8 +243,8 @@ class Fitting:
         def pictured(frame: Frame) -> None:
             if followed and self.followed:
                 self._session.worker.cancel("view")
-                self._session.put(frame, whole)
-                self.live = self._session.frame
+                self._session.viewport.put(frame, whole)
+                self.live = self._session.viewport.frame
             shot = self.course.shot
             if shot and view == self.course.view:
                 picture = whole.middle(camera).cropped(frame)
@@ -262,7 +262,7 @@ class Fitting:
             return
         self.running = False
         self.race.over()
-        self._session.render()
+        self._session.viewport.render()
         if not isinstance(error, NoGroundError):  # for which there is a dialog
             self._session.report("Cannot fit this image", error)
 
@@ -272,7 +272,7 @@ class Fitting:
         self.course = replace(self.course, at=None)
         name, last = self.course.name, self.course.last
         if last is None:
-            self._session.render()
+            self._session.viewport.render()
             self._session.say(f"{how} before there was a result")
             return
         self._look(_FINISHED)

@@ -12,10 +12,9 @@ from torch import Tensor
 from core.camera import Camera
 from core.codes import CodeBook, Codes, CodeSpace
 from core.fit import FitJob, FitStep, fit
-from core.frames import Frame, RenderJob, RenderSettings, frames
+from core.frames import Frame, RenderJob, frames
 from core.library import load_model
 from core.model import Model
-from core.pace import Pace
 from core.photos import Photo, load_photo
 from core.pictures import open_scene
 from core.scene import Scene
@@ -30,17 +29,15 @@ from viewer.fitting import Fitting
 from viewer.gallery import Gallery, Thing
 from viewer.history import History, Mix, Pair, State
 from viewer.messages import Kind, Message, explain
-from viewer.quality import QUALITIES, USUAL, Quality
 from viewer.saved import Saved
 from viewer.sheet import Sheet
 from viewer.stills import Stills
+from viewer.viewport import Viewport
 from viewer.worker import Job, Worker
 
 Part = Literal["shape", "texture"]
 _BESIDE = 0.2
 """Share of the worker for what will be wanted soon."""
-_ACROSS = 2
-"""Pixels drawn across each pixel of the finished picture."""
 _NEWS = 3
 """Lines of information that stay beside a new one, until they fade."""
 PARTS: tuple[Part, Part] = ("shape", "texture")
@@ -75,21 +72,10 @@ class Session:
         self._left: dict[str, Saved] = {}
         """by the name of their model, sessions that were left for another model"""
         self.history: History | None = None
-        self.frame: Frame | None = None
-        """the newest picture of the scene"""
-        self.drawn: tuple[Frame, orbit.Excerpt] | None = None
-        """the whole picture that it is cut from"""
-        self.panel = (512, 512)
-        """px, the size of the view"""
-        self.pan = (0.0, 0.0)
-        """how far the object is moved right and down in the view, in shares of its shorter side; nothing to undo"""
-        self.quality = QUALITIES[USUAL]
-        self.times: tuple[tuple[tuple[int, int], float], ...] = ()
-        """of the picture on screen: size (px) of each stage so far, and s from the wish to it"""
         self.locked: frozenset[Part] = frozenset()
         """what no edit of codes changes; opening a scene or a fit does, and undo"""
         self.messages: list[Message] = []
-        self.pace = Pace()
+        self.viewport = Viewport(self)
         self.gallery = Gallery(self)
         self.sheet = Sheet(self)
         self.fitting = Fitting(self)
@@ -194,10 +180,10 @@ class Session:
 
     def _opened(self, model: Model) -> None:
         self.fitting.reset()
-        self.worker.cancel("view")
+        self.viewport.clear()
         self.cutting.close()
         self.exporting.cancel()
-        self.model, self.frame, self.drawn, self.locked = model, None, None, frozenset()
+        self.model, self.locked = model, frozenset()
         self.gallery.open(model)
         self.sheet.clear()
         self.stills.clear()
@@ -205,7 +191,7 @@ class Session:
         first, second = self.gallery.names[0], self.gallery.names[min(1, len(self.gallery.names) - 1)]
         scene = Scene(model.fingerprint, self.gallery[first].codes, orbit.home(model))
         self.history = History(State(scene, Mix(Pair(first, first), second)))
-        self.render()
+        self.viewport.render()
         self.worker.submit(Job("bank", lambda: self.streams.preparing(model), lambda _: None, share=_BESIDE))
 
     # Edits: each is one step of undo, or joins the drag it belongs to
@@ -217,8 +203,9 @@ class Session:
     def reset_view(self) -> None:
         """Back to where a model is first seen from."""
         assert self.model is not None, "no model yet"
-        if self.pan != (0.0, 0.0):
-            self.push(-self.pan[0], -self.pan[1])
+        pan = self.viewport.pan
+        if pan != (0.0, 0.0):
+            self.viewport.push(-pan[0], -pan[1])
         self.look(orbit.home(self.model))
 
     def see_from(self, view: str) -> None:
@@ -392,22 +379,6 @@ class Session:
         else:
             self.say(f"Saved {path.name}")
 
-    def resize(self, width: int, height: int) -> None:
-        """The view has another size."""
-        if (width, height) != self.panel and min(width, height) > 0:
-            self.panel = width, height
-            self.render()
-
-    def push(self, across: float, down: float) -> None:
-        """Move the object aside in the view."""
-        self.pan = orbit.pushed(self.pan, across, down)
-        self.render()
-
-    def set_quality(self, quality: Quality) -> None:
-        """Finish pictures faster, or finer."""
-        self.quality = quality
-        self.render()
-
     def say(self, text: str, kind: Kind = Kind.INFO) -> None:
         """Show a line in the window, in place of the same one, if that is still there."""
         left = [
@@ -429,37 +400,6 @@ class Session:
     def dismiss(self, message: Message) -> None:
         """Put a message away."""
         self.messages = [other for other in self.messages if other is not message]
-
-    def render(self) -> None:
-        """Ask for a picture of the scene, coarse to fine; the newest wish wins. While the film plays, it draws, and
-        so does a fit while it is followed.
-        """
-        if self.model is None or self.history is None or self.film.playing:
-            return
-        if self.frame and self.frame is self.fitting.live and self.fitting.followed:
-            return
-        model = self.model
-        excerpt = orbit.filling(self.scene.camera, *self.panel, self.quality.detail, self.pan)
-        stages = self.pace.stages
-        settings = RenderSettings(self.quality.samples, stages, across=_ACROSS)
-        job = RenderJob(self.scene.codes, excerpt.camera, settings)
-
-        def drawn(frame: Frame) -> None:
-            self._drawn(frame, excerpt)
-            if frame.stage == 0:
-                self.pace.seen(stages[0], frame.seconds)
-
-        ended = self.reporting("Cannot draw the object")
-        self.worker.submit(Job("view", lambda: self.streams.frames(model, job), drawn, ended, urgent=True))
-
-    def put(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
-        """Show a picture."""
-        self.drawn, self.frame = (frame, excerpt), excerpt.cropped(frame)
-
-    def _drawn(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
-        earlier = self.times if self.drawn and self.drawn[1] is excerpt else ()
-        self.times = (*earlier, (frame.resolution, frame.seconds))
-        self.put(frame, excerpt)
 
     def _search_nearest(self, book: CodeBook, part: Part, code: Tensor) -> tuple[str, float]:
         index = book.nearest_shape(code) if part == "shape" else book.nearest_texture(code)
@@ -493,4 +433,4 @@ class Session:
         seen = self.scene
         self.history = history
         if history.now.scene != seen:
-            self.render()
+            self.viewport.render()

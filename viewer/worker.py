@@ -110,7 +110,7 @@ class Worker:
 
     def _run(self) -> None:
         if sys.platform == "linux":  # the window stays at its frame rate beside torch on few cores
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 10)
+            os.nice(10)  # of this thread alone
         while (entry := self._pick()) is not None:
             began = time.perf_counter()
             self._step(entry)

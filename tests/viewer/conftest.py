@@ -54,7 +54,7 @@ def worker() -> Iterator[Worker]:
 def session(worker: Worker, streams: Streams) -> Session:
     """A session with its model open and everything drawn, without a window."""
     session = Session(worker, streams, seed=0)
-    session.quality = Quality(32, 96)
+    session.viewport.quality = Quality(32, 96)
     session.open_model("chairs")
     finish(session)
     return session
@@ -107,14 +107,14 @@ def drive(streams: Streams, opengl: None) -> Callable[..., None]:
         folder: Path | None = None,
     ) -> None:
         session = Session(Worker(), streams, seed=0)
-        session.quality = Quality(32, 96)
+        session.viewport.quality = Quality(32, 96)
         app = App(session, size, folder, headless=True, native_dialogs=False)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict
             driver = Driver(app, ctx)
             session.open_model("chairs")
-            driver.wait(lambda: session.frame is not None and not session.worker.busy())
+            driver.wait(lambda: session.viewport.frame is not None and not session.worker.busy())
             act(driver)
 
         try:

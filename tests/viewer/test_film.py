@@ -83,22 +83,22 @@ def test_pictures_are_drawn_ahead_and_shown(session: Session, film: Film, clock:
     finish(session)
     clock.now += 1.0
     film.tick()
-    assert session.frame is not None
-    assert not session.frame.final
+    assert session.viewport.frame is not None
+    assert not session.viewport.frame.final
     film.pause()
     finish(session)
-    assert session.frame.final
+    assert session.viewport.frame.final
 
 
 def test_it_fits_a_view_that_changes_its_size(session: Session, film: Film, clock: Clock) -> None:
     film.play()
     finish(session)
-    session.resize(300, 100)
+    session.viewport.resize(300, 100)
     film.tick()
     finish(session)
     film.tick()
-    assert session.frame is not None
-    width, height = session.frame.resolution
+    assert session.viewport.frame is not None
+    width, height = session.viewport.frame.resolution
     assert width == 3 * height
     assert film.playing
 

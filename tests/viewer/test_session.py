@@ -27,8 +27,8 @@ from viewer.worker import Worker
 def test_a_model_opens_with_its_first_object_drawn(session: Session, model: Model) -> None:
     assert session.scene.codes == model.codes[0]
     assert session.scene.camera == orbit.home(model)
-    assert session.frame is not None
-    assert session.frame.final
+    assert session.viewport.frame is not None
+    assert session.viewport.frame.final
     assert session.messages == []
 
 
@@ -48,7 +48,7 @@ def test_no_edit_before_there_is_a_model_does_harm(worker: Worker, streams: Stre
     session.undo()
     session.redo()
     session.settle()
-    session.render()
+    session.viewport.render()
     session.load_scene(tmp_path / "scene.json")
     session.exporting.turntable(tmp_path / "a.mp4")
     session.exporting.mesh(tmp_path / "a.glb")
@@ -320,17 +320,17 @@ def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, photo: Path
 
 def test_the_view_follows_a_fit_until_a_hand_changes_the_scene(session: Session, photo: Path) -> None:
     session.streams = replace(session.streams, fit=endless_fit)
-    before = session.frame
-    session.resize(300, 200)
+    before = session.viewport.frame
+    session.viewport.resize(300, 200)
     session.fitting.start(photo)
     deliver(session, lambda: session.fitting.course.picture is not None)
     assert session.fitting.followed
-    assert session.frame is session.fitting.live
-    assert session.frame is not before
-    assert session.frame.resolution[0] > session.frame.resolution[1]
-    assert session.fitting.course.picture.resolution == (session.frame.resolution[1],) * 2
+    assert session.viewport.frame is session.fitting.live
+    assert session.viewport.frame is not before
+    assert session.viewport.frame.resolution[0] > session.viewport.frame.resolution[1]
+    assert session.fitting.course.picture.resolution == (session.viewport.frame.resolution[1],) * 2
     session.film.add_key()
-    session.push(0.1, 0.0)
+    session.viewport.push(0.1, 0.0)
     assert session.fitting.followed
     assert not session.worker.busy("view")
     session.move_along("shape", 0, 1.0)

@@ -102,7 +102,7 @@ def test_the_picture_on_screen_is_the_newest_frame_over_the_ground(drive: Drive,
         low, high = window.desk.view
         shown = np.asarray(Image.open(tmp_path / "window.png").convert("RGB"))
         shown = shown[int(low.y) : int(high.y), int(low.x) : int(high.x)].astype(float)
-        frame = window.session.frame
+        frame = window.session.viewport.frame
         assert frame is not None
         rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
         columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
@@ -941,12 +941,12 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
         window.click("Timeline/###play")
         assert film.playing
         seen = set[int]()
-        window.wait(lambda: bool(seen.add(id(session.frame))) or len(seen) > 6)
+        window.wait(lambda: bool(seen.add(id(session.viewport.frame))) or len(seen) > 6)
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.space)
         assert not film.playing
         window.wait()
-        assert session.frame.final
+        assert session.viewport.frame.final
         assert len(session.history.past) == past + 1
         window.press(imgui.Key.mod_ctrl | imgui.Key.z)
         assert session.state == before
@@ -1055,7 +1055,7 @@ def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: P
 def test_the_other_buttons_push_the_object_aside(drive: Drive, button: int) -> None:
     def act(window: Driver) -> None:
         session, ctx, before = window.session, window.ctx, window.session.scene
-        middle = session.frame.opacity.nonzero()[1].mean() / session.frame.resolution[0]
+        middle = session.viewport.frame.opacity.nonzero()[1].mean() / session.viewport.frame.resolution[0]
         ctx.mouse_move("//View/orbit")
         ctx.mouse_down(button)
         place = imgui.get_mouse_pos()
@@ -1063,11 +1063,11 @@ def test_the_other_buttons_push_the_object_aside(drive: Drive, button: int) -> N
         ctx.mouse_up(button)
         window.wait()
         assert session.scene == before
-        assert session.pan[0] > 0.1
-        assert session.frame.opacity.nonzero()[1].mean() / session.frame.resolution[0] > middle + 0.05
+        assert session.viewport.pan[0] > 0.1
+        assert session.viewport.frame.opacity.nonzero()[1].mean() / session.viewport.frame.resolution[0] > middle + 0.05
         window.press(imgui.Key.home)
         window.wait()
-        assert session.pan == (0.0, 0.0)
+        assert session.viewport.pan == (0.0, 0.0)
 
     drive(act)
 
@@ -1112,7 +1112,7 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
 
     def second(window: Driver) -> None:
         assert window.desk.likes == kept[0]
-        assert (window.desk.likes.dark, window.desk.likes.newcomer, window.session.quality) == (
+        assert (window.desk.likes.dark, window.desk.likes.newcomer, window.session.viewport.quality) == (
             False,
             False,
             QUALITIES[2],
@@ -1204,9 +1204,9 @@ def test_the_speed_panel_tells_of_the_picture_on_screen(drive: Drive, real_strea
         session = window.session
         window.show("Speed")
         window.drag("View/orbit", 40)
-        window.wait(lambda: session.frame.final and not session.worker.busy("view"))
-        sizes, seconds = zip(*session.times, strict=True)
-        assert sizes[-1] == session.frame.resolution
+        window.wait(lambda: session.viewport.frame.final and not session.worker.busy("view"))
+        sizes, seconds = zip(*session.viewport.times, strict=True)
+        assert sizes[-1] == session.viewport.frame.resolution
         assert list(seconds) == sorted(seconds)
         testing.capture(window.ctx, str(tmp_path / "speed.png"))
         assert session.errors == []
@@ -1295,8 +1295,8 @@ def test_models_and_samples_are_in_the_menus(drive: Drive, monkeypatch: pytest.M
 def test_the_size_of_the_finished_picture_can_be_chosen(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.ctx.item_input_value("//View/##quality", 2)
-        window.wait(lambda: window.session.frame.final and window.session.frame.samples == 128)
-        frame = window.session.frame
+        window.wait(lambda: window.session.viewport.frame.final and window.session.viewport.frame.samples == 128)
+        frame = window.session.viewport.frame
         assert frame is not None
         assert min(frame.resolution) == 192
         assert window.session.scene.camera == orbit.home(window.session.model)
@@ -1372,8 +1372,8 @@ def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int
 
 def test_a_real_scene_is_drawn_and_the_frame_rate_is_the_windows(drive: Drive, real_streams: Streams) -> None:
     def act(window: Driver) -> None:
-        assert window.session.frame is not None
-        assert window.session.frame.final
+        assert window.session.viewport.frame is not None
+        assert window.session.viewport.frame.final
         window.drag("View/orbit", 30)
         window.wait()
         assert window.session.errors == []

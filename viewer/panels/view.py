@@ -12,6 +12,7 @@ from viewer.modes import MODES, seen_as
 from viewer.quality import QUALITIES
 from viewer.session import Session
 from viewer.theme import packed
+from viewer.viewport import Viewport
 
 _KEY_TURN = 0.12
 """rad a key press"""
@@ -40,14 +41,15 @@ class View:
         size = ImVec2(max(room.x, 32), max(room.y, 32))
         scale = imgui.get_io().display_framebuffer_scale
         pixels = max(1, round(size.x * scale.x)), max(1, round(size.y * scale.y))
-        session = desk.session
-        session.resize(*pixels)
+        viewport = desk.session.viewport
+        viewport.resize(*pixels)
         desk.view = corner, corner + size
-        if session.frame is None:
+        if viewport.frame is None:
             self._draw_waiting(desk, corner, size)
             return
         assert desk.canvas is not None
-        texture = desk.canvas.draw(self._looked(desk), pixels, desk.palette, desk.likes.smooth and session.frame.final)
+        smooth = desk.likes.smooth and viewport.frame.final
+        texture = desk.canvas.draw(self._looked(viewport), pixels, desk.palette, smooth)
         imgui.get_window_draw_list().add_image_rounded(
             texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
         )
@@ -56,18 +58,17 @@ class View:
         every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
         imgui.invisible_button("orbit", size, every)
         self._hand(desk, size)
-        self._draw_badge(session, session.frame, corner, size)
+        self._draw_badge(desk.session, viewport.frame, corner, size)
         self._draw_buttons(desk, corner, size)
         if desk.likes.newcomer:
             _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
 
-    def _looked(self, desk: Desk) -> Frame:
+    def _looked(self, viewport: Viewport) -> Frame:
         """The frame as it is to be seen, made once."""
-        session = desk.session
-        assert session.frame is not None
-        if session.drawn and (self._made is None or self._made[:2] != (session.frame, self._mode)):
-            frame, excerpt = session.drawn
-            self._made = session.frame, self._mode, excerpt.cropped(seen_as(frame, excerpt.camera, self._mode))
+        assert viewport.frame is not None
+        if viewport.drawn and (self._made is None or self._made[:2] != (viewport.frame, self._mode)):
+            frame, excerpt = viewport.drawn
+            self._made = viewport.frame, self._mode, excerpt.cropped(seen_as(frame, excerpt.camera, self._mode))
         assert self._made is not None
         return self._made[2]
 
@@ -80,7 +81,7 @@ class View:
                 session.look(orbit.dragged(session.scene.camera, across, down), gesture="orbit")
                 desk.chose(newcomer=False)
             else:
-                session.push(across, down)
+                session.viewport.push(across, down)
         if imgui.is_item_deactivated():
             session.settle()
         if imgui.is_item_hovered():
@@ -168,8 +169,9 @@ class View:
         moved, to = imgui.slider_int("##quality", level, 0, last, "faster – finer", imgui.SliderFlags_.always_clamp)
         if moved and to != level:
             desk.chose(quality=to)
-            session.set_quality(QUALITIES[to])
-        tip(f"The finished picture: {session.quality.detail} px, {session.quality.samples} samples; finer takes longer")
+            session.viewport.set_quality(QUALITIES[to])
+        quality = session.viewport.quality
+        tip(f"The finished picture: {quality.detail} px, {quality.samples} samples; finer takes longer")
 
 
 def _next(mode: str) -> str:
