@@ -71,7 +71,7 @@ def train(chosen: argparse.Namespace) -> None:
     points: list[dict[str, float]] = []
     if chosen.resume:
         trainer.load_state(state)
-        points = json.loads(curve.read_text())[chosen.out.stem] if curve.exists() else []
+        points = next(iter(json.loads(curve.read_text()).values())) if curve.exists() else []
     with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
         for step in trainer.steps():
             bar.update()

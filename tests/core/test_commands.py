@@ -178,14 +178,16 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     words = ("dataset", "procedural", "--category", "chairs", "--count", 2, "--views", 6, "--size", 24)
     run(*words, "--out", tmp_path / "d")
     assert len(read_dataset(tmp_path / "d").objects) == 2
-    out = tmp_path / "m.safetensors"
-    words = ("train", tmp_path / "d", "--out", out, "--width", 16, "--latent", 4, 4)
-    run(*words, "--steps", 8)
-    run(*words, "--steps", 12, "--resume")
+    words = ("train", tmp_path / "d", "--width", 16, "--latent", 4, 4, "--out")
+    run(*words, tmp_path / "m.safetensors", "--steps", 8)
+    for end in (".safetensors", ".state", ".curve.json"):
+        (tmp_path / f"m{end}").rename(tmp_path / f"n{end}")
+    out = tmp_path / "n.safetensors"
+    run(*words, out, "--steps", 12, "--resume")
     assert load_model(str(out)).category == "chairs"
-    curve = json.loads((tmp_path / "m.curve.json").read_text())
-    assert [point["step"] for point in curve["m"]] == [8, 12]
-    assert (tmp_path / "m.curve.png").exists()
+    curve = json.loads((tmp_path / "n.curve.json").read_text())
+    assert [point["step"] for point in curve["n"]] == [8, 12]
+    assert (tmp_path / "n.curve.png").exists()
     run("train", tmp_path / "d", "--from", out, "--steps", 2, "--out", tmp_path / "more.safetensors")
     assert load_model(str(tmp_path / "more.safetensors")).field.config == load_model(str(out)).field.config
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
