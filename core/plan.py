@@ -76,10 +76,10 @@ AROUND = (
         (-1.5, 0.0, 1),
         (0.0, 1.5, 1),
         (0.0, -1.5, 1),
-        (13.0, 0.0, 3),
-        (-13.0, 0.0, 3),
+        (13.0, 0.0, 2),
+        (-13.0, 0.0, 2),
     ),
-    ((0.0, 0.0, 2),),
+    ((0.0, 0.0, 4), (13.0, 0.0, 1), (-13.0, 0.0, 1)),
 )
 """degrees by which azimuths and elevations are moved for the second heat, and the shapes that come with each: of the
 best basin's cameras, of the next one's. Thirteen degrees are for a first heat that has settled beside its best."""
