@@ -295,7 +295,10 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
 
 
 def _views(text: str) -> tuple[int, ...]:
-    return tuple(int(word) for word in text.split(","))
+    try:
+        return tuple(int(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"views are whole numbers V,V, not {text!r}") from None
 
 
 def _box(text: str) -> tuple[float, ...]:
@@ -307,17 +310,19 @@ def _box(text: str) -> tuple[float, ...]:
 
 
 def _degrees(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not math.isfinite(value):
-        raise ValueError(text)
+        raise argparse.ArgumentTypeError(f"an angle is a number of degrees, not {text!r}")
     return math.radians(value)
 
 
 def _count(text: str) -> int:
-    value = int(text)
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
-    return value
+    if not text.strip().isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, not {text!r}")
+    return int(text)
 
 
 if __name__ == "__main__":

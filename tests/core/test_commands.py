@@ -280,6 +280,25 @@ def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys
     assert "1 images need as many boxes, got 2" in told
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("render", "--size", "big"), "argument --size: must be a whole number of at least 1, not 'big'"),
+        (("render", "--size", "0"), "argument --size: must be a whole number of at least 1, not '0'"),
+        (("render", "--azimuth", "east"), "argument --azimuth: an angle is a number of degrees, not 'east'"),
+        (("render", "--azimuth", "nan"), "argument --azimuth: an angle is a number of degrees, not 'nan'"),
+        (("evaluate", "data", "--inputs", "64;104"), "argument --inputs: views are whole numbers V,V, not '64;104'"),
+    ],
+)
+def test_what_is_no_number_is_told_in_plain_words(
+    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+):
+    with pytest.raises(SystemExit) as stopped:
+        run(*words)
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err == f"python -m core {words[0]}: {told}\n"
+
+
 def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     run("render", "--model", file, "--object", 1, "--size", 32, "--out", tmp_path / "photo.png")
     camera = model.camera(np.radians(60), np.radians(20))
