@@ -20,7 +20,7 @@ def fits(count: int) -> tuple[list[float], list[float], list[bool]]:
 def test_a_calibration_finds_the_odds_that_made_the_fits():
     found = calibrated(*fits(5000))
     assert found.constant == pytest.approx(-1, abs=0.3)
-    assert found.margin == pytest.approx(4, abs=0.6)
+    assert found.lead == pytest.approx(4, abs=0.6)
     assert found.spread == pytest.approx(-1.5, abs=0.3)
 
 
