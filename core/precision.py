@@ -24,9 +24,10 @@ def linear_dtype(device_type: str) -> torch.dtype:
     """
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
-    # Turn about and the best of many, so that what else the machine does falls on both alike.
+    # Turn about, so that what else the machine does falls on both alike; the lower quartile of many, since the best of
+    # them is at times a stroke of luck that only one of the two has.
     rounds = [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_ROUNDS)]
-    single, half = (min(column) for column in zip(*rounds, strict=True))
+    single, half = (sorted(column)[_ROUNDS // 4] for column in zip(*rounds, strict=True))
     return torch.bfloat16 if 1.2 * half < single else torch.float32
 
 
