@@ -129,6 +129,11 @@ class Panel(Protocol):
         """Draw it; called once a frame, between imgui's begin and end."""
 
 
+def chord(*keys: imgui.Key) -> int:
+    """Keys pressed together, for imgui to ask about. As a number: older Pythons cannot join keys by ``|``."""
+    return sum(map(int, keys))
+
+
 def tip(text: str) -> None:
     """A tooltip for the last item."""
     imgui.set_item_tooltip(text)

@@ -52,13 +52,13 @@ def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
         assert turned.elevation > before.camera.elevation
         assert turned.distance == before.camera.distance
         assert not window.desk.likes.newcomer
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.scene == before
         assert not session.history.past
-        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.y)
         assert session.scene.camera == turned
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
-        window.press(imgui.Key.mod_ctrl | imgui.Key.mod_shift | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.z)
         assert session.scene.camera == turned
         window.click("View/###undo")
         assert session.scene == before
@@ -136,7 +136,7 @@ def test_sliders_move_one_direction_and_can_be_reset(drive: Drive) -> None:
         np.testing.assert_allclose(session.code("shape"), before.scene.codes.shape)
         window.click("Codes/**/###Random texture")
         while session.history.past:
-            window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+            window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state == before
 
     drive(act)
@@ -168,7 +168,7 @@ def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
         assert 0 < session.state.mix.texture <= 1
         assert session.state.mix.shape == 1.0
         past = len(session.history.past)
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state.mix.texture == 0
         assert len(session.history.past) == past - 1
 
@@ -190,9 +190,9 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
         assert mix.shape == 1.0
         assert 0 < mix.texture < middle.mix.texture
         assert session.scene.codes == model.codes[2].mixed(model.codes[4], mix.shape, mix.texture)
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state == middle
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state == before
 
     drive(act)
@@ -265,7 +265,7 @@ def test_a_code_is_measured_and_pulled_back(drive: Drive) -> None:
         window.drag("Plausible/**/##pull shape", -60)
         assert 0 < session.distance("shape") < far
         assert session.scene.codes.texture is before.scene.codes.texture
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state == before
 
     drive(act)
@@ -282,7 +282,7 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
         assert window.session.gallery.names[0] == "block"
         assert window.ctx.item_exists("//Objects/**/show block")
         testing.capture(window.ctx, str(tmp_path / "fit.png"))
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert window.session.state == before
 
     drive(act)
@@ -348,7 +348,7 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
         assert len(session.history.past) == past + 1
         window.wait()
         testing.capture(window.ctx, str(tmp_path / "scrub.png"))
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state == found
         window.click("Fit/###keep step")
         name = f"block at {course.steps[course.at].seconds:.1f} s"
@@ -443,7 +443,7 @@ def test_a_doubtful_fit_is_seen_from_its_other_camera(drive: Drive, photo: Path)
         assert session.scene.camera.width == found.scene.camera.width
         assert session.scene.codes == found.scene.codes
         assert len(session.history.past) == past + 1
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state == found
 
     drive(act)
@@ -528,7 +528,7 @@ def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Stream
         window.click("Cut out###cutout/**/Add")
         drawn((0.55, 0.7), (0.6, 0.7))
         assert covered(0.58, 0.7)
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         window.wait()
         assert not covered(0.58, 0.7)
         ctx.item_input_value("//Cut out###cutout/**/##scale", 0.8)
@@ -581,10 +581,10 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
 
         monkeypatch.setattr("viewer.clipboard.ImageGrab.grabclipboard", grabbed)
         imgui.set_clipboard_text("no file of this name")
-        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
         window.wait(lambda: len(session.errors) == 1)
         assert "no image" in session.errors[0]
-        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
         window.wait(lambda: len(session.errors) == 2)
         assert "xclip" in session.errors[1]
         window.ctx.set_ref("##MainMenuBar")
@@ -592,7 +592,7 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
         window.wait(lambda: bool(session.fitting.course.steps) and not session.fitting.running)
         assert session.gallery.names[0] == "block"
         imgui.set_clipboard_text(photo.as_uri())
-        window.press(imgui.Key.mod_ctrl | imgui.Key.v)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
         window.wait(lambda: session.gallery.names[0] == "block (2)")
 
     drive(act)
@@ -814,13 +814,13 @@ def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) 
         assert Image.open(tmp_path / "mine.png").size == (512, 512)
         window.click("View/###home")
         assert session.scene != scene
-        window.press(imgui.Key.mod_ctrl | imgui.Key.o)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.o)
         window.type(str(tmp_path / "mine.json"))
         assert session.scene == scene
         window.click("View/###home")
         window.desk.drop([str(tmp_path / "mine.json")])
         assert session.scene == scene
-        window.press(imgui.Key.mod_ctrl | imgui.Key.s)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.s)
         window.ctx.item_click("//Choose a file###ask/Cancel")
         window.ctx.yield_(2)
         assert not window.desk.files.asking
@@ -884,9 +884,9 @@ def test_a_film_is_made_and_exported(drive: Drive, streams: Streams, tmp_path: P
         window.drag("Timeline/key 2", 60)
         moved = made.timeline.keys[1].seconds
         assert moved > 2.2
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert made.timeline.keys[1].seconds == 2.0
-        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.y)
         window.click("Timeline/key 1")
         assert session.scene == first
         window.click("Timeline/key 2")
@@ -903,7 +903,7 @@ def test_a_film_is_made_and_exported(drive: Drive, streams: Streams, tmp_path: P
         window.click("Timeline/key 2", 1)
         window.click("**/Remove")
         assert len(made.timeline.keys) == 1
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         window.click("Timeline/Loop")
         window.click("Timeline/Smooth")
         assert not (made.timeline.loop or made.timeline.smooth)
@@ -948,7 +948,7 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
         window.wait()
         assert session.viewport.frame.final
         assert len(session.history.past) == past + 1
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert session.state == before
         window.press(imgui.Key.space)
         assert film.playing
@@ -1013,7 +1013,7 @@ def test_a_click_in_the_filmstrip_restores_a_state(drive: Drive, tmp_path: Path)
         assert session.state == third
         window.click("Visited/**/state 2")
         assert session.state == second
-        window.press(imgui.Key.mod_ctrl | imgui.Key.y)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.y)
         assert session.state == third
 
     drive(act)
@@ -1077,7 +1077,7 @@ def test_shift_turns_finely(drive: Drive) -> None:
         session, before = window.session, window.session.scene.camera
         window.drag("View/orbit", 100)
         coarse = before.azimuth - session.scene.camera.azimuth
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         window.ctx.key_down(imgui.Key.mod_shift)
         window.drag("View/orbit", 100)
         window.ctx.key_up(imgui.Key.mod_shift)
@@ -1096,9 +1096,9 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         window.ctx.menu_click("Look/Dark")
         window.ctx.menu_click("Look/Larger text")
         window.ctx.yield_(2)
-        window.press(imgui.Key.mod_ctrl | imgui.Key.equal)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.equal)
         before = hello_imgui.em_size()
-        window.press(imgui.Key.mod_ctrl | imgui.Key.minus)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.minus)
         assert hello_imgui.em_size() < before
         window.ctx.item_input_value("//View/##quality", 2)
         kept.append(window.desk.likes)
@@ -1150,7 +1150,7 @@ def test_a_session_that_ended_badly_is_offered_back(drive: Drive, photo: Path, t
         assert session.gallery.names[0] == "block"
         assert session.gallery["block"].photo is not None
         assert not window.desk.autosave.left
-        window.press(imgui.Key.mod_ctrl | imgui.Key.z)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.z)
         assert not session.history.past
 
     made: list[object] = []
@@ -1240,7 +1240,7 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         window.press(imgui.Key.f1)
         assert desk.help_open
         assert ctx.window_info("//Help").window is not None
-        window.press(imgui.Key.mod_shift | imgui.Key.slash)
+        window.press(imgui.Key.mod_shift, imgui.Key.slash)
         assert not desk.help_open
         ctx.set_ref("##MainMenuBar")
         ctx.menu_click("Help/Keys and mouse")

@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from imgui_bundle import imgui
 from PIL import Image
 
 from core.fit import Alternative, FitJob, FitStep, Hypothesis
 from core.frames import Frame, RenderJob
 from core.model import Model
 from core.photos import Photo, load_photo
+from viewer.desk import chord
 from viewer.session import Session
 
 
@@ -147,9 +149,9 @@ class Driver:
         self.ctx.yield_(2)
         self._check(text)
 
-    def press(self, chord: int) -> None:
+    def press(self, *keys: imgui.Key) -> None:
         """Press keys together."""
-        self.ctx.key_press(chord)
+        self.ctx.key_press(chord(*keys))
         self.ctx.yield_(2)
 
     def show(self, panel: str) -> None:

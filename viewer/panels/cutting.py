@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.cutout import Hints, Stroke
 from core.photos import Framing
 from viewer.cutting import Cutting
-from viewer.desk import Desk, button, tip
+from viewer.desk import Desk, button, chord, tip
 from viewer.theme import WARM, packed
 
 _TITLE = "Cut out###cutout"
@@ -120,7 +120,7 @@ class CuttingDialog:
         self._brush = share / 100
         if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo cut", "Take the last box or stroke back (Ctrl+Z)"):
             cutting.undo()
-        if imgui.is_key_chord_pressed(imgui.Key.mod_ctrl | imgui.Key.z):
+        if imgui.is_key_chord_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             cutting.undo()
         imgui.same_line()
         if button("Clear###clear cut", "No box, no strokes: what is found by itself", enabled=bool(cutting.hints)):

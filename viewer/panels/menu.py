@@ -7,7 +7,7 @@ from pathlib import Path
 from imgui_bundle import hello_imgui, imgui
 
 from core.library import samples, shipped_models
-from viewer.desk import Desk, tip
+from viewer.desk import Desk, chord, tip
 from viewer.preferences import LARGEST, SMALLEST
 
 _Chord = tuple[int, Callable[[], None]]
@@ -56,41 +56,41 @@ def draw(desk: Desk) -> None:
 def keys(desk: Desk) -> None:
     """Shortcuts; to be called once a frame, outside of any window."""
     key, typing = imgui.Key, imgui.get_io().want_text_input
-    chords = [(key.mod_ctrl | key.q, desk.quit), *_text_keys(desk)]
+    chords = [(chord(key.mod_ctrl, key.q), desk.quit), *_text_keys(desk)]
     if not desk.session.cutting.active:  # which has keys of its own, and would hide the help
         chords += _edit_keys(desk)
-        asked = imgui.is_key_chord_pressed(key.mod_shift | key.slash) and not typing
+        asked = imgui.is_key_chord_pressed(chord(key.mod_shift, key.slash)) and not typing
         if asked or imgui.is_key_pressed(key.f1, repeat=False):
             desk.help_open = not desk.help_open
-    for chord, act in chords:
-        if not typing and imgui.is_key_chord_pressed(chord):
+    for pressed, act in chords:
+        if not typing and imgui.is_key_chord_pressed(pressed):
             act()
 
 
 def _text_keys(desk: Desk) -> list[_Chord]:
     key, chords = imgui.Key, list[_Chord]()
     for plus, minus in ((key.equal, key.minus), (key.keypad_add, key.keypad_subtract)):
-        chords.append((key.mod_ctrl | plus, partial(desk.size_text, 1)))
-        chords.append((key.mod_ctrl | minus, partial(desk.size_text, -1)))
+        chords.append((chord(key.mod_ctrl, plus), partial(desk.size_text, 1)))
+        chords.append((chord(key.mod_ctrl, minus), partial(desk.size_text, -1)))
     return chords
 
 
 def _edit_keys(desk: Desk) -> list[_Chord]:
     session, key = desk.session, imgui.Key
     chords: list[_Chord] = [
-        (key.mod_ctrl | key.z, session.undo),
-        (key.mod_ctrl | key.mod_shift | key.z, session.redo),
-        (key.mod_ctrl | key.y, session.redo),
+        (chord(key.mod_ctrl, key.z), session.undo),
+        (chord(key.mod_ctrl, key.mod_shift, key.z), session.redo),
+        (chord(key.mod_ctrl, key.y), session.redo),
     ]
     if not session.ready:
         return chords
     for digit, view in enumerate(("front", "side", "top", "photo"), 1):
         see = partial(session.see_from, view)
         chords += [(getattr(key, f"_{digit}"), see), (getattr(key, f"keypad{digit}"), see)]
-    chords += [(key.mod_ctrl | key.s, desk.save_scene), (key.mod_ctrl | key.o, desk.open_scene)]
+    chords += [(chord(key.mod_ctrl, key.s), desk.save_scene), (chord(key.mod_ctrl, key.o), desk.open_scene)]
     chords += [(key.space, session.film.toggle), (key.k, session.film.add_key), (key.r, session.randomise_all)]
     if not session.fitting.running:
-        chords += [(key.mod_ctrl | key.i, desk.fit_image), (key.mod_ctrl | key.v, desk.paste)]
+        chords += [(chord(key.mod_ctrl, key.i), desk.fit_image), (chord(key.mod_ctrl, key.v), desk.paste)]
     return chords
 
 
