@@ -20,8 +20,7 @@ class FitSettings:
     samples: int = 64
     """along a ray"""
     prior: float = 1e-5
-    """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2); in the
-    first heat it weighs more"""
+    """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
     sparing: bool = True
     """open further code directions only where they pay on rays that are not fitted, and stop where steps do not"""
     lens: bool = False
@@ -59,8 +58,6 @@ class Stage(NamedTuple):
     samples: int
     ranks: tuple[int, int]
     """of shape and texture: how many principal directions may move"""
-    prior: float
-    """while a camera is far off, codes must not explain what only the right camera can"""
     forgiving: float
     """as in :class:`core.hypotheses.Objective`: while a camera is far off, it is what is most wrong that leads on"""
     damping: float
@@ -93,9 +90,6 @@ _STEPS = (6, 6, 6, 6, 4, 24)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
 _SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
 _RANKS = (8, 16, 32, 64, 10_000, 10_000)
-_PRIORS, _USUAL = (50, 30, 10, 3), (1, 1, 1, 1, 1, 1)
-"""times the prior in each stage of the first heat, whose codes explain what only the right camera can if they are let,
-and of the second"""
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 _DAMPING = (0.3, 0.3, 0.3, 0.3, 0.3, 0.1)
 """few rays at first, of which a step should not believe too much"""
@@ -110,23 +104,23 @@ def plan(settings: FitSettings, blind: bool) -> tuple[Stage, ...]:
     """
     if settings.paper:
         ranks = (_RANKS[-1],) * 2
-        return (Stage(1, settings.steps, settings.rays, settings.samples, ranks, settings.prior, math.inf, 0.0),)
+        return (Stage(1, settings.steps, settings.rays, settings.samples, ranks, math.inf, 0.0),)
     if not blind:
-        return _heat(settings, min(settings.starts, _SHAPES), _SECOND, _USUAL)
+        return _heat(settings, min(settings.starts, _SHAPES), _SECOND)
     starts = settings.starts * 3 // 2 if settings.lens else settings.starts
-    begin, *rest = _heat(settings, min(settings.starts, RENEWED), _SECOND, _USUAL)
-    return (*_heat(settings, starts, _FIRST, _PRIORS), begin._replace(anew=True), *rest)
+    begin, *rest = _heat(settings, min(settings.starts, RENEWED), _SECOND)
+    return (*_heat(settings, starts, _FIRST), begin._replace(anew=True), *rest)
 
 
-def _heat(settings: FitSettings, count: int, most: tuple[float, ...], priors: tuple[float, ...]) -> tuple[Stage, ...]:
-    """As many stages as ``most`` has, with so many times the prior."""
+def _heat(settings: FitSettings, count: int, most: tuple[float, ...]) -> tuple[Stage, ...]:
+    """As many stages as ``most`` has."""
     stages, done = list[Stage](), 0
     for index, limit in enumerate(most):
         count = int(min(count if index != 1 else -(-count // 2), limit))
         until = round(settings.steps * sum(_STEPS[: index + 1]) / sum(_STEPS))
         steps, rays = max(1, until - done), min(settings.rays, max(32, round(settings.rays * _RAYS[index])))
-        samples, prior = max(2, round(settings.samples * _SAMPLES[index])), settings.prior * priors[index]
+        samples = max(2, round(settings.samples * _SAMPLES[index]))
         ranks, forgiving = (_RANKS[index],) * 2, _FORGIVING[index]
-        stages.append(Stage(count, steps, rays, samples, ranks, prior, forgiving, _DAMPING[index]))
+        stages.append(Stage(count, steps, rays, samples, ranks, forgiving, _DAMPING[index]))
         done += steps
     return tuple(stages)

@@ -240,7 +240,7 @@ class Race:
         return drawn, torch.rand(drawn.opaque.shape, generator=self.generator) - 0.5
 
     def _during(self, stage: Stage) -> Objective:
-        return self.by._replace(prior=stage.prior, forgiving=stage.forgiving)
+        return self.by._replace(forgiving=stage.forgiving)
 
     def _descended_as_in_the_paper(self, pool: Pool) -> Iterator[Pool]:
         """The one hypothesis after every step, in the end the best of those that were measured."""

@@ -111,7 +111,6 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "without a second one in the last stage": (_USUAL, _everywhere("_CLOSE", -math.inf, race)),
     "all code directions from the beginning": (_USUAL, _everywhere("_RANKS", (10_000,) * _STAGES, plan)),
     "no asking what pays": (replace(_USUAL, sparing=False), ()),
-    "no firmer prior at first": (_USUAL, _everywhere("_PRIORS", (1,) * _STAGES, plan)),
     "without a prior of codes": (replace(_USUAL, prior=0.0), ()),
     "without a prior of cameras": (_USUAL, _everywhere("STRAY_PRIORS", (0.0, 0.0, 0.0), hypotheses, newton)),
     "forgiving nothing": (_USUAL, _everywhere("_FORGIVING", (math.inf,) * _STAGES, plan)),

@@ -13,7 +13,7 @@ from core.plan import Stage
 from core.targets import Drawn, Target, draw
 from tests.core.tiny import photo_of
 
-STAGE = Stage(3, 4, 96, 24, (100, 100), 1e-4, math.inf, 0.3)
+STAGE = Stage(3, 4, 96, 24, (100, 100), math.inf, 0.3)
 BY = Objective(1e-4)
 FREE = torch.tensor([[True, True, True, True, False, False]])
 
