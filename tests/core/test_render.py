@@ -47,11 +47,11 @@ def test_texture_moves_no_density(model: Model):
     assert not torch.equal(first.colour, second.colour)
 
 
-def test_the_reference_converges(model: Model):
-    camera = model.camera(0.4, 0.3)
-    fine = render_exact(model, model.codes[0], camera, 256).colour
-    errors = [float((render_exact(model, model.codes[0], camera, n).colour - fine).abs().max()) for n in (8, 32, 128)]
-    assert errors[0] > errors[1] > errors[2]
+def test_the_reference_converges(tiny: Model):
+    camera = tiny.camera(0.4, 0.3)
+    fine = render_exact(tiny, tiny.codes[0], camera, 256).colour
+    errors = [float((render_exact(tiny, tiny.codes[0], camera, n).colour - fine).abs().mean()) for n in (8, 32, 128)]
+    assert errors[0] > 3 * errors[1] > 9 * errors[2]
 
 
 def test_gradients_reach_the_codes(model: Model):
