@@ -67,8 +67,11 @@ class CodeSpace:
 
     def code(self, coordinates: Float[Tensor, "*batch some"]) -> Float[Tensor, "*batch latent"]:
         """The code at these coordinates (standard deviations); directions left out count as zero."""
-        some = coordinates.shape[-1]
-        return self.mean + (coordinates * self.spread[:some]) @ self.directions[:some]
+        return self.mean + coordinates @ self.axes(coordinates.shape[-1])
+
+    def axes(self, some: int) -> Float[Tensor, "some latent"]:
+        """By how much each of the first coordinates moves a code; fewer where there are not so many directions."""
+        return self.spread[:some, None] * self.directions[:some]
 
     def moved(self, code: Float[Tensor, "latent"], direction: int, to: float) -> Float[Tensor, "latent"]:
         """The same code with one coordinate set to ``to`` standard deviations; nothing else changes."""

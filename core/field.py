@@ -84,6 +84,18 @@ class Field(nn.Module):
         """The biases of the texture blocks with a texture code folded in."""
         return folded_biases(self.texture_latent, self.texture_block, texture)
 
+    def shape_slopes(
+        self, shape: Float[Tensor, "*batch latent"], along: Float[Tensor, "some latent"]
+    ) -> Float[Tensor, "*batch blocks width some"]:
+        """How :meth:`shape_bias` changes as a code moves along each of some directions."""
+        return _folded_slopes(self.shape_latent, self.shape_block, shape, along)
+
+    def texture_slopes(
+        self, texture: Float[Tensor, "*batch latent"], along: Float[Tensor, "some latent"]
+    ) -> Float[Tensor, "*batch blocks width some"]:
+        """How :meth:`texture_bias` changes as a code moves along each of some directions."""
+        return _folded_slopes(self.texture_latent, self.texture_block, texture, along)
+
     def biases(
         self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
     ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
@@ -163,3 +175,19 @@ def folded_biases(
     code = code.to(blocks[0].get_parameter("weight").device)
     biases = [block(layer(code).relu()) for layer, block in zip(latent, blocks, strict=True)]
     return torch.stack(biases, -2).float()
+
+
+def _folded_slopes(
+    latent: nn.ModuleList,
+    blocks: nn.ModuleList,
+    code: Float[Tensor, "*batch latent"],
+    along: Float[Tensor, "some latent"],
+) -> Float[Tensor, "*batch blocks width some"]:
+    """Those of :func:`folded_biases`."""
+    first = blocks[0].get_parameter("weight")
+    code, along = code.to(first.device), along.to(first.device)
+    slopes = []
+    for layer, weight in zip(latent, _matrices(blocks), strict=True):
+        awake = layer(code) > 0
+        slopes.append(weight @ (awake[..., None] * (layer.get_parameter("weight") @ along.T)))
+    return torch.stack(slopes, -3).float()

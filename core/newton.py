@@ -7,7 +7,7 @@ valleys in which one makes up for the other are walked along and not across.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -135,15 +135,13 @@ def quadratic(
     """The objective around hypotheses, of the numbers that a stage moves."""
     rays = aimed(model, numbers, drawn, stage.samples, jitter)
     shapes, textures = by.spaces(model)
+    shape, texture = shapes.code(numbers.shape), textures.code(numbers.texture)
     dtype = linear_dtype(model.device.type)
     entries = Entries(
-        _slopes(lambda x: model.field.shape_bias(shapes.code(x)), numbers.shape, stage.ranks[0]).to(dtype),
-        _slopes(lambda x: model.field.texture_bias(textures.code(x)), numbers.texture, stage.ranks[1]).to(dtype),
+        model.field.shape_slopes(shape, shapes.axes(stage.ranks[0])).to(dtype),
+        model.field.texture_slopes(texture, textures.axes(stage.ranks[1])).to(dtype),
     )
-    biases = (
-        model.field.shape_bias(shapes.code(numbers.shape)),
-        model.field.texture_bias(textures.code(numbers.texture)),
-    )
+    biases = model.field.biases(shape, texture)
     seen = trace(model, rays, stage.samples, max(2, stage.samples // _KEPT), *biases, entries)
     count, views, pixels = rays.near.shape
     jacobian = torch.zeros(count, views, pixels, 4, views * _CAMERA + seen.codes.shape[-1])
@@ -181,15 +179,6 @@ def _with_priors(fit: Quadratic, numbers: Numbers, codes: Tensor, by: Objective)
     objective = fit.objective + by.prior * unlikely + astray(numbers, by)
     slope = fit.slope + pulls * torch.cat((where.flatten(1), codes), -1)
     return fit._replace(objective=objective, slope=slope, bend=fit.bend + torch.diag_embed(pulls))
-
-
-def _slopes(bias: Callable[[Tensor], Tensor], numbers: Tensor, rank: int) -> Float[Tensor, "count blocks width rank"]:
-    """Of the biases along the first numbers."""
-
-    def of(some: Tensor, rest: Tensor) -> Tensor:
-        return bias(torch.cat((some, rest), -1))
-
-    return torch.func.vmap(torch.func.jacfwd(of))(numbers[:, :rank], numbers[:, rank:])
 
 
 def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:

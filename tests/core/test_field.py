@@ -55,3 +55,15 @@ def test_the_authors_network_is_reproduced(shared):
     colour = model.field.colour(features, towards, model.field.texture_bias(texture))
     torch.testing.assert_close(density, torch.tensor(expected["sigma"]), atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(colour, torch.tensor(expected["rgb"]), atol=1e-4, rtol=1e-4)
+
+
+def test_slopes_of_biases_are_autograds():
+    torch.manual_seed(2)
+    field = Field(FieldConfig(32, 2, 1, 8, 4))
+    codes, along, none = torch.randn(3, 8), torch.randn(5, 8), torch.zeros(3, 5)
+    expected = torch.func.vmap(torch.func.jacrev(lambda code, moved: field.shape_bias(code + moved @ along), 1))
+    torch.testing.assert_close(field.shape_slopes(codes, along), expected(codes, none))
+    expected = torch.func.vmap(
+        torch.func.jacrev(lambda code, moved: field.texture_bias(code + moved @ along[:, :4]), 1)
+    )
+    torch.testing.assert_close(field.texture_slopes(codes[:, :4], along[:, :4]), expected(codes[:, :4], none))
