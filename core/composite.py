@@ -11,7 +11,8 @@ def weights(
     """The share of a ray's light that each interval gives, and the share that is left over.
 
     Eq. 3 with :math:`\\delta_i = t_{i+1} - t_i`: interval i weighs
-    :math:`T_i (1 - e^{-\\sigma_i \\delta_i})` with :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`. There are as
+    :math:`T_i (1 - e^{-\\sigma_i \\delta_i}) = T_i - T_{i+1}` with
+    :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`. There are as
     many intervals as densities and one edge more, so no last interval is invented. Weights and left-over light
     sum to one.
 
@@ -28,7 +29,7 @@ def weights(
     # Padded before the sum: cumsum(x) - x would be inf - inf for an opaque interval.
     passed = torch.nn.functional.pad(depth.cumsum(-1), (1, 0))
     light = torch.exp(-passed)
-    return light[..., :-1] * -torch.expm1(-depth), light[..., -1]
+    return light[..., :-1] - light[..., 1:], light[..., -1]
 
 
 def over_white(

@@ -19,12 +19,12 @@ from torch.nn import functional
 
 from core.codes import Codes
 from core.field import Field, encode
-from core.layers import linear_relu
+from core.layers import linear_relu, rectify_
 from core.model import Model
 from core.precision import linear_dtype
 
-_CHUNK_POINTS = 8192
-"""Points evaluated in one go: few enough that activations stay in cache."""
+_CHUNK_POINTS = 16384
+"""Points evaluated in one go."""
 _ENTRIES = 8192
 """Places along each axis at which a layer of an encoding is known."""
 _BEYOND = 1.1
@@ -96,7 +96,7 @@ class Folded:
 
     def first(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """The activations of the first layer, which depend on no code."""
-        return self._weights.point(points).relu_()
+        return rectify_(self._weights.point(points))
 
     def density(
         self, first: Float[Tensor, "points width"]
@@ -112,12 +112,7 @@ class Folded:
         self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
     ) -> Float[Tensor, "points 3"]:
         """Rgb of :meth:`density`'s second value, seen along each point's ray."""
-        y = (functional.linear(y, self._weights.direction) + direction_bias).relu_()
-        for weight, bias in zip(self._weights.texture_blocks, self._texture, strict=True):
-            y = linear_relu(y, weight, bias)
-        y = linear_relu(y, *self._weights.hidden)
-        logits = functional.linear(y, *self._weights.rgb).float()
-        return logits.sigmoid() if self.field.config.bounded_colour else logits
+        return _colour(self.field, self._weights, y, direction_bias, self._texture)
 
 
 @torch.no_grad()
@@ -130,11 +125,32 @@ def densities(
     # A network that paints the ground is asked around the box too.
     first = weights.point.exactly if model.painted_ground else weights.point
     rows = [
-        _density(model.field, weights, first(part).relu_(), bias.unbind(0))[0]
+        _density(model.field, weights, rectify_(first(part)), bias.unbind(0))[0]
         for one, bias in zip(points, biases, strict=True)
         for part in one.split(_CHUNK_POINTS)
     ]
     return torch.cat(rows).reshape(points.shape[:-1])
+
+
+@torch.no_grad()
+def colours(
+    model: Model,
+    points: Float[Tensor, "objects points 3"],
+    directions: Float[Tensor, "objects points 3"],
+    shape_bias: Float[Tensor, "objects blocks width"],
+    texture_bias: Float[Tensor, "objects more_blocks width"],
+) -> Float[Tensor, "objects points 3"]:
+    """Rgb of many objects at once, each at its own points as seen from there; not differentiable."""
+    weights = field_weights(model, linear_dtype(model.device.type))
+    dtype = weights.direction.dtype
+    first = weights.point.exactly if model.painted_ground else weights.point
+    found = []
+    for one, seen, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
+        shape, texture = (bias.unbind(0) for bias in biases)
+        for part, look in zip(one.split(_CHUNK_POINTS), seen.split(_CHUNK_POINTS), strict=True):
+            y = _density(model.field, weights, rectify_(first(part)), shape)[1]
+            found.append(_colour(model.field, weights, y, weights.view(look), texture))
+    return torch.cat(found).reshape(points.shape)
 
 
 def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
@@ -142,6 +158,15 @@ def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Te
         y = linear_relu(y, weight, bias)
     logit = functional.linear(y, *weights.density)[:, 0].float()
     return field.config.density_scale * functional.softplus(logit), y
+
+
+def _colour(field: Field, weights: FieldWeights, y: Tensor, direction_bias: Tensor, biases: Sequence[Tensor]) -> Tensor:
+    y = rectify_(functional.linear(y, weights.direction).add_(direction_bias))
+    for weight, bias in zip(weights.texture_blocks, biases, strict=True):
+        y = linear_relu(y, weight, bias)
+    y = linear_relu(y, *weights.hidden)
+    logits = functional.linear(y, *weights.rgb).float()
+    return logits.sigmoid() if field.config.bounded_colour else logits
 
 
 @lru_cache(maxsize=4)

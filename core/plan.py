@@ -88,7 +88,7 @@ _FIRST, _SECOND = (math.inf, math.inf, 8, 5), (math.inf, math.inf, 4, 3, 2, 1)
 """hypotheses in each stage of a heat; the second has half of the first's"""
 _STEPS = (6, 6, 6, 6, 4, 24)
 _RAYS = (1 / 16, 3 / 32, 5 / 32, 1 / 4, 1 / 2, 1)
-_SAMPLES = (3 / 4, 3 / 4, 1, 1, 1, 1)
+_SAMPLES = (1 / 2, 1 / 2, 3 / 4, 3 / 4, 3 / 4, 1)
 _RANKS = (8, 16, 32, 64, 10_000, 10_000)
 _FORGIVING = (math.inf, math.inf, math.inf, math.inf, 0.2, 0.2)
 _DAMPING = (0.3, 0.3, 0.3, 0.3, 0.3, 0.1)

@@ -2,8 +2,7 @@
 
 A ray depends on no other ray, so one pass back through the field gives the slopes of all rays in one channel at once:
 red, green, blue and opacity go back together. While they are still per sample they are taken to the numbers that are
-searched for; then they are summed over each ray. Autograd would keep the four passes apart and their activations out
-of cache, at three times the cost.
+searched for; then they are summed over each ray. Autograd would keep the four passes apart.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,14 +17,15 @@ from torch.nn.functional import pad
 from core.composite import weights
 from core.field import encode
 from core.folded import densities, field_weights
+from core.layers import held_back_, linear_relu, rectify_
 from core.model import Model
 from core.precision import linear_dtype
 from core.rays import Rays
 from core.render import intervals
 from core.sampling import points_at
 
-_CHUNK_POINTS = 1024
-"""Points taken back at a time: four channels of activations that stay in cache."""
+_CHUNK_POINTS = 8192
+"""Points taken back at a time."""
 
 
 class Entries(NamedTuple):
@@ -153,17 +153,17 @@ def _passed(
     config, weights = model.field.config, field_weights(model, linear_dtype(model.device.type))
     dtype = weights.direction.dtype
     place, look = encode(points, config.point_octaves), encode(directions, config.direction_octaves)
-    y = functional.linear(place.to(dtype), *weights.point.layer).relu_()
+    y = linear_relu(place.to(dtype), *weights.point.layer)
     shape = [y]
     for weight, bias in zip(weights.shape_blocks, shape_bias.to(dtype).unbind(-2), strict=True):
-        y = functional.linear(y, weight).add_(bias[:, None]).relu_()
+        y = rectify_(functional.linear(y, weight).add_(bias[:, None]))
         shape.append(y)
-    y = functional.linear(y, weights.direction).add_(functional.linear(look.to(dtype), *weights.view.layer)).relu_()
-    texture = [y]
+    y = functional.linear(y, weights.direction).add_(functional.linear(look.to(dtype), *weights.view.layer))
+    texture = [rectify_(y)]
     for weight, bias in zip(weights.texture_blocks, texture_bias.to(dtype).unbind(-2), strict=True):
-        y = functional.linear(y, weight).add_(bias[:, None]).relu_()
+        y = rectify_(functional.linear(y, weight).add_(bias[:, None]))
         texture.append(y)
-    y = functional.linear(y, *weights.hidden).relu_()
+    y = linear_relu(y, *weights.hidden)
     texture.append(y)
     colour = functional.linear(y, *weights.rgb).float()
     steep = torch.ones_like(colour)
@@ -194,34 +194,37 @@ def _back(
     """
     weights = field_weights(model, linear_dtype(model.device.type))
     dtype = weights.direction.dtype
-    g = (by_colour * passed.rgb).to(dtype)[..., None] * weights.rgb[0]
-    g = g.mul_(passed.texture[-1].sign()[:, :, None]) @ weights.hidden[0]
+    g = pad((by_colour * passed.rgb).diag_embed(), (0, 0, 0, 1)).to(dtype) @ weights.rgb[0]
+    g = held_back_(g, passed.texture[-1][:, :, None]) @ weights.hidden[0]
     g, texture = _through(g, passed.texture[:-1], weights.texture_blocks, entries.texture)
     looked = _along_axes(g @ weights.view.layer[0], passed.seen_along)
-    g = pad(g @ weights.direction, (0, 0, 0, 1))
-    g = g.add_((by_density * steep[..., None]).to(dtype)[..., None] * weights.density[0])
+    by_logit = (by_density * steep[..., None]).to(dtype).reshape(-1, 1) @ weights.density[0]
+    g = torch.addmm(by_logit, g.flatten(0, 2), weights.direction).reshape(g.shape)
     g, shape = _through(g, passed.shape, weights.shape_blocks, entries.shape)
     place = _along_axes(g @ weights.point.layer[0], passed.encoded)
-    aimed = place * along[..., None, None]
-    aimed[:, :, :3] += looked
-    return torch.cat((place, aimed, shape, pad(texture, (0, 0, 0, 1))), -1)
+    slopes = torch.empty(*place.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=place.device)
+    parts = place, place * along[..., None, None] + looked, shape, texture
+    for part, to in zip(parts, slopes.split([part.shape[-1] for part in parts], -1), strict=True):
+        to.copy_(part)
+    return slopes
 
 
 def _through(
     g: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], entries: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Slopes taken back through blocks and the rectifier before them; and what they are along the blocks' numbers."""
-    found = []
+    numbers = torch.zeros((), dtype=g.dtype, device=g.device)
     for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(entries.unbind(1)), strict=True):
-        g = g.mul_(y.sign()[:, :, None])
-        found.append((g.flatten(1, 2) @ entry).unflatten(1, g.shape[1:3]))
+        g = held_back_(g, y[:, :, None])
+        numbers = torch.baddbmm(numbers, g.flatten(1, 2), entry)
         g = g @ weight
-    return g.mul_(activations[0].sign()[:, :, None]), torch.stack(found).sum(0).float()
+    return held_back_(g, activations[0][:, :, None]), numbers.unflatten(1, g.shape[1:3])
 
 
 def _along_axes(slopes: Tensor, encoded: Tensor) -> Tensor:
     """From the encoded values to the three axes."""
-    return (slopes.float() * encoded[:, :, None]).unflatten(-1, (-1, 3)).sum(-2)
+    axes = torch.eye(3, device=slopes.device).repeat(slopes.shape[-1] // 3, 1)
+    return (slopes.float() * encoded[:, :, None]) @ axes
 
 
 def _chunks(objects: int, count: int) -> Iterator[tuple[slice, slice]]:

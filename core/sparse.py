@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.composite import weights
-from core.folded import densities
+from core.folded import colours, densities
 from core.model import Model
 from core.rays import Rays
 from core.render import intervals
@@ -28,22 +28,28 @@ def render_seen(
 
     Differentiable in rays and biases through ``kept`` samples a ray on average: those of the largest weights among
     all samples of an object. The others keep their density, and their colour is taken to be that of the rest of
-    their ray, white where there is none. With ``kept`` = ``samples`` it is :func:`core.render.render_rays`.
+    their ray, white where there is none. With ``kept`` = ``samples`` it is :func:`core.render.render_rays`. Where
+    nobody asks for gradients, colours come from the folded field too.
     """
     depths, edges = intervals(model, rays, samples)
     points = points_at(rays, depths)
     with torch.no_grad():
         looked = densities(model, points.flatten(1, 3), shape_bias).reshape(depths.shape)
         count = kept * depths[0, ..., 0].numel()
-        seen = weights(looked, edges)[0].flatten(1).topk(count, sorted=False).indices
+        shares, left = weights(looked, edges)
+        seen = shares.flatten(1).topk(count, sorted=False).indices
     ray, objects = seen // samples, torch.arange(len(points), device=seen.device)[:, None]
-    density, features = model.field.density(points.flatten(1, 3)[objects, seen], shape_bias[:, None])
-    direction_bias = model.field.direction_bias(rays.directions).flatten(1, 2)[objects, ray]
-    colours = model.field.colour(features, direction_bias, texture_bias[:, None])
-    shares, left = weights(looked.flatten(1).scatter(1, seen, density).reshape(looked.shape), edges)
+    places, directions = points.flatten(1, 3)[objects, seen], rays.directions.flatten(1, 2)
+    if torch.is_grad_enabled():
+        density, features = model.field.density(places, shape_bias[:, None])
+        direction_bias = model.field.direction_bias(directions)[objects, ray]
+        rgb = model.field.colour(features, direction_bias, texture_bias[:, None])
+        shares, left = weights(looked.flatten(1).scatter(1, seen, density).reshape(looked.shape), edges)
+    else:
+        rgb = colours(model, places, directions[objects, ray], shape_bias, texture_bias)
     share = shares.flatten(1).gather(1, seen)[..., None]
     light = torch.zeros(len(points), left[0].numel(), 4, device=seen.device)
-    light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((share * colours, share), -1))
+    light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((share * rgb, share), -1))
     light, opacity = light.reshape(*left.shape, 4), (1 - left)[..., None]
     colour = torch.where(light[..., 3:] > 0, light[..., :3] / light[..., 3:].clamp_min(1e-6), 1.0)
     return colour * opacity + left[..., None], opacity[..., 0]

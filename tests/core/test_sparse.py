@@ -4,6 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from core import folded
 from core.camera import rotation
 from core.model import Model
 from core.rays import Rays, cast
@@ -60,3 +61,13 @@ def test_rays_that_miss_are_white(model: Model) -> None:
     colour, opacity = render_seen(model, rays, 8, 2, *biases(model, 1))
     torch.testing.assert_close(colour, torch.ones(1, 1, 4, 3))
     torch.testing.assert_close(opacity, nothing)
+
+
+def test_without_gradients_it_shows_the_same(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folded, "linear_dtype", lambda _: torch.float32)
+    rays, codes = bundle(model, 2, 40), model.codes
+    biases = model.field.shape_bias(codes.shapes[:2]), model.field.texture_bias(codes.textures[:2])
+    asked = render_seen(model, rays, 16, 5, *biases)
+    with torch.no_grad():
+        folded_ones = render_seen(model, rays, 16, 5, *biases)
+    torch.testing.assert_close(folded_ones, asked, rtol=0, atol=5e-3)
