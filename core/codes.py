@@ -70,7 +70,9 @@ class CodeSpace:
         return self.mean + coordinates @ self.axes(coordinates.shape[-1])
 
     def axes(self, some: int) -> Float[Tensor, "some latent"]:
-        """By how much each of the first coordinates moves a code; fewer where there are not so many directions."""
+        """What each of the first coordinates moves a code by per standard deviation; fewer where there are not so many
+        directions.
+        """
         return self.spread[:some, None] * self.directions[:some]
 
     def moved(self, code: Float[Tensor, "latent"], direction: int, to: float) -> Float[Tensor, "latent"]:

@@ -11,10 +11,9 @@ def weights(
     """The share of a ray's light that each interval gives, and the share that is left over.
 
     Eq. 3 with :math:`\\delta_i = t_{i+1} - t_i`: interval i weighs
-    :math:`T_i (1 - e^{-\\sigma_i \\delta_i}) = T_i - T_{i+1}` with
-    :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`. There are as
-    many intervals as densities and one edge more, so no last interval is invented. Weights and left-over light
-    sum to one.
+    :math:`T_i (1 - e^{-\\sigma_i \\delta_i}) = T_i - T_{i+1}` with :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`,
+    in float32 right to 1e-7. There are as many intervals as densities and one edge more, so no last interval is
+    invented. Weights and left-over light sum to one.
 
     Args:
         density: per scene unit, not negative.

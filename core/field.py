@@ -183,9 +183,9 @@ def _folded_slopes(
     code: Float[Tensor, "*batch latent"],
     along: Float[Tensor, "some latent"],
 ) -> Float[Tensor, "*batch blocks width some"]:
-    """Those of :func:`folded_biases`."""
-    first = blocks[0].get_parameter("weight")
-    code, along = code.to(first.device), along.to(first.device)
+    """How :func:`folded_biases` changes: a block's matrix times that of the latent layer, where that is awake."""
+    device = blocks[0].get_parameter("weight").device
+    code, along = code.to(device), along.to(device)
     slopes = []
     for layer, weight in zip(latent, _matrices(blocks), strict=True):
         awake = layer(code) > 0

@@ -24,7 +24,7 @@ from core.model import Model
 from core.precision import linear_dtype
 
 _CHUNK_POINTS = 16384
-"""Points evaluated in one go."""
+"""Points evaluated in one go: with fewer, calls cost more than leaving the cache does."""
 _ENTRIES = 8192
 """Places along each axis at which a layer of an encoding is known."""
 _BEYOND = 1.1
@@ -148,14 +148,19 @@ def colours(
     for one, seen, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
         shape, texture = (bias.unbind(0) for bias in biases)
         for part, look in zip(one.split(_CHUNK_POINTS), seen.split(_CHUNK_POINTS), strict=True):
-            y = _density(model.field, weights, rectify_(first(part)), shape)[1]
+            y = _features(weights, rectify_(first(part)), shape)
             found.append(_colour(model.field, weights, y, weights.view(look), texture))
     return torch.cat(found).reshape(points.shape)
 
 
-def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+def _features(weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> Tensor:
     for weight, bias in zip(weights.shape_blocks, biases, strict=True):
         y = linear_relu(y, weight, bias)
+    return y
+
+
+def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+    y = _features(weights, y, biases)
     logit = functional.linear(y, *weights.density)[:, 0].float()
     return field.config.density_scale * functional.softplus(logit), y
 

@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 _ROWS = 512
+_INTEGERS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
 
 
 def linear_relu(
@@ -25,7 +26,10 @@ def linear_relu(
 
 
 def rectify_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
-    """``values.relu_()``, not differentiable: what is negative is so as an integer too."""
+    """``values.relu_()``, unseen by autograd: what is negative is so as an integer too.
+
+    A NaN may become 0, as in oneDNN's own rectifier: what is not finite is noticed before the field is asked.
+    """
     _bits(values).clamp_min_(0)
     return values
 
@@ -33,13 +37,13 @@ def rectify_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
 def held_back_(
     slopes: Float[Tensor, "*batch width"], rectified: Float[Tensor, "*#batch width"]
 ) -> Float[Tensor, "*batch width"]:
-    """Slopes taken back through the rectifier that gave these values, in place: 0 where they are 0."""
-    _bits(slopes).bitwise_and_(_bits(rectified).clamp_max(1).neg_())  # all bits of a value, or none
+    """Slopes taken back through a rectifier, in place: 0 where what it gave, which is never negative, is 0."""
+    _bits(slopes).bitwise_and_(_bits(rectified).clamp_max(1).neg_())  # -1 has all bits, 0 none
     return slopes
 
 
 def _bits(values: Tensor) -> Tensor:
-    return values.view(torch.int16 if values.element_size() == 2 else torch.int32)
+    return values.view(_INTEGERS[values.element_size()])
 
 
 def filled(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:

@@ -178,7 +178,7 @@ def _similar(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
 
 def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float, beyond: Overlooked) -> Chunk:
     """Some rays, to the end; those that cross nothing are dropped."""
-    crossed = occupancy.crossed(rays, step, beyond)
+    crossed = occupancy.crossed(rays, step, beyond.spent)
     some, ray, counts = torch.unique_consecutive(crossed.ray, return_inverse=True, return_counts=True)
     pixel, rays = pixel.index_select(0, some), rays[some]
     rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts).index_select(0, ray)
@@ -195,7 +195,7 @@ def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step
             found.append(y[: len(part)])
     passed = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
     light = torch.exp(-passed)
-    shares, opacity = light[:, :-1] * -torch.expm1(-thickness), 1 - light[:, -1]
+    shares, opacity = light[:, :-1] - light[:, 1:], 1 - light[:, -1]
     order, y = torch.cat(asked), torch.cat(found)
     whose = ray.index_select(0, order)
     share = shares.flatten().index_select(0, slot.index_select(0, order))

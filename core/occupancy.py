@@ -37,8 +37,6 @@ _BLOCK = 16384
 class Overlooked(NamedTuple):
     """What of a ray is not looked at."""
 
-    faint: float
-    """Intervals that have less than this in front of them, taken at its most; optical thickness."""
     spent: float
     """Intervals that have more than this in front of them; optical thickness."""
     unseen: float
@@ -48,7 +46,7 @@ class Overlooked(NamedTuple):
 def overlooked(samples: int) -> Overlooked:
     """For so many intervals: the error of their sum grows with the square of their length, and so may this."""
     tolerance = min(_COARSEST, _TOLERANCE * (_FINE / samples) ** 2)
-    return Overlooked(faint=tolerance, spent=-math.log(tolerance), unseen=tolerance / 3)
+    return Overlooked(spent=-math.log(tolerance), unseen=tolerance / 3)
 
 
 class Crossed(NamedTuple):
@@ -74,11 +72,9 @@ class Occupancy:
         activations = _corner_activations(model, folded.dtype)
         with torch.inference_mode():
             corners = _densities(folded, activations, near._corners_around() if near else None)
-        most = _most_of_corners(corners)
-        self.cells: Bool[Tensor, "cells cells cells"] = most * float(self.cell.amin()) > _EMPTY
+        self.cells: Bool[Tensor, "cells cells cells"] = _most_of_corners(corners) * float(self.cell.amin()) > _EMPTY
         self._flat = self.cells.flatten()
-        least = -_most_of_corners(-corners)
-        self._most, self._least = most.flatten(), least.flatten()
+        self._least = -_most_of_corners(-corners).flatten()
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE - self.extent
 
@@ -95,23 +91,18 @@ class Occupancy:
         cells = ((points + self.extent) / self.cell).long().clamp_(0, CELLS - 1)
         return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
 
-    def crossed(self, rays: Rays, step: float, beyond: Overlooked) -> Crossed:
-        """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object.
-
-        Their middle lies in an occupied cell, and up to there the densest corners of the cells crossed would take
-        light worth mentioning: faint fringes around an object cost nothing.
+    def crossed(self, rays: Rays, step: float, spent: float) -> Crossed:
+        """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object: those whose
+        middle lies in an occupied cell. ``spent`` is :attr:`Overlooked.spent`.
         """
         cell, inside = self._cells_along(rays, step)
         held = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
         ray = held // (len(cell) // len(rays.near))
         interval = held - ray * (len(cell) // len(rays.near))
-        at = cell.index_select(0, held)
-        most, least = self._most.index_select(0, at) * step, self._least.index_select(0, at) * step
+        least = self._least.index_select(0, cell.index_select(0, held)) * step
         counts = torch.bincount(ray)
-        first = counts.cumsum(0) - counts
-        near = (_summed(most, first, ray) > beyond.faint).nonzero()[:, 0]
-        dark = _summed(least, first, ray) - least > beyond.spent
-        return Crossed(*(part.index_select(0, near) for part in (ray, interval, dark)))
+        dark = _summed(least, counts.cumsum(0) - counts, ray) - least > spent
+        return Crossed(ray, interval, dark)
 
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
         """The cell in which the middle of each interval lies, ray by ray, and whether the ray reaches it."""

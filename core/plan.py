@@ -18,7 +18,7 @@ class FitSettings:
     rays: int = 1024
     """per picture and step for the last hypothesis; the many in the beginning get fewer each"""
     samples: int = 64
-    """along a ray"""
+    """along a ray for the last hypothesis; the earlier stages, which sort, have fewer"""
     prior: float = 1e-5
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
     sparing: bool = True

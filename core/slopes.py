@@ -25,7 +25,7 @@ from core.render import intervals
 from core.sampling import points_at
 
 _CHUNK_POINTS = 8192
-"""Points taken back at a time."""
+"""Points taken back at a time: with fewer, calls cost more than leaving the cache does."""
 
 
 class Entries(NamedTuple):
@@ -204,6 +204,7 @@ def _back(
     place = _along_axes(g @ weights.point.layer[0], passed.encoded)
     slopes = torch.empty(*place.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=place.device)
     parts = place, place * along[..., None, None] + looked, shape, texture
+    # torch.cat is slower where formats differ.
     for part, to in zip(parts, slopes.split([part.shape[-1] for part in parts], -1), strict=True):
         to.copy_(part)
     return slopes

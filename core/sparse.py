@@ -29,7 +29,7 @@ def render_seen(
     Differentiable in rays and biases through ``kept`` samples a ray on average: those of the largest weights among
     all samples of an object. The others keep their density, and their colour is taken to be that of the rest of
     their ray, white where there is none. With ``kept`` = ``samples`` it is :func:`core.render.render_rays`. Where
-    nobody asks for gradients, colours come from the folded field too.
+    gradients are off, colours come from the folded field, as the densities do, so to its precision.
     """
     depths, edges = intervals(model, rays, samples)
     points = points_at(rays, depths)

@@ -203,8 +203,7 @@ def _looking(**at: float) -> Change:
 
 
 _PARTS: dict[str, tuple[Change, ...]] = {
-    "without occupancy": (Change(occupancy, "_EMPTY", -1.0), _looking(faint=-1.0)),
-    "without passing over faint fringes": (_looking(faint=-1.0),),
+    "without occupancy": (Change(occupancy, "_EMPTY", -1.0),),
     "without stopping spent rays": (_looking(spent=math.inf),),
     "colouring all intervals": (_looking(unseen=-1.0),),
     "encoding instead of tables": (Change(Tables, "__call__", Tables.exactly),),

@@ -144,3 +144,14 @@ def test_one_that_diverged_stays_out_and_the_others_go_on(tiny: Model):
     pool, without = strode(numbers), strode(numbers_of())
     assert pool.cost.isfinite().tolist() == [True, False, True]
     torch.testing.assert_close(pool.cost[[0, 2]], without.cost[[0, 2]], rtol=0.05, atol=1e-4)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, -math.nan, math.inf])
+@pytest.mark.parametrize("part", Numbers._fields)
+def test_whatever_number_is_not_finite_the_objective_says_so(tiny: Model, part: str, wrong: float):
+    """Rectifiers forget a NaN: it must show beside the field too."""
+    numbers, drawn = numbers_of(), drawn_of(tiny)
+    getattr(numbers, part)[1] = wrong
+    with torch.no_grad():
+        for found in (judged(tiny, numbers, drawn, 24, BY), quadratic(tiny, numbers, drawn, None, STAGE, BY)):
+            assert found.objective.isfinite().tolist() == [True, False, True]
