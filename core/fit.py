@@ -71,6 +71,8 @@ class FitStep:
     codes: Codes
     hypotheses: int = 1
     """how many are still in the race"""
+    again: bool = False
+    """another race is run, as the one before has left its camera in doubt"""
     alternative: Alternative | None = None
     """in the last step, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
@@ -110,9 +112,17 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             yield replace(step, cameras=tuple(found))
         finalists.append((part.views, pool))
     met = combined(finalists, len(job.photos), whole.plan[0].hypotheses) if finalists else whole.entered()
-    for standing in whole.run(met):
-        done += 1
-        yield _reported(whole, standing, done, steps, began)
+    ended: Standing | None = None
+    for race in range(job.settings.races):
+        for standing in whole.run(met, ended):
+            done += 1
+            doubtful = race + 1 < job.settings.races and whole.doubts(standing)
+            steps = done + whole.steps if doubtful else steps
+            shown = standing._replace(margin=math.nan) if doubtful else standing
+            yield replace(_reported(whole, shown, done, steps, began), again=race > 0)
+        if not doubtful:
+            return
+        ended = standing
 
 
 class _Part(NamedTuple):

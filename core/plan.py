@@ -23,6 +23,8 @@ class FitSettings:
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
     sparing: bool = True
     """open further code directions only where they pay on rays that are not fitted, and stop where steps do not"""
+    races: int = 2
+    """at most: where the camera that one has found is in doubt, another is run, and the better of their winners wins"""
     lens: bool = False
     """search for the focal length of unknown cameras too, from half as many starts again; else it is that of the
     training pictures"""
@@ -31,14 +33,18 @@ class FitSettings:
     starts but one there is nothing of the paper's"""
 
     def __post_init__(self) -> None:
-        if min(self.starts, self.steps, self.rays) < 1 or self.samples < 2 or not 0 <= self.prior < math.inf:
+        if (
+            min(self.starts, self.steps, self.rays, self.races) < 1
+            or self.samples < 2
+            or not 0 <= self.prior < math.inf
+        ):
             raise ValueError(f"no fit has these settings: {self}")
         if self.paper and (self.starts != 1 or self.lens):
             raise ValueError("the paper's recipe has one start, and the focal length of the training pictures")
 
 
 PRESETS = {
-    "draft": FitSettings(starts=12, steps=26, rays=512),
+    "draft": FitSettings(starts=12, steps=26, rays=512, races=1),
     "normal": FitSettings(),
     "fine": FitSettings(starts=40, steps=84, rays=1536),
     # Section 3.3 says 299 steps and 64 samples. The authors take all pixels at every step; so many of them give the

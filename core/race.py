@@ -17,6 +17,7 @@ from torch import Tensor
 from core import paper
 from core.camera import Camera
 from core.codes import Codes
+from core.confidence import confidence
 from core.entrants import entrants, gone_on, renewed
 from core.glance import glanced, surprise
 from core.hypotheses import (
@@ -57,6 +58,8 @@ _STILL = 0.01
 """A fit stops where such a mean, but the first, costs not this share less than all that was measured before."""
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
+_DOUBT = 0.92
+"""A camera of less confidence is searched for once more."""
 _TRUST = 0.15
 """What a glance's surprise at a camera counts against the logarithm of its objective; chosen on 15 held-out chairs."""
 _NEWS = 0.4
@@ -162,10 +165,32 @@ class Race:
             return paper.entered(self.model, self.given, self.unknown, self.generator)
         return entrants(self.model, self.photos, self.given, self.plan[0].hypotheses, self.settings.lens)
 
-    def run(self, pool: Pool) -> Iterator[Standing]:
+    def run(self, pool: Pool, before: Standing | None = None) -> Iterator[Standing]:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
 
-        The winner of a first heat stands beside the second, as it was: who stops early gets the better of the two.
+        Args:
+            before: how an earlier run has ended. Its winner stands beside this one, as it was, and may win it.
+        """
+        for standing in self._run(pool):
+            if before is None:
+                yield standing
+            elif standing.spread is None:
+                yield standing._replace(pool=joined(standing.pool, before.pool))
+            else:
+                yield self._better(before, standing)
+
+    def doubts(self, standing: Standing) -> bool:
+        """Whether the one unknown camera, at the end of a race, deserves another one."""
+        return standing.spread is not None and not self.begin and confidence(standing.margin, standing.spread) < _DOUBT
+
+    def _better(self, one: Standing, other: Standing) -> Standing:
+        """Of the ends of two runs, with the smaller margin: that within the better run, or over the other."""
+        best, worse = sorted((one, other), key=lambda ended: float(ended.pool.cost))
+        against = self._against(best.pool, worse.pool)
+        return best if best.margin <= against.margin else against._replace(spread=best.spread)
+
+    def _run(self, pool: Pool) -> Iterator[Standing]:
+        """The winner of a first heat stands beside the second, as it was: who stops early gets the better of the two.
         The last stage is the winner's alone, but where its rival is close behind: then both go on to the end.
         """
         if self.settings.paper:

@@ -22,10 +22,10 @@ from core.glance import AZIMUTHS, directions, glanced
 from core.model import Model
 from core.precision import autocast
 
-PROTOTYPES = 60
+PROTOTYPES = 120
 SIDE = 24
 """px, of a view in the bank"""
-_CELLS = 48
+_CELLS = 40
 """along the longest side of the model's box"""
 _SIZE_SHARE, _PLACE_SHARE = 0.3, 1.0
 """of a difference in size (logarithm) and in place (object sizes), against the overlap"""
@@ -153,8 +153,8 @@ def likenesses(
     """
     look, light, _ = _normalised(pixels, mask, focal)
     given = rotation(torch.tensor(azimuth), torch.tensor(elevation))
-    nearest = (rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
-    return _scores(bank, look, light)[:, nearest]
+    nearest = int((rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax())
+    return _scores(bank, look, light, slice(nearest, nearest + 1))[:, 0]
 
 
 def astray(
@@ -266,20 +266,18 @@ def _thrown(
     distance: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """A cloud as seen from every view: masks, lights, sizes and offsets as :class:`Bank` holds them."""
-    local = torch.einsum("vij,nj->vni", rotation(azimuth, elevation), points)
-    depth = (distance - local[..., 2]).clamp_min(1e-3)
-    places = local[..., :2] * torch.tensor([1.0, -1.0]) / depth[..., None]
-    low, high = places.amin(1), places.amax(1)
+    x, y, z = (rotation(azimuth, elevation) @ points.T).unbind(1)  # (views, points) each
+    depth = (distance - z).clamp_min(1e-3)
+    places = torch.stack((x, -y), 1) / depth[:, None]
+    low, high = places.amin(2), places.amax(2)
     size, middle = (high - low).amax(-1), (high + low) / 2
-    scaled = (places - middle[:, None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2
-    cell = scaled.long().clamp(0, SIDE - 1)
+    scaled = (places - middle[..., None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2
+    column, row = scaled.long().clamp_(0, SIDE - 1).unbind(1)
     count = len(points)
     # The nearest point of a pixel, found as the least of (depth, index) packed into one number.
     packed = (depth / (4 * distance) * 2**20).long() * count + torch.arange(count)
     nothing = torch.iinfo(torch.long).max
-    nearest = torch.full((len(azimuth), SIDE * SIDE), nothing).scatter_reduce(
-        1, cell[..., 1] * SIDE + cell[..., 0], packed, "amin"
-    )
+    nearest = torch.full((len(azimuth), SIDE * SIDE), nothing).scatter_reduce(1, row * SIDE + column, packed, "amin")
     masks = (nearest < nothing).float().reshape(-1, SIDE, SIDE)
     luminance = colours.mean(-1)[nearest % count].reshape(masks.shape)
     return masks, _light(luminance, masks), size, middle
@@ -321,12 +319,14 @@ def _box(mask: Tensor) -> tuple[int, int, int, int]:
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
-def _scores(bank: Bank, mask: Tensor, light: Tensor) -> Float[Tensor, "prototypes views"]:
+def _scores(
+    bank: Bank, mask: Tensor, light: Tensor, some: slice = slice(None)
+) -> Float[Tensor, "prototypes some_views"]:
     """Overlap of the masks (intersection over union) and a share of the correlation of what lies on them."""
-    views, flat = bank.masks.flatten(-2), mask.flatten()
+    views, flat = bank.masks[:, some].flatten(-2), mask.flatten()
     shared = views @ flat
     overlap = shared / (views.sum(-1) + flat.sum() - shared)
-    return overlap + _LIGHT_SHARE * (bank.lights.flatten(-2) @ light.flatten())
+    return overlap + _LIGHT_SHARE * (bank.lights[:, some].flatten(-2) @ light.flatten())
 
 
 def _spread(bank: Bank, scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:

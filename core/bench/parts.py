@@ -106,6 +106,7 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
         (Change(race, "renewed", lambda model, photos, given, pool, count: pool),),
     ),
     "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
+    "no second look at a doubtful camera": (replace(_USUAL, races=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, entrants)),
     "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, entrants, race)),
     "without a second one in the last stage": (_USUAL, _everywhere("_CLOSE", -math.inf, race)),

@@ -14,8 +14,8 @@ from core.render import render_exact
 from tests.conftest import random_model
 from tests.core.tiny import photo_of
 
-QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24)
-SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12)
+QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24, races=1)
+SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12, races=1)
 
 
 def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int = 0) -> FitStep:

@@ -12,11 +12,11 @@ from core.fit import FitJob, FitSettings, FitStep, fit
 from core.hypotheses import Numbers, Pool
 from core.model import Model
 from core.photos import Photo
-from core.race import Race
+from core.race import Race, Standing
 from tests.core.tiny import photo_of
 
-QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24)
-SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12)
+QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24, races=1)
+SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12, races=1)
 
 
 def last(model: Model, photo: Photo, settings: FitSettings, seed: int = 0) -> FitStep:
@@ -105,6 +105,44 @@ def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
     assert end.margin >= 0
     again = list(fit(tiny, FitJob((photo,), SHORT, begin=end.race[0])))
     assert {step.hypotheses for step in again} == {1}  # whoever goes on with one camera means that one
+
+
+def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    job = FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), SHORT)
+    once = list(fit(tiny, job))
+    twice = replace(job, settings=replace(SHORT, races=2))
+    monkeypatch.setattr(racing, "_DOUBT", 0.0)
+    assert [step.loss for step in fit(tiny, twice)] == [step.loss for step in once]
+    monkeypatch.setattr(racing, "_DOUBT", 1.1)
+    steps = list(fit(tiny, twice))
+    first, second = steps[: len(once)], steps[len(once) :]
+    assert [step.loss for step in first] == [step.loss for step in once]
+    assert first[-1].alternative is None  # the end is not reached yet
+    assert first[-1].steps > first[-1].step
+    assert {step.loss for step in second} != {step.loss for step in first}
+    assert max(step.loss for step in second) <= first[-1].loss  # who stops early loses nothing
+    assert second[0].hypotheses == once[0].hypotheses + 1
+    assert second[-1].hypotheses == 1
+    assert second[-1].alternative is not None
+    assert len(list(fit(tiny, replace(twice, begin=steps[-1].race[0])))) <= SHORT.steps
+
+
+def test_the_better_of_two_races_is_judged_by_the_smaller_margin(tiny: Model):
+    race = Race.of(tiny, (photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), SHORT, 0)
+
+    def ended(azimuth: float, cost: float, margin: float) -> Standing:
+        pool = race.entered()[torch.tensor([0])]
+        angles = torch.tensor([[[azimuth, 0.3]]])
+        pool = replace(pool, numbers=pool.numbers._replace(angles=angles), cost=torch.tensor([cost]))
+        return Standing(pool, pool, margin, spread=cost)
+
+    clear, doubtful, behind = ended(0.9, 1.0, 2.0), ended(0.9, 2.0, 0.1), ended(-2.0, 1.5, 2.0)
+    assert race._better(doubtful, clear) is clear  # they agree
+    better = race._better(behind, clear)
+    assert (better.pool, better.spread) == (clear.pool, clear.spread)
+    assert better.rival is not None
+    assert torch.equal(better.rival.numbers.angles, behind.pool.numbers.angles)
+    assert better.margin == pytest.approx(math.log(1.5))
 
 
 @pytest.mark.parametrize("steps", [1, 8, 30])

@@ -65,7 +65,7 @@ def _draw_progress(fitting: Fitting) -> None:
     imgui.same_line()
     course, last = fitting.course, fitting.course.last
     told = f"{last.psnr:.1f} dB    {last.seconds:.0f} s" if last else "Starting …"
-    imgui.progress_bar(course.progress, (-1, 0), told)
+    imgui.progress_bar(course.progress, (-1, 0), f"{told}    again, to be sure" if last and last.again else told)
     tip(f"{last.hypotheses} candidates in the race" if last else "Comparing the photo with what the model knows")
 
 
