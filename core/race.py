@@ -2,7 +2,7 @@
 
 They start from the bank of :mod:`core.starts`, descend by :mod:`core.newton` as :mod:`core.plan` has it, with a look at
 what :mod:`core.glance` thinks of their cameras. The best of another basin, mostly the front/back twin of the leader, is
-kept to the end.
+kept to the end. Where that is too close for the camera to be trusted, everything is run once more with other dice.
 """
 
 import math
@@ -58,7 +58,7 @@ _STILL = 0.01
 """A fit stops where such a mean, but the first, costs not this share less than all that was measured before."""
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
-_DOUBT = 0.92
+_DOUBT = 0.94
 """A camera of less confidence is searched for once more."""
 _TRUST = 0.15
 """What a glance's surprise at a camera counts against the logarithm of its objective; chosen on 15 held-out chairs."""
@@ -184,13 +184,14 @@ class Race:
         return standing.spread is not None and not self.begin and confidence(standing.margin, standing.spread) < _DOUBT
 
     def _better(self, one: Standing, other: Standing) -> Standing:
-        """Of the ends of two runs, with the smaller margin: that within the better run, or over the other."""
+        """Of the ends of two runs, with the smallest margin that there was: in either, or of one over the other."""
         best, worse = sorted((one, other), key=lambda ended: float(ended.pool.cost))
         against = self._against(best.pool, worse.pool)
-        return best if best.margin <= against.margin else against._replace(spread=best.spread)
+        rival = best.rival if best.margin <= against.margin else against.rival
+        return best._replace(rival=rival, margin=min(best.margin, worse.margin, against.margin))
 
     def _run(self, pool: Pool) -> Iterator[Standing]:
-        """The winner of a first heat stands beside the second, as it was: who stops early gets the better of the two.
+        """Once. The winner of a first heat stands beside the second, as it was: who stops early gets the better one.
         The last stage is the winner's alone, but where its rival is close behind: then both go on to the end.
         """
         if self.settings.paper:

@@ -23,6 +23,7 @@ from core.model import Model
 from core.precision import autocast
 
 PROTOTYPES = 120
+"""With 60 of them, fits of a model's own objects end in worse codes; with 240, fits of others are no better."""
 SIDE = 24
 """px, of a view in the bank"""
 _CELLS = 40

@@ -137,7 +137,8 @@ def test_the_better_of_two_races_is_judged_by_the_smaller_margin(tiny: Model):
         return Standing(pool, pool, margin, spread=cost)
 
     clear, doubtful, behind = ended(0.9, 1.0, 2.0), ended(0.9, 2.0, 0.1), ended(-2.0, 1.5, 2.0)
-    assert race._better(doubtful, clear) is clear  # they agree
+    assert race._better(doubtful, clear)._replace(margin=2.0) == clear  # they agree
+    assert race._better(doubtful, clear).margin == doubtful.margin
     better = race._better(behind, clear)
     assert (better.pool, better.spread) == (clear.pool, clear.spread)
     assert better.rival is not None
