@@ -58,7 +58,7 @@ _STILL = 0.01
 """A fit stops where such a mean, but the first, costs not this share less than all that was measured before."""
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
-_DOUBT = 0.94
+_DOUBT = 0.92
 """A camera of less confidence is searched for once more."""
 _TRUST = 0.15
 """What a glance's surprise at a camera counts against the logarithm of its objective; chosen on 15 held-out chairs."""
