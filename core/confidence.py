@@ -4,7 +4,7 @@ Wrong cameras are mostly those of another basin (the front/back twin above all) 
 well. So a fit keeps the best hypothesis of another basin to its end, and the margin between the two says how clear the
 choice was: by its lead, the share of the other's objective that it spares. Others are in no basin at all, for nothing
 that the model knows looks like the picture; there the objective is flat, and its curvature says how far the camera may
-be off. A second race that was run in doubt can only lower the margin. The three numbers below are a logistic regression
+be off. Where two races were run and agree, the smaller margin counts. The three numbers below are a logistic regression
 over fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them anew and tells
 how well the confidence separates.
 """

@@ -77,7 +77,8 @@ class FitStep:
     """in the last step, where one camera is searched for, and not in the paper's recipe"""
     margin: float | None = None
     """logarithm of the alternative's loss over the result's when both had gone equally far: at the end, or where only
-    the result went on; comes with the alternative, but where a fit went on from a given hypothesis"""
+    the result went on (of two races that agree, in the closer one); comes with the alternative, but where a fit went on
+    from a given hypothesis"""
     spread: float | None = None
     """degrees that the camera may be off where it is in the right basin; comes with the alternative"""
     directions: tuple[int, int] = (0, 0)

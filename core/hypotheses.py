@@ -33,6 +33,13 @@ _LENSES = 0.2
 _STEEPEST = math.radians(89.9)
 
 
+class DivergedError(ValueError):
+    """No hypothesis is finite any more."""
+
+    def __init__(self) -> None:
+        super().__init__("the fit diverged from every start")
+
+
 class Numbers(NamedTuple):
     """All that is searched for.
 
@@ -115,10 +122,10 @@ class Pool:
 
     @property
     def leader(self) -> int:
-        """The hypothesis of least cost. Raises ``ValueError`` where all have diverged."""
+        """The hypothesis of least cost. Raises :class:`DivergedError` where all have diverged."""
         best = int(self.cost.argmin())
         if not math.isfinite(float(self.cost[best])):
-            raise ValueError("the fit diverged from every start")
+            raise DivergedError
         return best
 
 
@@ -224,12 +231,14 @@ def twins(pool: Pool, index: int, views: Bool[Tensor, "views"]) -> Bool[Tensor, 
 def spread_out(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
     """Hypotheses in order of cost, the best of each basin and lens before all that stand close to a better one.
 
-    Those that have diverged are left out.
+    Those that have diverged are left out. Raises :class:`DivergedError` where all have.
     """
     zooms = pool.numbers.zoom[:, views]
     close = _close(pool, pool, views) & ((zooms[:, None] - zooms).abs() < _LENSES).all(-1)
     order = pool.cost.argsort(stable=True)
     order = order[pool.cost[order].isfinite()]
+    if not len(order):
+        raise DivergedError
     first, beside = list[int](), list[int]()
     for index in order.tolist():
         (beside if first and bool(close[index, first].any()) else first).append(index)

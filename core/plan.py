@@ -24,7 +24,7 @@ class FitSettings:
     sparing: bool = True
     """open further code directions only where they pay on rays that are not fitted, and stop where steps do not"""
     races: int = 2
-    """at most: where the camera that one has found is in doubt, another is run, and the better of their winners wins"""
+    """at most: where the one unknown camera is in doubt after a race, another is run, and the better winner wins"""
     lens: bool = False
     """search for the focal length of unknown cameras too, from half as many starts again; else it is that of the
     training pictures"""

@@ -23,6 +23,7 @@ from core.glance import glanced, surprise
 from core.hypotheses import (
     FRAMED_SPREAD,
     STRAY_SPREADS,
+    DivergedError,
     Numbers,
     Objective,
     Pool,
@@ -59,7 +60,7 @@ _STILL = 0.01
 _CLOSE = 0.3
 """A rival goes on to the end where the logarithm of its objective over the winner's is less than this."""
 _DOUBT = 0.92
-"""A camera of less confidence is searched for once more."""
+"""A camera of less confidence is searched for once more; goes with :data:`core.confidence.CALIBRATION`."""
 _TRUST = 0.15
 """What a glance's surprise at a camera counts against the logarithm of its objective; chosen on 15 held-out chairs."""
 _NEWS = 0.4
@@ -169,26 +170,35 @@ class Race:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
 
         Args:
-            before: how an earlier run has ended. Its winner stands beside this one, as it was, and may win it.
+            before: how an earlier run has ended. Its winner stands beside this one, as it was, and may win it; it does
+                where this one diverges.
         """
-        for standing in self._run(pool):
+        try:
+            for standing in self._run(pool):
+                if before is None:
+                    yield standing
+                elif standing.spread is None:
+                    yield standing._replace(pool=joined(standing.pool, before.pool))
+                else:
+                    yield self._better(before, standing)
+        except DivergedError:
             if before is None:
-                yield standing
-            elif standing.spread is None:
-                yield standing._replace(pool=joined(standing.pool, before.pool))
-            else:
-                yield self._better(before, standing)
+                raise
+            yield before
 
     def doubts(self, standing: Standing) -> bool:
         """Whether the one unknown camera, at the end of a race, deserves another one."""
         return standing.spread is not None and not self.begin and confidence(standing.margin, standing.spread) < _DOUBT
 
     def _better(self, one: Standing, other: Standing) -> Standing:
-        """Of the ends of two runs, with the smallest margin that there was: in either, or of one over the other."""
+        """Of the ends of two runs. Its margin is the smaller of both where they agree on the camera, else at most that
+        over the other.
+        """
         best, worse = sorted((one, other), key=lambda ended: float(ended.pool.cost))
         against = self._against(best.pool, worse.pool)
-        rival = best.rival if best.margin <= against.margin else against.rival
-        return best._replace(rival=rival, margin=min(best.margin, worse.margin, against.margin))
+        among = (best, against) if math.isfinite(against.margin) else (best, worse)
+        closest = min(among, key=lambda ended: ended.margin)
+        return best._replace(rival=closest.rival, margin=closest.margin)
 
     def _run(self, pool: Pool) -> Iterator[Standing]:
         """Once. The winner of a first heat stands beside the second, as it was: who stops early gets the better one.

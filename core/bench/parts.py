@@ -105,7 +105,7 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
         _USUAL,
         (Change(race, "renewed", lambda model, photos, given, pool, count: pool),),
     ),
-    "without the race: the best start alone": (replace(_USUAL, starts=1), ()),
+    "without the race: the best start alone": (replace(_USUAL, starts=1, races=1), ()),
     "no second look at a doubtful camera": (replace(_USUAL, races=1), ()),
     "without shapes from the bank": (_USUAL, _everywhere("_LIKENESS", 0.0, entrants)),
     "without telling basins apart": (_USUAL, _everywhere("spread_out", _cheapest, entrants, race)),

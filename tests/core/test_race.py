@@ -1,6 +1,7 @@
 """What a race does between the start line and the winner."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,7 @@ import torch
 from core import plan
 from core import race as racing
 from core.fit import FitJob, FitSettings, FitStep, fit
-from core.hypotheses import Numbers, Pool
+from core.hypotheses import DivergedError, Numbers, Pool
 from core.model import Model
 from core.photos import Photo
 from core.race import Race, Standing
@@ -122,9 +123,32 @@ def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: p
     assert {step.loss for step in second} != {step.loss for step in first}
     assert max(step.loss for step in second) <= first[-1].loss  # who stops early loses nothing
     assert second[0].hypotheses == once[0].hypotheses + 1
+    assert [step.again for step in steps] == [False] * len(first) + [True] * len(second)
+    assert [step.step for step in steps] == list(range(1, len(steps) + 1))
+    assert steps[-1].step <= steps[-1].steps
     assert second[-1].hypotheses == 1
     assert second[-1].alternative is not None
     assert len(list(fit(tiny, replace(twice, begin=steps[-1].race[0])))) <= SHORT.steps
+
+
+def test_a_second_race_that_diverges_leaves_the_first_as_it_was(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    job = FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), SHORT)
+    *_, once = fit(tiny, job)
+    run = Race._run
+
+    def diverging(race: Race, pool: Pool) -> Iterator[Standing]:
+        runs.append(race)
+        if len(runs) > 1:
+            raise DivergedError
+        yield from run(race, pool)
+
+    runs: list[Race] = []
+    monkeypatch.setattr(racing, "_DOUBT", 1.1)
+    monkeypatch.setattr(Race, "_run", diverging)
+    *_, last_one = fit(tiny, replace(job, settings=replace(SHORT, races=2)))
+    assert len(runs) == 2
+    assert last_one.again
+    assert (last_one.loss, last_one.margin) == (once.loss, once.margin)
 
 
 def test_the_better_of_two_races_is_judged_by_the_smaller_margin(tiny: Model):
@@ -137,8 +161,8 @@ def test_the_better_of_two_races_is_judged_by_the_smaller_margin(tiny: Model):
         return Standing(pool, pool, margin, spread=cost)
 
     clear, doubtful, behind = ended(0.9, 1.0, 2.0), ended(0.9, 2.0, 0.1), ended(-2.0, 1.5, 2.0)
-    assert race._better(doubtful, clear)._replace(margin=2.0) == clear  # they agree
-    assert race._better(doubtful, clear).margin == doubtful.margin
+    better = race._better(doubtful, clear)  # they agree
+    assert (better.pool, better.rival, better.margin) == (clear.pool, doubtful.rival, doubtful.margin)
     better = race._better(behind, clear)
     assert (better.pool, better.spread) == (clear.pool, clear.spread)
     assert better.rival is not None
