@@ -74,10 +74,11 @@ class FitStep:
     again: bool = False
     """another race is run, as the one before has left its camera in doubt"""
     alternative: Alternative | None = None
-    """in the last step, where one camera is searched for, and not in the paper's recipe"""
+    """where one camera is searched for, once a race is over and while its winner leads another; not in the paper's
+    recipe"""
     margin: float | None = None
-    """logarithm of the alternative's loss over the result's when both had gone equally far: at the end, or where only
-    the result went on (of two races that agree, in the closer one); comes with the alternative, but where a fit went on
+    """logarithm of the alternative's loss over the leader's when both had gone equally far: at the end, or where only
+    the leader went on (of two races that agree, in the closer one); comes with the alternative, but where a fit went on
     from a given hypothesis"""
     spread: float | None = None
     """degrees that the camera may be off where it is in the right basin; comes with the alternative"""
@@ -114,13 +115,12 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         finalists.append((part.views, pool))
     met = combined(finalists, len(job.photos), whole.plan[0].hypotheses) if finalists else whole.entered()
     ended: Standing | None = None
-    for race in range(job.settings.races):
+    for left in reversed(range(job.settings.races)):
         for standing in whole.run(met, ended):
             done += 1
-            doubtful = race + 1 < job.settings.races and whole.doubts(standing)
+            doubtful = left > 0 and whole.doubts(standing)
             steps = done + whole.steps if doubtful else steps
-            shown = standing._replace(margin=math.nan) if doubtful else standing
-            yield replace(_reported(whole, shown, done, steps, began), again=race > 0)
+            yield replace(_reported(whole, standing.beside(ended), done, steps, began), again=ended is not None)
         if not doubtful:
             return
         ended = standing

@@ -92,6 +92,13 @@ class Standing(NamedTuple):
     spread: float | None = None
     """degrees, in the end, where one camera is searched for"""
 
+    def beside(self, before: "Standing | None") -> "Standing":
+        """With the winner of an earlier run among the hypotheses: while it leads, what was found out about it holds."""
+        if before is None or self.spread is not None:
+            return self
+        both = joined(self.pool, before.pool)
+        return (self if both.leader < len(self.pool) else before)._replace(pool=both)
+
 
 @dataclass(frozen=True, eq=False)
 class Race:
@@ -170,17 +177,11 @@ class Race:
         """Where the race stands after every step; the last one is of the best hypothesis alone, measured.
 
         Args:
-            before: how an earlier run has ended. Its winner stands beside this one, as it was, and may win it; it does
-                where this one diverges.
+            before: how an earlier run has ended. Its winner may win this one too; it does where this one diverges.
         """
         try:
             for standing in self._run(pool):
-                if before is None:
-                    yield standing
-                elif standing.spread is None:
-                    yield standing._replace(pool=joined(standing.pool, before.pool))
-                else:
-                    yield self._better(before, standing)
+                yield standing if before is None or standing.spread is None else self._better(before, standing)
         except DivergedError:
             if before is None:
                 raise

@@ -80,7 +80,7 @@ _underway: dict[str, Generator[None, None, Bank]] = {}
 
 
 def bank_of(model: Model) -> Bank:
-    """The model's bank, made once (seconds) and kept in memory for the last few models."""
+    """The model's bank, made once (seconds) and kept in memory for the last two models."""
     for _ in preparing(model):
         pass
     return _banks[model.fingerprint]
@@ -101,7 +101,7 @@ def preparing(model: Model) -> Iterator[None]:
         else:
             _underway[key] = making
             yield None
-    while len(_banks) > 4:
+    while len(_banks) > 2:
         _banks.popitem(last=False)
 
 

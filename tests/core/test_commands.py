@@ -228,7 +228,7 @@ def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch
 def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, capsys, monkeypatch):
     camera, codes = model.camera(0.3, 0.3), model.codes[0]
     alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
-    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, 1, alternative, margin, 1.5)
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, alternative=alternative, margin=margin, spread=1.5)
     monkeypatch.setattr(
         fitting, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     )

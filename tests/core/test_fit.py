@@ -294,7 +294,7 @@ def test_a_job_without_pictures_is_refused():
         FitJob(())
 
 
-@pytest.mark.parametrize("field, value", [("starts", 0), ("steps", 0), ("samples", 1), ("prior", -1.0)])
+@pytest.mark.parametrize("field, value", [("starts", 0), ("steps", 0), ("races", 0), ("samples", 1), ("prior", -1.0)])
 def test_impossible_settings_are_refused(field: str, value: float):
     with pytest.raises(ValueError, match="settings"):
         FitSettings(**{field: value})

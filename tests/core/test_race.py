@@ -118,8 +118,10 @@ def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: p
     steps = list(fit(tiny, twice))
     first, second = steps[: len(once)], steps[len(once) :]
     assert [step.loss for step in first] == [step.loss for step in once]
-    assert first[-1].alternative is None  # the end is not reached yet
     assert first[-1].steps > first[-1].step
+    for step in steps[len(first) - 1 : -1]:  # who stops early knows as much
+        found = (step.alternative and step.alternative.loss, step.margin, step.spread)
+        assert found == (once[-1].alternative.loss, once[-1].margin, once[-1].spread)
     assert {step.loss for step in second} != {step.loss for step in first}
     assert max(step.loss for step in second) <= first[-1].loss  # who stops early loses nothing
     assert second[0].hypotheses == once[0].hypotheses + 1
@@ -129,6 +131,29 @@ def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: p
     assert second[-1].hypotheses == 1
     assert second[-1].alternative is not None
     assert len(list(fit(tiny, replace(twice, begin=steps[-1].race[0])))) <= SHORT.steps
+
+
+def test_three_races_are_run_while_a_camera_stays_in_doubt(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(racing, "_DOUBT", 1.1)
+    photo, lengths = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), list[int]()
+    for races in (1, 2, 3):
+        steps = list(fit(tiny, FitJob((photo,), replace(SHORT, races=races))))
+        lengths.append(len(steps))
+        assert [step.step for step in steps] == list(range(1, len(steps) + 1))
+        assert [step.again for step in steps] == [number > lengths[0] for number in range(1, len(steps) + 1)]
+        assert len({step.steps for step in steps}) == races
+    assert lengths[0] < lengths[1] < lengths[2]
+
+
+@pytest.mark.parametrize("kind", ["known", "several", "paper"])
+def test_one_race_is_enough_where_not_one_camera_is_in_doubt(tiny: Model, monkeypatch: pytest.MonkeyPatch, kind: str):
+    photo, camera = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), tiny.camera(0.9, 0.3)
+    photos = {"known": (replace(photo, camera=camera),), "several": (photo, photo), "paper": (photo,)}[kind]
+    settings = replace(SHORT, starts=1, paper=True) if kind == "paper" else SHORT
+    monkeypatch.setattr(racing, "_DOUBT", 1.1)
+    once, twice = (list(fit(tiny, FitJob(photos, replace(settings, races=races)))) for races in (1, 2))
+    assert [step.loss for step in once] == [step.loss for step in twice]
+    assert not any(step.again for step in twice)
 
 
 def test_a_second_race_that_diverges_leaves_the_first_as_it_was(tiny: Model, monkeypatch: pytest.MonkeyPatch):

@@ -19,7 +19,8 @@ _AGAIN = f"Fit again  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 
 _OTHER_HELP = """Try the other camera, which explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
-_EFFORT_HELP = "How much work the next fit is: draft less than half of normal, fine twice as much"
+_EFFORT_HELP = """How much work the next fit is: draft less than half of normal, fine twice as much.
+But in a draft, a camera in doubt is searched for twice."""
 _ON_HELP = "Improve the fit from the step that is shown, for a third of the steps of a new one; it can go on again"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then go on from there:
 for a camera that was not found"""
