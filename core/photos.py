@@ -16,7 +16,7 @@ from core.model import Model
 from core.reading import read_rgba
 from core.starts import Apparent, apparent, astray, bank_of
 
-_ASTRAY = 0.015
+_ASTRAY = 0.02
 """focal lengths: an object that lies further from where it should was moved in its picture"""
 
 
