@@ -119,8 +119,8 @@ def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: p
     first, second = steps[: len(once)], steps[len(once) :]
     assert [step.loss for step in first] == [step.loss for step in once]
     assert first[-1].steps > first[-1].step
-    for step in steps[len(first) - 1 : -1]:  # who stops early knows as much
-        found = (step.alternative and step.alternative.loss, step.margin, step.spread)
+    for step in [first[-1], *(step for step in second[:-1] if step.loss == first[-1].loss)]:
+        found = (step.alternative and step.alternative.loss, step.margin, step.spread)  # who stops early knows as much
         assert found == (once[-1].alternative.loss, once[-1].margin, once[-1].spread)
     assert {step.loss for step in second} != {step.loss for step in first}
     assert max(step.loss for step in second) <= first[-1].loss  # who stops early loses nothing
@@ -250,3 +250,17 @@ def ends_well(model: Model, seed: int) -> None:
     end = standings[-1].pool
     began = race.measured(pool[end.start[end.leader][None]])
     assert float(end.cost[end.leader]) <= float(began.cost) + 1e-6
+
+
+def test_what_an_earlier_race_found_out_holds_while_its_winner_leads(tiny: Model):
+    race = Race.of(tiny, (photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), QUICK, 0)
+    pool = race.entered()[torch.tensor([0, 1, 2])]
+    won = replace(pool[torch.tensor([0])], cost=torch.tensor([0.5]))
+    before = Standing(won, pool[torch.tensor([1])], 0.3, 1.5)
+    behind, ahead = (Standing(replace(pool, cost=torch.tensor([0.9, least, 0.8]))) for least in (0.7, 0.2))
+    assert behind.beside(None) is behind
+    assert behind.beside(before)[1:] == before[1:]
+    assert behind.beside(before).pool.cost.min() == 0.5
+    assert ahead.beside(before)[1:] == ahead[1:]
+    assert len(ahead.beside(before).pool) == 4
+    assert before.beside(before) is before  # the end of a race has been compared already
