@@ -1,7 +1,7 @@
 """Seconds against degrees: blind fits by every preset, on views whose cameras are known.
 
 One view of every object is fitted without its camera; the stream's own timestamps make the curves. What the
-same fits know of themselves calibrates :mod:`core.confidence`.
+same fits know of themselves, in the end, calibrates :mod:`core.confidence`.
 """
 
 import math
