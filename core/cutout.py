@@ -11,7 +11,9 @@ from scipy.ndimage import binary_dilation, binary_erosion, gaussian_gradient_mag
 from skimage.color import rgb2lab
 
 SMALLEST = 8
-"""px: a picture or an object with a shorter side than this shows nothing to fit."""
+"""px: a picture with a shorter side than this shows nothing to fit."""
+_FEWEST = 12
+"""px of an object: with fewer it shows nothing to fit."""
 _ALIKE = 9.0
 """CIE76 colour distance up to which a pixel is the ground's colour; about four just noticeable differences"""
 _SHADED = 30.0
@@ -112,9 +114,9 @@ def _on_white(
     pixels: Float[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "height width"], white: bool
 ) -> CutOut:
     mask = _without_specks(mask)
-    rows, columns = np.nonzero(mask)
-    if len(rows) < 12 or max(np.ptp(rows), np.ptp(columns)) + 1 < SMALLEST / 2:
-        raise ValueError("no object found: all of it looks like ground; a box closer around the object may help")
+    if mask.sum() < _FEWEST:
+        hint = "a larger picture, or a box closer around the object, may help"
+        raise ValueError(f"no object found: fewer than {_FEWEST} px differ from the ground; {hint}")
     if mask.mean() > 0.97:
         raise NoGroundError(_NO_GROUND)
     # On white, half-covered pixels around the object are right as they are; on a colour they are left out.

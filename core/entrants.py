@@ -42,7 +42,9 @@ def entrants(model: Model, photos: Sequence[Photo], given: Sequence[Camera], cou
     unknown = torch.tensor([photo.camera is None for photo in photos])
     space, views = model.codes.shape_space, len(photos)
     found = {
-        view: ranked(bank_of(model), model, photo.pixels, photo.mask, given[view].focal, count, photo.framed)
+        view: ranked(
+            bank_of(model), model, photo.pixels, photo.mask, given[view].focal, count, photo.framed, photo.beyond
+        )
         for view, photo in enumerate(photos)
         if unknown[view]
     }
@@ -82,7 +84,8 @@ def _likely_shapes(
         return mean
     shapes, likely = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
     for photo, camera in zip(photos, cameras, strict=True):
-        likely += likenesses(bank, photo.pixels, photo.mask, camera.focal, camera.azimuth, camera.elevation)
+        seen = photo.pixels, photo.mask, camera.focal
+        likely += likenesses(bank, *seen, camera.azimuth, camera.elevation, photo.beyond)
     others = (shapes.abs().amax(1) > _SAME).nonzero()[:, 0]
     best = others[likely[others].argsort(descending=True)[: count - 1]]
     return torch.cat((mean, shapes[best]))

@@ -24,6 +24,8 @@ STRAY_SPREADS = (0.2, 0.02, 0.3)
 that of the training pictures, which all have one, and that of the focal length."""
 FRAMED_SPREAD = 0.05
 """Of the distance, of a picture that was moved or scaled before it was fitted."""
+CUT_OFF_SPREAD = 0.3
+"""The same where an edge cuts the object off, so that its size in the picture was not known."""
 STRAY_PRIORS = (2e-3, 2e-3, 2e-4)
 """Against the squared error of a pixel; grows with the logarithm only, so that a picture can insist."""
 _BASIN = math.radians(25)

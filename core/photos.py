@@ -32,9 +32,13 @@ class Photo:
     """None: find it"""
     framed: bool = False
     """The picture was moved, and perhaps scaled: the middle, and then the distance too, are not the camera's."""
+    beyond: Bool[Tensor, "height width"] | None = None
+    """True where nothing was seen, beyond an edge that cuts the object off; None where none does"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
+        if self.beyond is not None and (self.beyond.shape != self.mask.shape or bool((self.beyond & self.mask).any())):
+            raise ValueError("what lies beyond a picture's edge must fit its mask, and have nothing of the object")
         if self.pixels.shape != (height, width, 3):
             raise ValueError(f"a {width}x{height} mask does not fit pixels of shape {tuple(self.pixels.shape)}")
         if not bool(torch.isfinite(self.pixels).all()):
@@ -66,7 +70,7 @@ def load_photo(
     The object is told from the ground by the alpha channel, else by a plain ground of any colour found from the
     border. A picture that looks like a training picture keeps its framing, in which the distance is written; one whose
     object has the right size but lies beside its place is moved; any other is framed so that the object stands in the
-    middle in the size usual in training.
+    middle in the size usual in training. Where it reaches an edge of the picture, what lies beyond is not known.
 
     Args:
         pose: a text file with the camera-to-world matrix of SRN (16 numbers); the picture is then only resized.
@@ -120,10 +124,11 @@ def framed(
         half = width / 2  # only moved: of its size, which is right, the perspective is a part
     else:
         half = _half(cut, usual.typical * framing.scale)
-    pixels, mask = _resampled(cut, _square(cut, half, framing), (size, size))
+    square = _square(cut, half, framing)
+    pixels, mask = _resampled(cut, square, (size, size))
     if not bool(mask.any()):
         raise ValueError("the object is moved out of its picture")
-    return Photo(pixels, mask, framed=True)
+    return Photo(pixels, mask, framed=True, beyond=_beyond(cut, square, mask))
 
 
 def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
@@ -174,6 +179,25 @@ def _square(cut: CutOut, half: float, framing: Framing) -> tuple[float, float, f
     across = (left + right) / 2 - framing.across * 2 * half
     down = (top + bottom) / 2 - framing.down * 2 * half
     return across - half, down - half, across + half, down + half
+
+
+def _beyond(
+    cut: CutOut, box: tuple[float, float, float, float], mask: Bool[Tensor, "size size"]
+) -> Bool[Tensor, "size size"] | None:
+    """Which pixels of a square lie beyond an edge of the picture that the object touches, and so may be cut off by.
+
+    A picture that the object touches all round was trimmed to it, and cuts nothing off.
+    """
+    left, top, right, bottom = _box(cut.mask)
+    height, width = cut.mask.shape
+    touched = left == 0, top == 0, right == width, bottom == height
+    if all(touched) or not any(touched):
+        return None
+    steps = (torch.arange(len(mask)) + 0.5) / len(mask)
+    x, y = box[0] + steps * (box[2] - box[0]), box[1] + steps * (box[3] - box[1])
+    columns = (x < 0) & touched[0] | (x > width) & touched[2]
+    rows = (y < 0) & touched[1] | (y > height) & touched[3]
+    return (rows[:, None] | columns) & ~mask
 
 
 def _resampled(

@@ -21,6 +21,7 @@ from core.confidence import confidence
 from core.entrants import entrants, gone_on, renewed
 from core.glance import glanced, surprise
 from core.hypotheses import (
+    CUT_OFF_SPREAD,
     FRAMED_SPREAD,
     STRAY_SPREADS,
     DivergedError,
@@ -160,6 +161,7 @@ class Race:
         """What hypotheses are judged by in the end."""
         spreads = torch.tensor([STRAY_SPREADS]).repeat(len(self.photos), 1)
         spreads[torch.tensor([photo.framed for photo in self.photos]), 1] = FRAMED_SPREAD
+        spreads[torch.tensor([photo.beyond is not None for photo in self.photos]), 1] = CUT_OFF_SPREAD
         spreads[~self.unknown] = math.inf
         return Objective(self.settings.prior, self.settings.paper, spreads, self.plan[-1].forgiving)
 

@@ -9,6 +9,7 @@ import math
 from collections import OrderedDict
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import torch
@@ -34,6 +35,8 @@ _ALIKE = 20
 """views of the bank that are asked where an object should lie"""
 _GLANCE_SHARE = 0.06
 """of the logarithm of a direction's probability at a glance, against the overlap"""
+_HIDDEN = (0.0, 0.25, 0.6)
+"""How much of an object may lie beyond an edge that cuts it off, as shares of what is seen of it."""
 _HINT = 0.05
 """of a block's optical depth over a cell: more may be the fringe of something"""
 _LIGHT_SHARE = 0.1
@@ -113,6 +116,7 @@ def ranked(
     focal: float,
     count: int,
     framed: bool = False,
+    beyond: Bool[Tensor, "height width"] | None = None,
 ) -> Starts:
     """The ``count`` most promising cameras for a picture, or as many as there are so far apart, every second one the
     twin of the one before.
@@ -122,22 +126,24 @@ def ranked(
         mask: True on the object; anything on it at all.
         focal: px, of the picture.
         framed: the picture was moved and perhaps scaled: size and place in it are not asked.
+        beyond: True where nothing was seen, as an edge cuts the object off.
     """
-    look, light, size = _normalised(pixels, mask, focal)
-    scores = _scores(bank.masks, bank.lights, look, light)
-    middle = _middle(mask, focal)
+    looks = _looks(pixels, mask, focal, beyond)
+    scores = torch.stack([_scores(bank.masks, bank.lights, look) for look in looks])
+    sizes, middles = torch.tensor([look.size for look in looks]), torch.stack([look.middle for look in looks])
     if not framed:
-        apart = (bank.offsets - middle).norm(dim=-1)
+        size = sizes[:, None, None]
+        apart = (bank.offsets - middles[:, None, None]).norm(dim=-1)
         scores = scores - _SIZE_SHARE * (bank.sizes / size).log().abs() - _PLACE_SHARE * apart / size
-    best, prototype = scores.max(0)
+    best, which = scores.flatten(0, 1).max(0)
     if model.glance:
         best = best + _GLANCE_SHARE * glanced(model.glance, pixels, mask).log()
     chosen = _spread(bank, best, count)
-    alike = prototype[chosen], chosen
-    distance = model.distance * bank.sizes[alike] / size
-    limited = distance.clamp(0.5 * model.distance, 2 * model.distance)
-    shift = middle - bank.offsets[alike] * (size / bank.sizes[alike])[:, None]
-    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, shift, prototype[chosen])
+    look, prototype = which[chosen] // len(bank.masks), which[chosen] % len(bank.masks)
+    scale = sizes[look] / bank.sizes[prototype, chosen]
+    limited = (model.distance / scale).clamp(0.5 * model.distance, 2 * model.distance)
+    shift = middles[look] - bank.offsets[prototype, chosen] * scale[:, None]
+    return Starts(bank.azimuth[chosen], bank.elevation[chosen], limited, shift, prototype)
 
 
 def likenesses(
@@ -147,15 +153,16 @@ def likenesses(
     focal: float,
     azimuth: float,
     elevation: float,
+    beyond: Bool[Tensor, "height width"] | None = None,
 ) -> Float[Tensor, "prototypes"]:
     """How much each object of the bank looks like a picture of known camera, from the bank's view nearest to it.
 
     The arguments are those of :func:`ranked`; angles in rad.
     """
-    look, light, _ = _normalised(pixels, mask, focal)
     given = rotation(torch.tensor(azimuth), torch.tensor(elevation))
     nearest = (rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
-    return _scores(bank.masks[:, nearest], bank.lights[:, nearest], look, light)
+    masks, lights = bank.masks[:, nearest], bank.lights[:, nearest]
+    return torch.stack([_scores(masks, lights, look) for look in _looks(pixels, mask, focal, beyond)]).amax(0)
 
 
 def astray(
@@ -165,10 +172,10 @@ def astray(
 
     Below 0.02 in 476 of 480 pictures of the training kind, and above in all of the same moved by a tenth.
     """
-    look, light, size = _normalised(pixels, mask, focal)
-    alike = _scores(bank.masks, bank.lights, look, light).flatten().topk(_ALIKE).indices
-    expected = (bank.offsets * (size / bank.sizes)[..., None]).flatten(0, 1)[alike]
-    return float((expected - _middle(mask, focal)).norm(dim=-1).min())
+    look = _look(pixels, mask, focal, torch.zeros_like(mask), _box(mask))
+    alike = _scores(bank.masks, bank.lights, look).flatten().topk(_ALIKE).indices
+    expected = (bank.offsets * (look.size / bank.sizes)[..., None]).flatten(0, 1)[alike]
+    return float((expected - look.middle).norm(dim=-1).min())
 
 
 class Apparent(NamedTuple):
@@ -292,26 +299,51 @@ def _light(luminance: Float[Tensor, "*batch side side"], mask: Float[Tensor, "*b
     return light / light.square().sum((-2, -1), keepdim=True).sqrt().clamp_min(1e-3)
 
 
-def _normalised(pixels: Tensor, mask: Tensor, focal: float) -> tuple[Tensor, Tensor, float]:
-    """The picture's mask and light on the bank's grid, and its size in focal lengths."""
+class _Look(NamedTuple):
+    """A picture on the bank's grid, if the whole object fills some box in it."""
+
+    mask: Float[Tensor, "side side"]
+    light: Float[Tensor, "side side"]
+    seen: Float[Tensor, "side side"]
+    """0 where the picture says nothing"""
+    size: float
+    """the box's longer side, in focal lengths"""
+    middle: Float[Tensor, "2"]
+    """of the box less that of the picture, (x, y) in focal lengths"""
+
+
+def _looks(pixels: Tensor, mask: Tensor, focal: float, beyond: Tensor | None) -> list[_Look]:
+    """The picture as it is; where an edge cuts the object off, also as it is if more or less lies beyond it."""
+    beyond = torch.zeros_like(mask) if beyond is None else beyond
     left, top, right, bottom = _box(mask)
+    edges = beyond[:, 0].all(), beyond[0].all(), beyond[:, -1].all(), beyond[-1].all()
+    sides = [_HIDDEN if edge else _HIDDEN[:1] for edge in edges]
+    across, down = right - left, bottom - top
+    boxes = [
+        (left - one * across, top - two * down, right + three * across, bottom + four * down)
+        for one, two, three, four in product(*sides)
+    ]
+    return [_look(pixels, mask, focal, beyond, box) for box in boxes]
+
+
+def _look(pixels: Tensor, mask: Tensor, focal: float, beyond: Tensor, box: tuple[float, ...]) -> _Look:
+    left, top, right, bottom = box
+    height, width = mask.shape
     size = max(bottom - top, right - left)
     # A grid over the square around the box, widened by the bank's margin of one pixel a side.
     reach = size * SIDE / (SIDE - 2)
     steps = (torch.arange(SIDE * 3) + 0.5) / (SIDE * 3) - 0.5
-    y = ((top + bottom) / 2 + steps * reach) / mask.shape[0] * 2 - 1
-    x = ((left + right) / 2 + steps * reach) / mask.shape[1] * 2 - 1
-    grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)
+    y = ((top + bottom) / 2 + steps * reach) / height * 2 - 1
+    x = ((left + right) / 2 + steps * reach) / width * 2 - 1
+    grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)[None]
     both = torch.stack((mask.float(), pixels.mean(-1) * mask), 0)[None].float()
-    shrunk = functional.avg_pool2d(functional.grid_sample(both, grid[None], "bilinear", "zeros", False), 3)[0]
+    shrunk = functional.avg_pool2d(functional.grid_sample(both, grid, "bilinear", "zeros", False), 3)[0]
     cover, luminance = shrunk[0], shrunk[1] / shrunk[0].clamp_min(1e-3)
-    return cover, _light(luminance, cover), size / focal
-
-
-def _middle(mask: Tensor, focal: float) -> Float[Tensor, "2"]:
-    """The middle of the object's box less that of the picture, (x, y) in focal lengths."""
-    left, top, right, bottom = _box(mask)
-    return torch.tensor([left + right - mask.shape[1], top + bottom - mask.shape[0]]) / (2 * focal)
+    seen = functional.avg_pool2d(
+        functional.grid_sample((~beyond)[None, None].float(), grid, "nearest", "border", False), 3
+    )
+    middle = torch.tensor([left + right - width, top + bottom - height]) / (2 * focal)
+    return _Look(cover, _light(luminance, cover), seen[0, 0], size / focal, middle)
 
 
 def _box(mask: Tensor) -> tuple[int, int, int, int]:
@@ -321,13 +353,15 @@ def _box(mask: Tensor) -> tuple[int, int, int, int]:
 
 
 def _scores(
-    masks: Float[Tensor, "*views side side"], lights: Float[Tensor, "*views side side"], mask: Tensor, light: Tensor
+    masks: Float[Tensor, "*views side side"], lights: Float[Tensor, "*views side side"], look: _Look
 ) -> Float[Tensor, "*views"]:
-    """Overlap of the masks (intersection over union) and a share of the correlation of what lies on them."""
-    views, flat = masks.flatten(-2), mask.flatten()
+    """Overlap of the masks (intersection over union) where the picture is seen, and a share of the correlation of what
+    lies on them.
+    """
+    views, flat = masks.flatten(-2), look.mask.flatten()
     shared = views @ flat
-    overlap = shared / (views.sum(-1) + flat.sum() - shared)
-    return overlap + _LIGHT_SHARE * (lights.flatten(-2) @ light.flatten())
+    overlap = shared / (views @ look.seen.flatten() + flat.sum() - shared)
+    return overlap + _LIGHT_SHARE * (lights.flatten(-2) @ look.light.flatten())
 
 
 def _spread(bank: Bank, scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:

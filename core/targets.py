@@ -43,7 +43,7 @@ class Target:
     opaque: Float[Tensor, "pixels"]
     sure: Float[Tensor, "pixels"]
     strata: tuple[Int[Tensor, "_"], ...]
-    """indices of the pixels on the object, beside it, elsewhere; the ones that are there"""
+    """indices of the pixels on the object, beside it, elsewhere; the ones that are there and were seen"""
     fractions: tuple[float, ...]
     """of the rays that each stratum gets"""
 
@@ -57,7 +57,8 @@ class Target:
         focal = photo.camera.focal if photo.camera is not None else model.focal * height / model.image_size
         middle = torch.tensor([width / 2 + model.corner, height / 2 + model.corner])
         places = (pixel_centres(width, height) - middle) / focal
-        strata, fractions = _strata(mask)
+        seen = np.ones_like(mask) if photo.beyond is None else ~photo.beyond.cpu().numpy()
+        strata, fractions = _strata(mask, seen)
         enclosed = ~mask & ~_joined_to_border(~mask)
         return cls(
             places.reshape(-1, 2),
@@ -73,11 +74,11 @@ class Target:
         ends = np.rint(np.cumsum(self.fractions) * count).astype(int)
         counts = [max(1, int(n)) for n in np.diff(ends, prepend=0)]
         counts[0] = max(1, counts[0] + count - sum(counts))
-        indices, shares = [], []
+        indices, shares, whole = [], [], sum(map(len, self.strata))
         for stratum, number in zip(self.strata, counts, strict=True):
             slots = (torch.arange(number) + torch.rand(number, generator=generator)) / number
             indices.append(stratum[(slots * len(stratum)).long().clamp_max(len(stratum) - 1)])
-            shares.append(torch.full((number,), len(stratum) / (number * len(self.opaque))))
+            shares.append(torch.full((number,), len(stratum) / (number * whole)))
         return torch.cat(indices), torch.cat(shares)
 
 
@@ -92,11 +93,11 @@ def draw(targets: Sequence[Target], count: int, generator: torch.Generator) -> D
     return Drawn(*(torch.stack(part) for part in zip(*parts, strict=True)))
 
 
-def _strata(mask: np.ndarray) -> tuple[tuple[Tensor, ...], tuple[float, ...]]:
+def _strata(mask: np.ndarray, seen: np.ndarray) -> tuple[tuple[Tensor, ...], tuple[float, ...]]:
     rows, columns = np.nonzero(mask)
     size = max(np.ptp(rows), np.ptp(columns)) + 1
     near = distance_transform_edt(~mask) <= max(2.0, _BESIDE * size)
-    parts = [np.flatnonzero(part.ravel()) for part in (mask, near & ~mask, ~near)]
+    parts = [np.flatnonzero(part.ravel()) for part in (mask, near & ~mask & seen, ~near & seen)]
     there = [(torch.from_numpy(part), share) for part, share in zip(parts, _SHARES, strict=True) if len(part)]
     whole = sum(share for _, share in there)
     return tuple(part for part, _ in there), tuple(share / whole for _, share in there)

@@ -195,10 +195,12 @@ def _occluded(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarra
 
 
 def _moved(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
-    """To the right and down, in a picture that is large enough to hold it."""
-    pad = round(share * len(cutout))
-    whole = np.pad(1 - cutout[..., :3], ((pad, 0), (pad, 0), (0, 0)))
-    return np.concatenate((1 - whole, np.pad(cutout[..., 3:], ((pad, 0), (pad, 0), (0, 0)))), -1)
+    """To the right and down, as far as the picture goes."""
+    side = round((1 - share) * len(cutout))
+    moved = np.zeros_like(cutout)
+    moved[..., :3] = 1
+    moved[-side:, -side:] = cutout[:side, :side]
+    return moved
 
 
 def _blurred(cutout: Cutout, pixels: float, _: np.random.Generator) -> np.ndarray:

@@ -99,6 +99,40 @@ def test_a_huge_picture_is_made_smaller(tmp_path: Path, tiny: Model):
     assert 0.05 < float(photo.mask.float().mean()) < 0.3
 
 
+# Cut off by an edge
+
+
+def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
+    """The drawing, of which only a box is there."""
+    return photo_from_array(np.asarray(drawing().crop(box)), tiny)
+
+
+def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
+    photo = cut_off((60, 0, 300, 200), tiny)
+    assert photo.beyond is not None
+    first = int(photo.mask.any(0).nonzero()[0, 0])
+    assert bool(photo.beyond[:, : first - 1].all())
+    assert not bool(photo.beyond[:, first:].any())
+    below = cut_off((0, 0, 300, 150), tiny).beyond
+    assert below is not None
+    assert below.any(0).all()
+    assert not below[: SIDE // 2].any()
+
+
+@pytest.mark.parametrize("box", [(0, 0, 300, 200), (40, 60, 141, 161)])
+def test_all_is_known_around_a_whole_object_and_one_that_a_picture_was_trimmed_to(
+    tiny: Model, box: tuple[int, int, int, int]
+):
+    cutout = drawing().convert("RGBA")
+    cutout.putalpha(Image.fromarray((np.asarray(drawing()).min(-1) < 255).astype(np.uint8) * 255))
+    assert photo_from_array(np.asarray(cutout.crop(box)), tiny).beyond is None
+
+
+def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
+    with pytest.raises(ValueError, match="beyond"):
+        Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, beyond=torch.ones(8, 8) > 0)
+
+
 # Telling the object from its ground
 
 

@@ -73,6 +73,13 @@ def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, mo
     assert steps > 0
 
 
+def test_the_distance_is_free_where_an_edge_cuts_the_object_off(tiny: Model):
+    photo = replace(photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), framed=True)
+    cut_off = replace(photo, beyond=~photo.mask)
+    spreads = Race.of(tiny, (photo, cut_off, replace(cut_off, camera=tiny.camera(0.9, 0.3))), QUICK, 0).by.spreads[:, 1]
+    assert spreads[0] < spreads[1] < spreads[2] == math.inf
+
+
 def test_where_cameras_are_known_shapes_race(tiny: Model):
     cameras = [tiny.camera(0.9, 0.5), tiny.camera(2.9, 0.3)]
     photos = [replace(photo_of(tiny, tiny.codes[2], camera), camera=camera) for camera in cameras]

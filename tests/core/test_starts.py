@@ -56,6 +56,21 @@ def test_the_distance_follows_from_the_apparent_size(tiny: Model, factor: float)
     assert float(starts.distance[0]) == pytest.approx(camera.distance, rel=0.3)
 
 
+@pytest.mark.parametrize("side", [0, 1])
+def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int):
+    bank = bank_of(tiny)
+    seen = render_exact(tiny, Codes(bank.codes.shape[1], bank.codes.texture[1]), tiny.camera(1.0, 0.5), 48)
+    mask = seen.opacity > 0.5
+    first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
+    beyond = torch.zeros_like(mask)
+    beyond.movedim(side, 0)[: first + (last - first) // 3] = True
+    rest = seen.colour.where(~beyond[..., None], torch.ones(())), mask & ~beyond
+    whole = ranked(bank, tiny, seen.colour, mask, tiny.focal, 1, framed=True)
+    kept, guessed = (ranked(bank, tiny, *rest, tiny.focal, 1, True, unseen) for unseen in (None, beyond))
+    lost, left = (float((starts.shift - whole.shift).norm()) for starts in (kept, guessed))
+    assert left < 0.6 * lost
+
+
 def test_the_surface_lies_in_the_box_and_has_the_colours_of_the_object(tiny: Model):
     points, colours = surface(tiny, tiny.codes[3])
     assert len(points) > 500
