@@ -70,8 +70,17 @@ def _part(name: str, trials: Sequence[Trial], whole: Sequence[Trial]) -> Part:
     return Part(summary(name, trials), gain, median(one.seconds / other.seconds for one, other in pairs))
 
 
-def _anywhere(bank: Bank, model: Model, pixels: Tensor, mask: Tensor, focal: float, count: int, framed: bool) -> Starts:
-    """In place of the cameras that promise most."""
+def _anywhere(
+    bank: Bank,
+    model: Model,
+    pixels: Tensor,
+    mask: Tensor,
+    focal: float,
+    count: int,
+    framed: bool = False,
+    beyond: Tensor | None = None,
+) -> Starts:
+    """In place of the cameras that promise most: as :func:`core.starts.ranked`."""
     generator = torch.Generator().manual_seed(int(mask.sum()))
     cameras = [anywhere(model, generator) for _ in range(count)]
     numbers = torch.tensor([(camera.azimuth, camera.elevation, camera.distance) for camera in cameras])
