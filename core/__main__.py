@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser().parse_args(arguments)
     # Imported late: `--help` answers before torch is loaded, and a command loads what it needs alone.
     module, _, name = chosen.run.partition(".")
-    run = getattr(import_module(f"core.commands.{module}"), name)
+    run = getattr(import_module(f"core.cli.{module}"), name)
 
     try:
         run(chosen)
@@ -95,7 +95,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
 
 
 def _add_render(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "render", "showing.render", "draw one picture")
+    command = _command(commands, "render", "render.render", "draw one picture")
     _add_scene_options(command)
     command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
     command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
@@ -103,7 +103,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "turntable", "showing.turntable", "film one turn around an object")
+    command = _command(commands, "turntable", "render.turntable", "film one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="become this object halfway round, and turn back")
     command.add_argument("--frames", type=_count, default=72, help="of the whole turn")
@@ -121,7 +121,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "mesh", "showing.mesh", "write an object as a closed mesh with coloured vertices")
+    command = _command(commands, "mesh", "render.mesh", "write an object as a closed mesh with coloured vertices")
     _add_object_options(command)
     command.add_argument(
         "--resolution",
@@ -136,7 +136,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command = _command(
         commands,
         "fit",
-        "fitting.fit",
+        "fit.fit",
         "find camera and codes of an object in pictures; ends with one JSON line",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="pictures of one object")
@@ -180,12 +180,12 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     kinds = commands.add_parser("dataset", help="render a dataset in ShapeNet-SRN's layout").add_subparsers(
         required=True, metavar="KIND"
     )
-    meshes = _command(kinds, "meshes", "making.dataset_meshes", "render a folder of GLB files with its index.json")
+    meshes = _command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
     meshes.add_argument("--variants", type=int, default=0, metavar="N", help="deformed, recoloured forms of each more")
-    procedural = _command(kinds, "procedural", "making.dataset_procedural", "render objects of the built-in generator")
+    procedural = _command(kinds, "procedural", "train.dataset_procedural", "render objects of the built-in generator")
     procedural.add_argument("--count", type=_count, required=True, metavar="N", help="objects")
-    swap = _command(kinds, "swap", "making.dataset_swap", "render trained and untrained pairs for evaluate --swap")
+    swap = _command(kinds, "swap", "train.dataset_swap", "render trained and untrained pairs for evaluate --swap")
     swap.add_argument("--count", type=_count, required=True, metavar="N", help="objects of the table trained on")
     swap.add_argument("--blocks", type=_count, default=4, metavar="B", help="tables of four shapes x four textures")
     swap.add_argument("--views", type=_count, default=24, help="per object")
@@ -199,7 +199,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "train", "making.train", "train a category model; stop it and go on with --resume")
+    command = _command(commands, "train", "train.train", "train a category model; stop it and go on with --resume")
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="go on from M.state, written beside M")
@@ -227,7 +227,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
 
 def _add_glance(commands: argparse._SubParsersAction) -> None:
     command = _command(
-        commands, "glance", "making.glance", "teach a model where pictures are taken from, as train does in the end"
+        commands, "glance", "train.glance", "teach a model where pictures are taken from, as train does in the end"
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     _add_model(command)
@@ -238,7 +238,7 @@ def _add_glance(commands: argparse._SubParsersAction) -> None:
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
     command = _command(
-        commands, "convert", "making.convert", "turn a checkpoint of the authors' trainer into a model file"
+        commands, "convert", "train.convert", "turn a checkpoint of the authors' trainer into a model file"
     )
     command.add_argument("checkpoint", type=Path, metavar="models.pth")
     command.add_argument("--config", type=Path, metavar="hpam.json", help="beside the checkpoint unless told")
@@ -247,7 +247,7 @@ def _add_convert(commands: argparse._SubParsersAction) -> None:
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command = _command(
-        commands, "evaluate", "measuring.evaluate", "the paper's protocol: fit a view, draw the others, compare"
+        commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, draw the others, compare"
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
     _add_model(command)
@@ -265,10 +265,10 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     kinds = commands.add_parser("bench", help="measure on this machine and draw the charts").add_subparsers(
         required=True, metavar="KIND"
     )
-    rendering = _command(kinds, "render", "measuring.bench_render", "milliseconds a frame against PSNR, part by part")
+    rendering = _command(kinds, "render", "measure.bench_render", "milliseconds a frame against PSNR, part by part")
     rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another side")
-    fitting = _command(kinds, "fit", "measuring.bench_fit", "seconds against degrees of blind fits, preset by preset")
-    parts = _command(kinds, "parts", "measuring.bench_parts", "what every part of a blind fit is worth")
+    fitting = _command(kinds, "fit", "measure.bench_fit", "seconds against degrees of blind fits, preset by preset")
+    parts = _command(kinds, "parts", "measure.bench_parts", "what every part of a blind fit is worth")
     for kind in (fitting, parts):
         kind.add_argument(
             "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's own objects"
@@ -276,13 +276,11 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
         kind.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
         _add_seed(kind)
     stability = _command(
-        kinds, "stability", "measuring.bench_stability", "where blind fits fail: success against stressors"
+        kinds, "stability", "measure.bench_stability", "where blind fits fail: success against stressors"
     )
     stability.add_argument("--objects", type=_count, default=2, metavar="N", help="of the model, spread over it")
     _add_seed(stability)
-    size = _command(
-        kinds, "size", "measuring.bench_size", "what sizes of network and codes buy; trains a model for each"
-    )
+    size = _command(kinds, "size", "measure.bench_size", "what sizes of network and codes buy; trains a model for each")
     size.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
     size.add_argument("--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of other objects")
     size.add_argument("--objects", type=_count, default=12, metavar="N", help="of these are fitted")

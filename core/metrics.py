@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.camera import Camera
+from core.geometry.camera import Camera
 
 Picture = Float[Tensor, "_ _ 3"] | Float[np.ndarray, "_ _ 3"]
 """height, width, rgb in 0..1"""

@@ -18,9 +18,9 @@ hypothesis.settings.load_profile("shared machine")
 
 import torch  # noqa: E402
 
-from core.codes import CodeBook, Entry  # noqa: E402
-from core.field import Field, FieldConfig  # noqa: E402
-from core.model import Model  # noqa: E402
+from core.models.codes import CodeBook, Entry  # noqa: E402
+from core.models.field import Field, FieldConfig  # noqa: E402
+from core.models.model import Model  # noqa: E402
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window. Without a display: one line on stderr, status 1."""
     chosen = parser().parse_args(arguments)
     # Imported late: `--help` and a wrong word answer before torch is loaded.
-    from core.library import load_model
+    from core.models.library import load_model
     from viewer.app import App
     from viewer.screenshot import Screenshot
     from viewer.session import Session, Streams

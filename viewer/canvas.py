@@ -7,7 +7,7 @@ import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
-from core.frames import Frame
+from core.rendering.progressive import Frame
 from viewer.theme import Palette, mixed
 
 _SPARE = 2_000_000

@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from core.cutout import Hints
-from core.fit import FitStep
-from core.frames import Frame
-from core.photos import Framing, Photo
+from core.fitting.fit import FitStep
+from core.photos.photo import Framing, Photo
+from core.photos.segmentation import Hints
+from core.rendering.progressive import Frame
 
 _MOST_STEPS = 800
 """kept; of more, every other one is forgotten"""

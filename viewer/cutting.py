@@ -11,10 +11,10 @@ import torch
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.cutout import CutOut, Hints, cut_out
-from core.model import Model
-from core.photos import Framing, framed
-from core.reading import read_rgba
+from core.models.model import Model
+from core.photos.decode import read_rgba
+from core.photos.photo import Framing, framed
+from core.photos.segmentation import CutOut, Hints, cut_out
 from viewer.course import Source
 from viewer.messages import explain
 from viewer.worker import Job

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.pictures import held_scene
+from core.models.pictures import held_scene
 from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.exporting import Kind

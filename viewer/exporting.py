@@ -8,12 +8,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from core.codes import Codes
-from core.frames import Frame, RenderJob, RenderSettings
-from core.model import Model
-from core.pictures import save_picture
-from core.scene import Scene
-from core.timeline import Shot, turntable
+from core.export.keyframes import Shot, turntable
+from core.models.codes import Codes
+from core.models.model import Model
+from core.models.pictures import save_picture
+from core.models.scene import Scene
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.sheet import write_sheet
 from viewer.worker import Job
@@ -26,7 +26,7 @@ Kind = Literal["turntable", "film", "mesh", "sheet"]
 
 @dataclass(frozen=True)
 class VideoChoice:
-    """What core.video.VideoSettings holds; the video library is imported on the worker, as it takes its time."""
+    """What core.export.video.VideoSettings holds; the video library is imported on the worker, as it takes its time."""
 
     size: int = 256
     rate: int = 24
@@ -35,16 +35,16 @@ class VideoChoice:
 
 
 def film(model: Model, shots: Sequence[Shot], path: Path, choice: VideoChoice) -> Iterator[int]:
-    """core.video.film."""
-    from core.video import VideoSettings
-    from core.video import film as stream
+    """core.export.video.film."""
+    from core.export.video import VideoSettings
+    from core.export.video import film as stream
 
     return stream(model, shots, path, VideoSettings(**asdict(choice)))
 
 
 def mesh(model: Model, codes: Codes, path: Path, resolution: int | None = None) -> Iterator[float]:
-    """core.mesh.export_mesh; imported on the worker, as the mesh libraries take their time."""
-    from core.mesh import export_mesh
+    """core.export.mesh.export_mesh; imported on the worker, as the mesh libraries take their time."""
+    from core.export.mesh import export_mesh
 
     return export_mesh(model, codes, path, resolution)
 

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.frames import Frame
+from core.rendering.progressive import Frame
 from viewer.desk import Desk
 from viewer.session import Part
 from viewer.theme import Colour, packed

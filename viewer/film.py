@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from core.frames import Frame, RenderJob, RenderSettings
-from core.model import Model
-from core.scene import Scene
-from core.timeline import Shot, Timeline
+from core.export.keyframes import Shot, Timeline
+from core.models.model import Model
+from core.models.scene import Scene
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.worker import Job
 

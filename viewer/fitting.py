@@ -13,11 +13,11 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.camera import Camera
-from core.cutout import NoGroundError
-from core.fit import PRESETS, FitJob, FitStep, Hypothesis
-from core.frames import Frame, RenderJob, RenderSettings
-from core.scene import Scene
+from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
+from core.geometry.camera import Camera
+from core.models.scene import Scene
+from core.photos.segmentation import NoGroundError
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.course import Course, Shot, Source, paired
 from viewer.gallery import Thing

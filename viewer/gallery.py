@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from core.codes import Codes
-from core.frames import Frame, RenderJob, RenderSettings
-from core.model import Model
-from core.photos import Photo
+from core.models.codes import Codes
+from core.models.model import Model
+from core.photos.photo import Photo
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.worker import Job
 

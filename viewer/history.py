@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from core.scene import Scene
-from core.timeline import Timeline
+from core.export.keyframes import Timeline
+from core.models.scene import Scene
 
 _DEPTH = 500
 """States kept; a state is a few hundred numbers."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import UInt8
 
-from core.frames import Frame
+from core.rendering.progressive import Frame
 from viewer.modes import heat
 
 _SEEN = 4 / 255

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
-from core.camera import Camera, rotation
-from core.frames import Frame
+from core.geometry.camera import Camera, rotation
+from core.rendering.progressive import Frame
 
 _THERE = 0.5
 """opacity from which a pixel counts as the object's"""

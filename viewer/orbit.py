@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
-from core.camera import Camera
-from core.frames import Frame
-from core.model import Model
+from core.geometry.camera import Camera
+from core.models.model import Model
+from core.rendering.progressive import Frame
 
 HIGHEST = math.radians(89.0)
 """Short of the pole, where the picture would spin."""

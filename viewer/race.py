@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from core.camera import Camera
-from core.fit import FitStep, Hypothesis
-from core.frames import Frame
-from core.model import Model
-from core.precision import autocast
-from core.render import render_exact
+from core.fitting.fit import FitStep, Hypothesis
+from core.geometry.camera import Camera
+from core.models.model import Model
+from core.models.precision import autocast
+from core.rendering.progressive import Frame
+from core.rendering.reference import render_exact
 from viewer.worker import Job
 
 if TYPE_CHECKING:

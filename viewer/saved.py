@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from PIL import Image
 
-from core.model import Model
-from core.photos import Photo
-from core.scene import Scene
-from core.timeline import Key, Shot, Timeline
+from core.export.keyframes import Key, Shot, Timeline
+from core.models.model import Model
+from core.models.scene import Scene
+from core.photos.photo import Photo
 from viewer.gallery import Thing
 from viewer.history import Mix, Pair, State
 

@@ -9,17 +9,17 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from core.camera import Camera
-from core.codes import CodeBook, Codes, CodeSpace
-from core.fit import FitJob, FitStep, fit
-from core.frames import Frame, RenderJob, frames
-from core.library import load_model
-from core.model import Model
-from core.photos import Photo, load_photo
-from core.pictures import open_scene
-from core.scene import Scene
-from core.starts import preparing
-from core.timeline import Timeline
+from core.export.keyframes import Timeline
+from core.fitting.fit import FitJob, FitStep, fit
+from core.geometry.camera import Camera
+from core.models.codes import CodeBook, Codes, CodeSpace
+from core.models.library import load_model
+from core.models.model import Model
+from core.models.pictures import open_scene
+from core.models.scene import Scene
+from core.photos.photo import Photo, load_photo
+from core.photos.view_bank import preparing
+from core.rendering.progressive import Frame, RenderJob, frames
 from viewer import orbit
 from viewer.clipboard import Clipboard
 from viewer.cutting import Cutting

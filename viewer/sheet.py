@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from core.camera import Camera
-from core.codes import Codes
 from core.files import whole_file
-from core.frames import Frame, RenderJob, RenderSettings
-from core.model import Model
-from core.pictures import FORMATS
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from core.models.model import Model
+from core.models.pictures import FORMATS
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.history import Pair
 from viewer.worker import Job

@@ -6,10 +6,10 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from core.camera import Camera
-from core.codes import Codes
-from core.frames import Frame, RenderJob, RenderSettings
-from core.model import Model
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.worker import Job
 
 if TYPE_CHECKING:

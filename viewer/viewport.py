@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from core.frames import Frame, RenderJob, RenderSettings
-from core.pace import Pace
+from core.rendering.frame_budget import Pace
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.quality import QUALITIES, USUAL, Quality
 from viewer.worker import Job

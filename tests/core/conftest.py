@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from core.data.rasterise import Rasteriser
-from core.model import Model
+from core.datasets.rasteriser import Rasteriser
+from core.models.model import Model
 from tests.conftest import no_opengl
 from tests.core.tiny import tiny_model
 

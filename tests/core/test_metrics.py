@@ -6,7 +6,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.camera import Camera
+from core.geometry.camera import Camera
 from core.metrics import (
     MOST_PSNR,
     camera_direction,

@@ -4,12 +4,12 @@ from functools import cache
 
 import torch
 
-from core.camera import Camera
-from core.codes import CodeBook, Codes, Entry
-from core.field import Field, FieldConfig
-from core.model import Model
-from core.photos import Photo
-from core.render import render_exact
+from core.geometry.camera import Camera
+from core.models.codes import CodeBook, Codes, Entry
+from core.models.field import Field, FieldConfig
+from core.models.model import Model
+from core.photos.photo import Photo
+from core.rendering.reference import render_exact
 
 EXTENT = (0.4, 0.4, 0.4)
 SIDE = 40

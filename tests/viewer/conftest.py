@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
-from core.model import Model
+from core.models.model import Model
 from tests.conftest import no_opengl, random_model
 from tests.viewer.window_driver import Driver, finish, quick_fit, quick_frames, quick_photo
 from viewer import window

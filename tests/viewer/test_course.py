@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from core.fit import FitStep
-from core.model import Model
+from core.fitting.fit import FitStep
+from core.models.model import Model
 from viewer import course
 from viewer.course import Course, Source, paired
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from core.camera import Camera
+from core.geometry.camera import Camera
 from viewer.frusta import Onlooker, box, frustum, ring
 
 

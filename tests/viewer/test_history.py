@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from core.model import Model
-from core.scene import Scene
+from core.models.model import Model
+from core.models.scene import Scene
 from viewer.history import History, Mix, Pair, State
 
 

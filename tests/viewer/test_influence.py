@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.frames import Frame, picture
-from core.model import Model
+from core.models.model import Model
+from core.rendering.progressive import Frame, picture
 from viewer.influence import Influence
 
 

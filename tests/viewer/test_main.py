@@ -10,8 +10,8 @@ import pytest
 import torch
 from PIL import Image
 
-from core.field import Field
-from core.model import Model
+from core.models.field import Field
+from core.models.model import Model
 from viewer.__main__ import parser
 
 

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 import torch
 
-from core.camera import Camera
-from core.frames import Frame, RenderJob, RenderSettings, frames
-from core.model import Model
-from core.rays import camera_rays
+from core.geometry.camera import Camera
+from core.geometry.rays import camera_rays
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, frames
 from viewer.modes import MODES, normals, seen_as
 
 CAMERA = Camera(0.7, 0.4, 2.0, 131.25, 64, 64)

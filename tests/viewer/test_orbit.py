@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.camera import Camera
-from core.frames import Frame
-from core.model import Model
+from core.geometry.camera import Camera
+from core.models.model import Model
+from core.rendering.progressive import Frame
 from viewer import orbit
 
 CAMERA = Camera(0.4, 0.2, 2.0, 131.25, 128, 128)

@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import torch
 
-from core.codes import Codes
-from core.fit import FitStep, Hypothesis
-from core.model import Model
+from core.fitting.fit import FitStep, Hypothesis
+from core.models.codes import Codes
+from core.models.model import Model
 from viewer.race import raced
 
 

@@ -10,10 +10,10 @@ import pytest
 import torch
 from PIL import Image
 
-from core.codes import CodeBook, Codes
-from core.fit import FitJob, FitStep
-from core.model import Model
-from core.photos import Framing
+from core.fitting.fit import FitJob, FitStep
+from core.models.codes import CodeBook, Codes
+from core.models.model import Model
+from core.photos.photo import Framing
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import broken_fit, deliver, endless_fit, finish, quick_frames
 from viewer import orbit

@@ -1,8 +1,8 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from core.frames import Frame, RenderJob
-from core.model import Model
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.window_driver import finish, quick_frames
 from viewer.session import Session
 

@@ -18,15 +18,15 @@ from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
-from core.codes import Codes
-from core.field import Field
+from core.export.keyframes import Shot
 from core.files import whole_file
-from core.fit import FitJob, FitStep
-from core.model import Model
-from core.photos import Photo
-from core.pictures import save_picture
-from core.scene import Scene
-from core.timeline import Shot
+from core.fitting.fit import FitJob, FitStep
+from core.models.codes import Codes
+from core.models.field import Field
+from core.models.model import Model
+from core.models.pictures import save_picture
+from core.models.scene import Scene
+from core.photos.photo import Photo
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
 from viewer import app, orbit

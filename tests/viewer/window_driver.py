@@ -11,10 +11,10 @@ import torch
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.fit import Alternative, FitJob, FitStep, Hypothesis
-from core.frames import Frame, RenderJob
-from core.model import Model
-from core.photos import Photo, load_photo
+from core.fitting.fit import Alternative, FitJob, FitStep, Hypothesis
+from core.models.model import Model
+from core.photos.photo import Photo, load_photo
+from core.rendering.progressive import Frame, RenderJob
 from viewer.desk import chord
 from viewer.session import Session
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.camera import Camera
-from core.codes import Codes
-from core.frames import Frame
-from core.model import Model
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.progressive import Frame
 from viewer import faces, orbit
 from viewer.desk import Desk, button, tip
 from viewer.influence import Influence

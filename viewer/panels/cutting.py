@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.cutout import Hints, Stroke
-from core.photos import Framing
+from core.photos.photo import Framing
+from core.photos.segmentation import Hints, Stroke
 from viewer.cutting import Cutting
 from viewer.desk import Desk, button, chord, tip
 from viewer.theme import WARM, packed

@@ -4,7 +4,7 @@ from functools import partial
 
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from core.confidence import DOUBTFUL, RIGHT_DEGREES
+from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from viewer.comparison import Comparison
 from viewer.curve import Curve
 from viewer.desk import IMAGES, Desk, button, flow, tip

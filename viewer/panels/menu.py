@@ -6,7 +6,7 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui
 
-from core.library import samples, shipped_models
+from core.models.library import samples, shipped_models
 from viewer.desk import Desk, chord, tip
 from viewer.preferences import LARGEST, SMALLEST
 

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
 
-from core.pictures import FORMATS
+from core.models.pictures import FORMATS
 from viewer import faces
 from viewer.desk import Desk, button, draw_progress, tip
 from viewer.files import Wish

@@ -2,8 +2,8 @@
 
 from imgui_bundle import imgui
 
-from core.frames import Frame
-from core.precision import linear_dtype
+from core.models.precision import linear_dtype
+from core.rendering.progressive import Frame
 from viewer.desk import Desk, tip
 from viewer.session import Session
 

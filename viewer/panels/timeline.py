@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.timeline import Key
+from core.export.keyframes import Key
 from viewer import faces
 from viewer.desk import VIDEOS, Desk, button, draw_progress, flow, tip
 from viewer.files import Wish

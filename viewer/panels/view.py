@@ -4,7 +4,7 @@ import time
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.frames import Frame
+from core.rendering.progressive import Frame
 from viewer import orbit
 from viewer.desk import Desk, button, tip
 from viewer.forms import choose

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.frames import Frame
+from core.rendering.progressive import Frame
 from viewer import faces
 from viewer.desk import Desk, tip
 from viewer.history import State

@@ -1,1 +1,0 @@
-"""Measurements behind the charts: each is one command, runs on the machine at hand and compares within one run."""

@@ -1,0 +1,1 @@
+"""Measurements of speed, accuracy and robustness, and the charts drawn from them."""

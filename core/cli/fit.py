@@ -1,0 +1,110 @@
+"""``fit``: from pictures to a camera and codes."""
+
+import argparse
+import json
+import math
+import sys
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+
+from tqdm import tqdm
+
+from core.cli.progress import require_place
+from core.fitting import fit as fits
+from core.fitting.confidence import DOUBTFUL
+from core.fitting.fit import PRESETS, Alternative, FitJob, FitStep
+from core.geometry.camera import Camera
+from core.models.library import load_model
+from core.models.scene import Scene
+from core.photos.decode import upright_size
+from core.photos.photo import load_photo
+from core.photos.segmentation import Hints, NoGroundError
+
+
+def fit(chosen: argparse.Namespace) -> None:
+    """``fit``: camera and codes of the object in the pictures; the last line on stdout is the result as JSON."""
+    if chosen.pose and len(chosen.pose) != len(chosen.images):
+        raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
+    if chosen.box and len(chosen.box) != len(chosen.images):
+        raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
+    if chosen.lens and chosen.pose:
+        raise ValueError("--lens searches for the focal length of unknown cameras, and --pose gives them")
+    if chosen.out and chosen.out.suffix.lower() != ".json":
+        raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
+    for path in filter(None, (chosen.out, chosen.log)):
+        require_place(path)
+    settings = replace(PRESETS[chosen.preset], lens=chosen.lens)
+    model = load_model(chosen.model, chosen.device)
+    poses = chosen.pose or [None] * len(chosen.images)
+    hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
+    each = zip(chosen.images, poses, hints, strict=True)
+    try:
+        photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
+    except NoGroundError as error:
+        raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
+    last, bar = None, tqdm(unit="step", leave=False, disable=None)
+    with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
+        for last in fits.fit(model, FitJob(photos, settings, chosen.seed)):
+            bar.total = last.steps
+            bar.set_postfix_str(f"{last.psnr:.2f} dB")
+            bar.update()
+            if log:
+                log.write(json.dumps(_told(last) | {"start": last.start}) + "\n")
+    if last is None:
+        raise ValueError("the fit made no step")
+    if chosen.out:
+        Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
+    if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
+        print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
+    book = model.codes
+    (shape, texture), shapes, textures = last.directions, len(book.shape_space.spread), len(book.texture_space.spread)
+    spent = {"shape_directions": [shape, shapes], "texture_directions": [texture, textures]}
+    print(json.dumps(_told(last) | (spent if chosen.preset != "paper" else {})), flush=True)
+
+
+def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:
+    """A box in px of the upright picture, as far as it is inside."""
+    if box is None:
+        return None
+    width, height = upright_size(image)
+    left, top, right, bottom = box
+    try:
+        return Hints((max(0, left) / width, max(0, top) / height, min(1, right / width), min(1, bottom / height)))
+    except ValueError as error:
+        raise ValueError(f"{image}: {error} of {width}x{height} px") from None
+
+
+def _told(step: FitStep) -> dict[str, object]:
+    other = step.alternative
+    return {
+        **_camera_told(step.cameras[0]),
+        "psnr": round(step.psnr, 3),
+        "seconds": round(step.seconds, 3),
+        "steps": step.step,
+        "loss": step.loss,
+        "confidence": step.confidence and round(step.confidence, 3),
+        "spread": step.spread and round(step.spread, 3),
+        "focal": _focal(step.cameras[0]),
+        "alternative": other
+        and {**_camera_told(other.cameras[0]), "focal": _focal(other.cameras[0]), "loss": other.loss},
+    }
+
+
+def _camera_told(camera: Camera) -> dict[str, float]:
+    return {
+        "azimuth": round(math.degrees(camera.azimuth), 4),
+        "elevation": round(math.degrees(camera.elevation), 4),
+        "distance": round(camera.distance, 5),
+    }
+
+
+def _focal(camera: Camera) -> float:
+    """In heights of the picture."""
+    return round(camera.focal / camera.height, 4)
+
+
+def _doubt(trust: float, other: Alternative) -> str:
+    told = _camera_told(other.cameras[0])
+    where = f"azimuth {told['azimuth']:.0f}, elevation {told['elevation']:.0f}"
+    return f"the camera is doubtful (confidence {trust:.2f}): it may be {where}, or the object none of the model's kind"

@@ -1,0 +1,146 @@
+"""Renders a folder of GLB meshes into a dataset: ``index.json`` lists the files with their categories."""
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, UInt8
+from PIL import Image
+
+from core.datasets.mesh_variants import cells, deformed, recoloured
+from core.datasets.rasteriser import Surface
+from core.datasets.render_objects import Sitter, picture_all
+from core.datasets.splits import Split, held_out
+
+WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+"""glTF has y up and the front at +z; the world has z up and the front at +y."""
+_TURNED = {
+    "quaternius_oct2017_chair": -90,
+    "quaternius_oct2017_chaircushioned": -90,
+    "quaternius_oct2017_chairhandle": -90,
+}
+"""Degrees about the vertical that bring the front of a mesh to +y where its file has it elsewhere."""
+
+
+@dataclass(frozen=True)
+class MeshEntry:
+    """One line of a mesh folder's index."""
+
+    name: str
+    category: str
+    path: Path
+
+
+def mesh_plan(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
+    """The meshes that a split renders, in the index's order. Raises ``ValueError`` for a folder without an index."""
+    index = Path(folder) / "index.json"
+    try:
+        lines = json.loads(index.read_text())
+        entries = [MeshEntry(line["id"], line["category"], Path(folder) / line["file"]) for line in lines]
+    except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
+        raise ValueError(f"{index}: not a mesh index ({error!r})") from error
+    kept = held_out(category)
+    plan = tuple(e for e in entries if e.category == category and (e.name in kept) == (split == "test"))
+    if not plan:
+        raise ValueError(f"{index}: no {category} for the {split} split")
+    return plan
+
+
+def render_meshes(
+    folder: Path | str, out: Path | str, category: str, split: Split, views: int, size: int, variants: int = 0
+) -> Iterator[str]:
+    """Renders every mesh of ``mesh_plan`` into the dataset ``out`` as :func:`core.datasets.render_objects.picture_all`
+    does.
+
+    ``variants`` deformed forms of each are added, in as many colourings: see :mod:`core.datasets.mesh_variants`.
+    Raises ``ValueError`` for a negative number of them.
+    """
+    if variants < 0:
+        raise ValueError(f"a mesh has no {variants} variants")
+    plan = mesh_plan(folder, category, split)
+    sitters = [_sitter(entry, form, look) for entry in plan for form, look in cells(variants)]
+    yield from picture_all(sitters, out, category, split, views, size)
+
+
+def _sitter(entry: MeshEntry, form: int, look: int) -> Sitter:
+    """A mesh in one of its forms and looks; form 0 and look 0 carry its own name."""
+    shape = f"{entry.name}-form{form}" if form else entry.name
+    texture = f"{entry.name}-look{look}" if look else entry.name
+    name = f"{shape}-look{look}" if look else shape
+    return Sitter(name, shape, texture, partial(_variant, entry, form, look))
+
+
+def _variant(entry: MeshEntry, form: int, look: int) -> tuple[Surface, ...]:
+    surfaces = load_mesh(entry.path, _TURNED.get(entry.name, 0.0))
+    return normalised(deformed(recoloured(surfaces, entry.name, look), entry.name, form))
+
+
+def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
+    """A GLB's surfaces in the world: centred, bounding box diagonal 1, base colours only.
+
+    Args:
+        path: the file; glTF axes.
+        turn: degrees about the world's vertical, counter-clockwise seen from above.
+
+    Raises ``ValueError`` naming the file where it holds no triangles or cannot be read.
+    """
+    try:
+        scene = trimesh.load_scene(path)
+    except Exception as error:  # trimesh's readers raise whatever their parsers raise
+        raise ValueError(f"{path}: not a mesh that can be read ({error})") from error
+    about_z = trimesh.transformations.rotation_matrix(np.radians(turn), (0, 0, 1))[:3, :3]
+    surfaces = []
+    for node in sorted(scene.graph.nodes_geometry):
+        transform, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
+            surfaces.append(_surface(geometry, about_z @ WORLD_FROM_GLTF @ transform[:3]))
+    if not surfaces:
+        raise ValueError(f"{path}: holds no triangles")
+    return normalised(surfaces)
+
+
+def normalised(surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
+    """The same object with its bounding box centred on the origin and a diagonal of 1 (ShapeNet v2's scale)."""
+    used = np.vstack([surface.vertices[np.unique(surface.faces)] for surface in surfaces])
+    low, high = used.min(0), used.max(0)
+    scale = 1.0 / max(float(np.linalg.norm(high - low)), 1e-12)
+    middle = (low + high) / 2
+    return tuple(
+        Surface((s.vertices - middle) * scale, s.normals, s.faces, s.colours, s.uvs, s.texture) for s in surfaces
+    )
+
+
+def _surface(geometry: trimesh.Trimesh, placed: Float[np.ndarray, "3 4"]) -> Surface:
+    """One mesh of the scene graph, placed in the world by a 3x3 matrix and a shift."""
+    vertices = geometry.vertices @ placed[:, :3].T + placed[:, 3]
+    # Normals turn with the inverse transpose; the cofactors are that up to scale and never divide by zero.
+    a, b, c = placed[:, :3].T
+    normals = geometry.vertex_normals @ np.stack((np.cross(b, c), np.cross(c, a), np.cross(a, b)))
+    colours, uvs, texture = _look(geometry)
+    return Surface(vertices, normals, np.asarray(geometry.faces), colours, uvs, texture)
+
+
+def _look(
+    geometry: trimesh.Trimesh,
+) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 2"] | None, UInt8[np.ndarray, "h w 4"] | None]:
+    """Colours, texture coordinates and texture: from vertex colours, or from the material's factor and picture."""
+    count, visual = len(geometry.vertices), geometry.visual
+    if isinstance(visual, trimesh.visual.ColorVisuals):
+        return np.asarray(visual.vertex_colors)[:, :3] / 255.0, None, None
+    if visual is None:
+        return np.ones((count, 3)), None, None
+    material = visual.material
+    factor = getattr(material, "baseColorFactor", None)
+    factor = (255, 255, 255) if factor is None else np.asarray(factor)[:3]
+    colours = np.tile(np.asarray(factor, np.float64) / 255.0, (count, 1))
+    picture = getattr(material, "baseColorTexture", None)
+    if not isinstance(picture, Image.Image) or visual.uv is None:
+        return colours, None, None
+    # trimesh counts v from the picture's bottom.
+    uvs = np.asarray(visual.uv) * (1.0, -1.0) + (0.0, 1.0)
+    return colours, uvs, np.asarray(picture.convert("RGBA"))

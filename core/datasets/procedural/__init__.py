@@ -1,0 +1,1 @@
+"""Procedural objects: shapes and textures from seeds."""

@@ -1,0 +1,21 @@
+"""Procedural cars: one seed, one car, made of labelled meshes in metres and then brought to ShapeNet's scale."""
+
+import numpy as np
+
+from core.datasets.procedural.cars.bodies import body
+from core.datasets.procedural.cars.fittings import fittings
+from core.datasets.procedural.cars.kinds import KINDS, car_plan
+from core.datasets.procedural.cars.wheels import wheels
+from core.datasets.procedural.carving import mirrored
+from core.datasets.procedural.shape import Shape, normalised_shape
+from core.datasets.procedural.solids import Part, warped
+
+
+def car(seed: int) -> Shape:
+    """The car of a seed, always the same."""
+    generator = np.random.default_rng([seed, 17])
+    kind = str(generator.choice(list(KINDS), p=[share for _, share in KINDS.values()]))
+    plan = car_plan(generator, kind)
+    parts = [Part(p.label, warped(p.solid, plan.bent)) for p in body(generator, plan) + fittings(generator, plan)]
+    parts += wheels(generator, plan)
+    return normalised_shape(kind, [Part(part.label, mirrored(part.solid)) for part in parts])

@@ -1,0 +1,37 @@
+"""Which objects train and which are held out for testing (``assets/held_out.json``), and each split's cameras."""
+
+import json
+import zlib
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from core.datasets.srn_cameras import SRN_DISTANCES, spiral_views, training_views
+from core.geometry.camera import Camera
+
+Split = Literal["train", "test"]
+_HELD_OUT = Path(__file__).resolve().parents[2] / "assets" / "held_out.json"
+
+
+def held_out(category: str) -> frozenset[str]:
+    """Names of the meshes that are kept for testing and never trained on."""
+    return frozenset(json.loads(_HELD_OUT.read_text())["meshes"].get(category, ()))
+
+
+def first_seed(split: Split) -> int:
+    """Where a split's seeds of procedural shapes and textures begin."""
+    return int(json.loads(_HELD_OUT.read_text())["procedural_first_seed"][split])
+
+
+def split_cameras(split: Split, count: int, name: str, category: str, size: int) -> tuple[Camera, ...]:
+    """SRN's cameras of a split. Training views depend on the object's name alone, whatever else is rendered.
+
+    Raises ``ValueError`` for a category whose distance is not known.
+    """
+    if category not in SRN_DISTANCES:
+        raise ValueError(f"unknown category {category!r}: one of {', '.join(SRN_DISTANCES)}")
+    if split == "test":
+        return spiral_views(count, SRN_DISTANCES[category], size)
+    generator = np.random.default_rng(zlib.crc32(name.encode()))
+    return training_views(count, generator, SRN_DISTANCES[category], size)

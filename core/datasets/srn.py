@@ -1,0 +1,273 @@
+"""Datasets on disk in ShapeNet-SRN's layout: ``DATASET/OBJECT/{rgb/000000.png, pose/000000.txt, intrinsics.txt}``.
+
+Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.png`` (255 inside the object), and
+``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture.
+"""
+
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Bool, UInt8
+from PIL import Image
+
+from core.geometry.camera import Camera
+
+_WHITE_FROM = 253
+"""A pixel whose channels are all this bright is ground where no mask says more: resaved pictures waver by 1-2."""
+
+
+@dataclass(frozen=True)
+class ObjectViews:
+    """One object's pictures and the cameras that took them. Raises ``ValueError`` where they do not belong together."""
+
+    name: str
+    shape_id: str
+    """objects with the same shape_id have one geometry"""
+    texture_id: str
+    """objects with the same texture_id have one look"""
+    images: UInt8[np.ndarray, "views height width 3"]
+    """on white"""
+    masks: Bool[np.ndarray, "views height width"]
+    """True on the object"""
+    cameras: tuple[Camera, ...]
+
+    def __post_init__(self) -> None:
+        if self.images.ndim != 4 or self.images.shape[-1] != 3 or self.images.dtype != np.uint8:
+            raise ValueError(f"{self.name}: images must be uint8 [views, height, width, 3], got {self.images.shape}")
+        if self.masks.shape != self.images.shape[:3] or self.masks.dtype != np.bool_:
+            raise ValueError(f"{self.name}: masks {self.masks.shape} do not fit images {self.images.shape}")
+        if len(self.cameras) != len(self.images) or not self.cameras:
+            raise ValueError(f"{self.name}: {len(self.cameras)} cameras for {len(self.images)} images")
+        height, width = self.images.shape[1:3]
+        if any((camera.width, camera.height) != (width, height) for camera in self.cameras):
+            raise ValueError(f"{self.name}: the cameras' size is not the images' {width}x{height}")
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Objects of one category, all seen through the same square picture and focal length."""
+
+    objects: tuple[ObjectViews, ...]
+    category: str
+    """'' where the files do not say"""
+    image_size: int
+    """px, width and height"""
+    focal: float
+    """px, at image_size"""
+
+
+@dataclass(frozen=True)
+class ObjectPlace:
+    """An object of a dataset that has not been read yet: a test set need not fit into memory."""
+
+    folder: Path
+    shape_id: str
+    texture_id: str
+
+    @property
+    def name(self) -> str:
+        """As :class:`ObjectViews` has it."""
+        return self.folder.name
+
+    def read(self) -> ObjectViews:
+        """Its pictures. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
+        return _read_object(self.folder, (self.shape_id, self.texture_id))
+
+
+def find_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectPlace, ...]]:
+    """The category ('' where no manifest says) and the objects of dataset folders, in order of folder, then of name.
+
+    Raises ``ValueError`` naming the folder where there are none, or where categories or names clash.
+    """
+    categories, places = set[str](), list[ObjectPlace]()
+    for folder in map(Path, folders):
+        category, found = _find(folder)
+        categories |= {category} - {""}
+        places += found
+    if len(categories) > 1:
+        raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
+    names = [place.name for place in places]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice:
+        raise ValueError(f"{twice}: two folders hold an object of this name")
+    return "".join(categories), tuple(places)
+
+
+def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
+    """Reads one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
+
+    Raises ``ValueError`` naming the file for anything missing, broken or contradictory.
+    """
+    several = [folders] if isinstance(folders, str | Path) else list(folders)
+    objects: list[ObjectViews] = []
+    categories: set[str] = set()
+    for folder in map(Path, several):
+        category, found = _read_folder(folder)
+        objects += found
+        categories |= {category} - {""}
+    _refuse_contradictions(objects, categories)
+    camera = objects[0].cameras[0]
+    return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal)
+
+
+def write_object(folder: Path | str, views: ObjectViews) -> None:
+    """Writes ``folder/NAME/...``, replacing what is there.
+
+    A folder of that name appears only once it is whole, so a stopped job can resume.
+    """
+    target = Path(folder) / views.name
+    partial = target.with_name(f".{views.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    for part in ("rgb", "pose", "mask"):
+        (partial / part).mkdir(parents=True)
+    for i, (image, mask, camera) in enumerate(zip(views.images, views.masks, views.cameras, strict=True)):
+        Image.fromarray(image).save(partial / f"rgb/{i:06d}.png", compress_level=4)
+        Image.fromarray(mask.astype(np.uint8) * 255).save(partial / f"mask/{i:06d}.png", compress_level=4)
+        numbers = " ".join(f"{value:.12g}" for value in camera.pose().flatten().tolist())
+        (partial / f"pose/{i:06d}.txt").write_text(numbers + "\n")
+    camera = views.cameras[0]
+    intrinsics = f"{camera.focal:.9g} {camera.width / 2:.9g} {camera.height / 2:.9g} 0."
+    (partial / "intrinsics.txt").write_text(f"{intrinsics}\n0. 0. 0.\n1.\n{camera.height} {camera.width}\n")
+    shutil.rmtree(target, ignore_errors=True)
+    partial.rename(target)
+
+
+def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
+    """Writes ``manifest.json``: the category and, for each object's name, its (shape_id, texture_id).
+
+    It may name objects that are not there yet, so it can be written before the pictures are.
+    """
+    objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    text = json.dumps({"category": category, "objects": objects}, indent=1)
+    (Path(folder) / "manifest.json").write_text(text + "\n")
+
+
+def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
+    """The category and the objects of one dataset folder."""
+    category, places = _find(folder)
+    # Decoding a PNG releases the interpreter lock, so threads are enough.
+    with ThreadPoolExecutor() as pool:
+        return category, list(pool.map(ObjectPlace.read, places))
+
+
+def _find(folder: Path) -> tuple[str, list[ObjectPlace]]:
+    """The category and the places of one dataset folder. Without a manifest, an object shares neither shape nor
+    texture (the paper's setting).
+    """
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no such dataset folder")
+    category, identities = _read_manifest(folder / "manifest.json")
+    places = sorted(place for place in folder.iterdir() if place.is_dir() and not place.name.startswith("."))
+    if not places:
+        raise ValueError(f"{folder}: no object folders in it")
+    return category, [ObjectPlace(place, *identities.get(place.name, (place.name, place.name))) for place in places]
+
+
+def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
+    """The category and name -> (shape_id, texture_id); ('', {}) where there is no manifest."""
+    if not path.exists():
+        return "", {}
+    try:
+        content = json.loads(path.read_text())
+        objects = content.get("objects", {}).items()
+        identities = {name: (str(ids["shape_id"]), str(ids["texture_id"])) for name, ids in objects}
+        return str(content.get("category", "")), identities
+    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"{path}: not a manifest ({error!r})") from error
+
+
+def _read_object(place: Path, identity: tuple[str, str]) -> ObjectViews:
+    """One object's folder."""
+    pictures = sorted((place / "rgb").glob("*.png"))
+    if not pictures:
+        raise ValueError(f"{place / 'rgb'}: no pictures (*.png)")
+    stems = [picture.stem for picture in pictures]
+    poses = {path.stem: path for path in (place / "pose").glob("*.txt")}
+    if set(poses) != set(stems):
+        raise ValueError(f"{place / 'pose'}: {len(poses)} poses do not match the {len(stems)} pictures by name")
+    focal, made_for = _read_intrinsics(place / "intrinsics.txt")
+    images, masks = zip(*(_read_picture(picture, place / "mask" / picture.name) for picture in pictures), strict=True)
+    height, width = images[0].shape[:2]
+    for picture, image in zip(pictures, images, strict=True):
+        if image.shape != (height, width, 3):
+            raise ValueError(f"{picture}: its size is not the {width}x{height} of the object's other pictures")
+    scaled = focal * height / made_for
+    cameras = tuple(_read_pose(poses[stem], scaled, width, height) for stem in stems)
+    return ObjectViews(place.name, *identity, np.stack(images), np.stack(masks), cameras)
+
+
+def _read_intrinsics(path: Path) -> tuple[float, int]:
+    """Focal length in px and the picture height in px that it belongs to."""
+    try:
+        lines = [line.split() for line in path.read_text().splitlines() if line.strip()]
+        focal, height = float(lines[0][0]), int(lines[-1][0])
+    except (OSError, UnicodeDecodeError, ValueError, IndexError) as error:
+        raise ValueError(f"{path}: not SRN intrinsics ({error})") from error
+    if not 0 < focal < float("inf") or height < 1:
+        raise ValueError(f"{path}: focal length and height must be positive, got {focal} and {height}")
+    return focal, height
+
+
+def _read_pose(path: Path, focal: float, width: int, height: int) -> Camera:
+    """The camera of a pose file: 16 numbers, camera-to-world with OpenCV axes."""
+    try:
+        numbers = [float(word) for word in path.read_text().split()]
+        if len(numbers) != 16:
+            raise ValueError(f"a pose has 16 numbers, got {len(numbers)}")
+        pose = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
+        return Camera.from_pose(pose, focal, width, height)
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _read_picture(
+    path: Path, mask_path: Path
+) -> tuple[UInt8[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
+    """A picture laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
+    try:
+        with Image.open(path) as opened:
+            rgba = np.asarray(opened.convert("RGBA"))
+        alpha = rgba[..., 3:]
+        image = rgba[..., :3]
+        clear = bool((alpha < 255).any())
+        if clear:
+            share = alpha.astype(np.float32) / 255
+            image = (image * share + 255 * (1 - share) + 0.5).astype(np.uint8)
+        if mask_path.exists():
+            with Image.open(mask_path) as opened:
+                mask = np.asarray(opened.convert("L")) > 127
+        else:
+            mask = alpha[..., 0] > 127 if clear else image.min(-1) < _WHITE_FROM
+    except (OSError, SyntaxError) as error:
+        raise ValueError(f"{path}: cannot be read ({error})") from error
+    if mask.shape != image.shape[:2]:
+        raise ValueError(f"{mask_path}: its size {mask.shape} is not the picture's {image.shape[:2]}")
+    return np.ascontiguousarray(image), mask
+
+
+def _refuse_contradictions(objects: Sequence[ObjectViews], categories: set[str]) -> None:
+    """Raises ``ValueError`` unless the objects make one dataset."""
+    if not objects:
+        raise ValueError("no dataset folder was given")
+    if len(categories) > 1:
+        raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
+    first, names = objects[0].cameras[0], set[str]()
+    if first.width != first.height:
+        raise ValueError(f"{objects[0].name}: pictures must be square, got {first.width}x{first.height}")
+    for views in objects:
+        if views.name in names:
+            raise ValueError(f"{views.name}: two folders hold an object of this name")
+        names.add(views.name)
+        camera = views.cameras[0]
+        if (camera.width, camera.height) != (first.width, first.height):
+            size = f"{camera.width}x{camera.height}"
+            raise ValueError(f"{views.name}: pictures of {size} among others of {first.width}x{first.height}")
+        if abs(camera.focal - first.focal) > 1e-3 * first.focal:
+            raise ValueError(f"{views.name}: focal length {camera.focal} among others of {first.focal}")

@@ -1,0 +1,42 @@
+"""The cameras of ShapeNet-SRN: random ones for training, a spiral for testing."""
+
+import math
+
+import numpy as np
+
+from core.geometry.camera import Camera
+
+SRN_FOCAL = 131.25
+"""px, at SRN's 128 px pictures."""
+SRN_SIZE = 128
+SRN_DISTANCES = {"cars": 1.3, "chairs": 2.0}
+"""Scene units; chairs are taller, so SRN steps back to hold them in the picture."""
+SPIRAL_VIEWS = 251
+_SPIRAL_TURN = 150.0
+"""rad of azimuth on SRN's way from the horizon to the pole: 0.6 a step, about 24 turns."""
+
+
+def training_views(
+    count: int, generator: np.random.Generator, distance: float, size: int = SRN_SIZE
+) -> tuple[Camera, ...]:
+    """Random directions, even over the sphere's area in each half; three in four (rounded) from above the horizon."""
+    heights = generator.random(count)
+    below = generator.permutation(count) >= round(0.75 * count)
+    azimuths = generator.uniform(-math.pi, math.pi, count)
+    elevations = np.arcsin(np.where(below, -heights, heights))
+    return tuple(_camera(a, e, distance, size) for a, e in zip(azimuths, elevations, strict=True))
+
+
+def spiral_views(count: int, distance: float, size: int = SRN_SIZE) -> tuple[Camera, ...]:
+    """SRN's test cameras: an Archimedean spiral from the horizon up to the pole, ``SPIRAL_VIEWS`` of them there.
+
+    Any other count samples the same curve evenly.
+    """
+    way = np.linspace(0.0, 1.0, count)
+    return tuple(_camera(-_SPIRAL_TURN * (1 + t), 0.5 * math.pi * t, distance, size) for t in way)
+
+
+def _camera(azimuth: float, elevation: float, distance: float, size: int) -> Camera:
+    """SRN's field of view at another size; the azimuth within (-pi, pi]."""
+    turned = math.remainder(float(azimuth), 2 * math.pi)
+    return Camera(turned, float(elevation), distance, SRN_FOCAL * size / SRN_SIZE, size, size)

@@ -1,0 +1,1 @@
+"""The paper's evaluation protocol and its tests of disentanglement."""

@@ -1,0 +1,1 @@
+"""Meshes, keyframes and videos."""

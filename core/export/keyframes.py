@@ -1,0 +1,216 @@
+"""Keyframes in time, and what is shown between them: the camera goes along the sphere, codes from one to the next."""
+
+import math
+from bisect import bisect_left
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Float64
+from scipy.interpolate import BSpline, CubicHermiteSpline, make_interp_spline
+
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+
+GAP = 0.04
+"""s between two keys at the least: one frame"""
+SHORTEST, LONGEST = 0.2, 600.0
+"""s"""
+_STEEPEST = math.radians(89.0)
+"""Short of the pole, which a smooth path may overshoot."""
+
+
+class Shot(NamedTuple):
+    """An object from a camera."""
+
+    codes: Codes
+    camera: Camera
+
+
+class Key(NamedTuple):
+    """A shot that is met at its time."""
+
+    seconds: float
+    shot: Shot
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """A film as its keys describe it. Raises ``ValueError`` where keys are out of order, out of time or too close."""
+
+    keys: tuple[Key, ...] = ()
+    length: float = 4.0
+    """s"""
+    loop: bool = True
+    """after the last key it goes on to the first, which it meets at the end; else it rests on the last"""
+    turns: int = 0
+    """of the camera around the object in the whole film, besides what the keys do"""
+    smooth: bool = True
+    """Catmull-Rom through the keys, for cameras and codes; else straight from key to key"""
+
+    def __post_init__(self) -> None:
+        if not SHORTEST <= self.length <= LONGEST:
+            raise ValueError(f"a film takes {SHORTEST:g} to {LONGEST:g} s, got {self.length:g}")
+        times = [key.seconds for key in self.keys]
+        # In a loop the end is the beginning: a key there would be a second one at the same time.
+        last = self.length - (GAP if self.loop else 0.0)
+        if times and (times[0] < 0 or times[-1] > last + 1e-6 or min(np.diff(times), default=GAP) < GAP - 1e-6):
+            raise ValueError(f"keys must be {GAP:g} s apart within the film, got {times}")
+
+    # Edits: each is a new timeline
+
+    def added(self, seconds: float, shot: Shot) -> "Timeline":
+        """With a key more; keys too close to it go."""
+        seconds = max(0.0, min(seconds, self.length - (GAP if self.loop else 0.0)))
+        left = [key for key in self.keys if abs(key.seconds - seconds) >= GAP]
+        return replace(self, keys=tuple(sorted((*left, Key(seconds, shot)), key=lambda key: key.seconds)))
+
+    def replaced(self, index: int, shot: Shot) -> "Timeline":
+        """With another shot at the time of a key."""
+        key = Key(self.keys[index].seconds, shot)
+        return replace(self, keys=(*self.keys[:index], key, *self.keys[index + 1 :]))
+
+    def removed(self, index: int) -> "Timeline":
+        """Without a key."""
+        return replace(self, keys=(*self.keys[:index], *self.keys[index + 1 :]))
+
+    def moved(self, index: int, seconds: float) -> "Timeline":
+        """With a key at another time, no further than to its neighbours."""
+        low = self.keys[index - 1].seconds + GAP if index else 0.0
+        high = self.length - (GAP if self.loop else 0.0)
+        if index + 1 < len(self.keys):
+            high = self.keys[index + 1].seconds - GAP
+        key = Key(max(low, min(high, seconds)), self.keys[index].shot)
+        return replace(self, keys=(*self.keys[:index], key, *self.keys[index + 1 :]))
+
+    def stretched(self, length: float) -> "Timeline":
+        """In another time (s, kept to what a film can take), the keys at the same shares of it."""
+        needed = GAP * (len(self.keys) + 1)
+        closest = min(np.diff([*(key.seconds for key in self.keys), self.length]), default=self.length)
+        shortest = max(SHORTEST, needed, self.length * GAP / closest if closest > 0 else 0.0)
+        length = max(shortest, min(LONGEST, length))
+        keys = tuple(Key(key.seconds * length / self.length, key.shot) for key in self.keys)
+        return replace(self, keys=keys, length=length)
+
+    def looped(self, loop: bool) -> "Timeline":
+        """As a loop, or not; a key at the end stays short of it in a loop."""
+        if not (loop and self.keys and self.keys[-1].seconds > self.length - GAP):
+            return replace(self, loop=loop)
+        open_end = self.moved(len(self.keys) - 1, self.length - GAP)
+        return replace(open_end, loop=loop)
+
+    # What is shown
+
+    def nearest(self, seconds: float) -> int | None:
+        """The key at this time, if there is one within a frame."""
+        times = [key.seconds for key in self.keys]
+        around = bisect_left(times, seconds)
+        close = [index for index in (around - 1, around) if 0 <= index < len(times)]
+        best = min(close, key=lambda index: abs(times[index] - seconds), default=None)
+        return best if best is not None and abs(times[best] - seconds) < GAP else None
+
+    def at(self, seconds: float) -> Shot:
+        """What is shown at a time. Raises ``ValueError`` without keys.
+
+        Example:
+            >>> codes = Codes(torch.zeros(2), torch.ones(3))
+            >>> side, front = (Camera(angle, 0.2, 1.3, 131.25, 128, 128) for angle in (0.0, 1.0))
+            >>> film = Timeline((Key(0.0, Shot(codes, side)), Key(2.0, Shot(codes, front))), length=4.0)
+            >>> film.at(2.0).camera.azimuth
+            1.0
+        """
+        first = self._first
+        seconds = seconds % self.length if self.loop else min(max(seconds, self.keys[0].seconds), self.keys[-1].seconds)
+        row = self._row(seconds) + self._turned(seconds)
+        shape = len(first.codes.shape)
+        numbers = torch.from_numpy(row[4:]).float()
+        elevation = max(-_STEEPEST, min(_STEEPEST, float(row[1])))
+        camera = replace(
+            first.camera,
+            azimuth=math.remainder(row[0], 2 * math.pi),
+            elevation=elevation,
+            distance=math.exp(row[2]),
+            focal=math.exp(row[3]) * first.camera.height,
+        )
+        return Shot(Codes(numbers[:shape], numbers[shape:]), camera)
+
+    def count(self, rate: float) -> int:
+        """Pictures in all, so many a second."""
+        return max(1, round(self.length * rate))
+
+    def shots(self, rate: float) -> list[Shot]:
+        """The whole film, so many pictures a second; a loop ends one picture before its beginning."""
+        count = self.count(rate)
+        step = self.length / count if self.loop else self.length / max(1, count - 1)
+        return [self.at(index * step) for index in range(count)]
+
+    def seam(self, rate: float = 24.0) -> float:
+        """The step from the last picture back to the first, over the longest step between any others.
+
+        Cameras are compared by where they stand and codes by their numbers; at most about 1 where a loop has no jump.
+        """
+        rows = np.stack([_placed(shot) for shot in self.shots(rate)])
+        longest = np.linalg.norm(np.diff(rows, axis=0), axis=1).max(initial=0.0)
+        return float(np.linalg.norm(rows[0] - rows[-1]) / max(longest, 1e-9))
+
+    @property
+    def _first(self) -> Shot:
+        if not self.keys:
+            raise ValueError("a film needs at least one key")
+        return self.keys[0].shot
+
+    @cached_property
+    def _spline(self) -> CubicHermiteSpline | BSpline:
+        times, rows = self._knots()
+        if not self.smooth:
+            return make_interp_spline(times, rows, k=1)
+        slopes = np.zeros_like(rows)
+        slopes[1:-1] = (rows[2:] - rows[:-2]) / (times[2:] - times[:-2])[:, None]
+        return CubicHermiteSpline(times, rows, slopes)
+
+    def _row(self, seconds: float) -> Float64[np.ndarray, "numbers"]:
+        return _row(self._first) if len(self.keys) == 1 else self._spline(seconds)
+
+    def _turned(self, seconds: float) -> Float64[np.ndarray, "numbers"]:
+        turned = np.zeros(4 + len(self._first.codes.shape) + len(self._first.codes.texture))
+        turned[0] = 2 * math.pi * self.turns * seconds / self.length
+        return turned
+
+    def _knots(self) -> tuple[Float64[np.ndarray, "knots"], Float64[np.ndarray, "knots numbers"]]:
+        """Times and rows of the keys, the azimuth without leaps; of a loop also those of its neighbours in time."""
+        times = np.array([key.seconds for key in self.keys])
+        rows = np.stack([_row(key.shot) for key in (*self.keys, self.keys[0])])
+        rows[:, 0] = np.unwrap(rows[:, 0])
+        round_it = np.zeros(rows.shape[1])
+        round_it[0] = rows[-1, 0] - rows[0, 0]
+        rows = rows[:-1]
+        if not self.loop:
+            return times, rows
+        laps = (-1, 0, 1)
+        return (
+            np.concatenate([times + lap * self.length for lap in laps]),
+            np.concatenate([rows + lap * round_it for lap in laps]),
+        )
+
+
+def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[Shot]:
+    """One turn around the object, from the camera's azimuth and at its elevation and distance."""
+    if frames < 1:
+        raise ValueError(f"a turntable needs at least 1 frame, got {frames}")
+    angles = (camera.azimuth + 2 * math.pi * index / frames for index in range(frames))
+    return [Shot(codes, replace(camera, azimuth=angle)) for angle in angles]
+
+
+def _row(shot: Shot) -> Float64[np.ndarray, "numbers"]:
+    """A shot as numbers between which one can go straight: angles, logarithms of distance and focal length, codes."""
+    camera = shot.camera
+    places = camera.azimuth, camera.elevation, math.log(camera.distance), math.log(camera.focal / camera.height)
+    return np.concatenate([places, *(code.double().cpu().numpy() for code in (shot.codes.shape, shot.codes.texture))])
+
+
+def _placed(shot: Shot) -> Float64[np.ndarray, "numbers"]:
+    """A shot as numbers that are alike where it looks alike: the azimuth as a point on the circle."""
+    row = _row(shot)
+    return np.concatenate([[math.cos(row[0]), math.sin(row[0])], row[1:]])

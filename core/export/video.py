@@ -1,0 +1,170 @@
+"""Films of an object as mp4 (H.264), gif, webp or a folder of png pictures, by the name's ending."""
+
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Protocol
+
+import av
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+from core.export.keyframes import Shot
+from core.files import whole_file, whole_folder
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from core.rendering.progressive import frames as rendered
+
+FORMATS = (".mp4", ".gif", ".webp", ".frames")
+"""The last is a folder of numbered pictures."""
+TRANSPARENT = (".gif", ".webp", ".frames")
+"""Formats that can leave the ground out."""
+_FULL = RenderSettings(stages=(1,))
+
+
+@dataclass(frozen=True)
+class VideoSettings:
+    """How a film is written. Raises ``ValueError`` for what no film has."""
+
+    size: int = 256
+    """px, width and height"""
+    rate: int = 24
+    """frames per second"""
+    quality: int = 85
+    """1 to 100: of mp4 and webp; a gif has so many of its 256 colours"""
+    transparent: bool = False
+    """without the white ground"""
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
+            raise ValueError(f"a film has 2 to 4096 px, 1 to 100 frames per second, quality 1 to 100; got {self}")
+
+
+def film(
+    model: Model, shots: Sequence[Shot], path: Path, settings: VideoSettings | None = None
+) -> Generator[int, None, None]:
+    """Write shots, one after another.
+
+    Yields the number of frames written so far, many times a frame so that a worker can do other things between, and
+    nothing is left at ``path`` unless all of them were: to cancel, close the generator.
+
+    Raises ``ValueError`` for a name of another format, a transparent ground in a format that has none, or a path that
+    cannot be written.
+    """
+    settings, suffix = settings or VideoSettings(), path.suffix.lower()
+    if suffix not in FORMATS:
+        raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
+    if settings.transparent and suffix not in TRANSPARENT:
+        raise ValueError(f"{path.name}: only {', '.join(TRANSPARENT)} can have a transparent ground")
+    whole = whole_folder if suffix == ".frames" else whole_file
+    with whole(path) as partial, closing(_SINKS[suffix](partial, settings)) as sink:
+        for index, shot in enumerate(shots):
+            camera = shot.camera.resized(settings.size, settings.size)
+            for frame in rendered(model, RenderJob(shot.codes, camera, _FULL)):
+                if frame:
+                    sink.add(cut_out(frame) if settings.transparent else frame.image)
+                yield index + (frame is not None)
+        sink.finish()
+
+
+def cut_out(frame: Frame) -> UInt8[np.ndarray, "height width 4"]:
+    """A frame without the white behind it: RGB and opacity, not multiplied."""
+    opacity = frame.opacity.clip(0, 1)[..., None]
+    own = (frame.image - 255 * (1 - opacity)) / np.maximum(opacity, 1e-3)
+    return (np.concatenate((own, 255 * opacity), -1) + 0.5).clip(0, 255).astype(np.uint8)
+
+
+class _Sink(Protocol):
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None: ...
+
+    def finish(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class _Mp4:
+    def __init__(self, path: Path, settings: VideoSettings) -> None:
+        self._container = av.open(str(path), "w")
+        # From nearly lossless (12) at 100 to blocks (40) at 1; 85 is what eyes do not tell from the original.
+        crf = f"{40 - 0.28 * settings.quality:.0f}"
+        self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
+        # H.264 with 4:2:0 colour has even sizes only.
+        self._stream.width = self._stream.height = settings.size - settings.size % 2
+        self._stream.pix_fmt = "yuv420p"
+        self._stream.time_base = Fraction(1, settings.rate)
+
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
+        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+
+    def finish(self) -> None:
+        self._container.mux(self._stream.encode())
+
+    def close(self) -> None:
+        self._container.close()
+
+
+class _Pillow:
+    def __init__(self, path: Path, settings: VideoSettings) -> None:
+        self._path, self._settings, self._images = path, settings, list[Image.Image]()
+
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        self._images.append(Image.fromarray(image))
+
+    def _save(self, unit: int, **options: Any) -> None:
+        """Write the images, each shown for whole units of time (ms)."""
+        first, *rest = self._images
+        ends = [round(1000 / unit * index / self._settings.rate) * unit for index in range(len(self._images) + 1)]
+        durations = [after - before for before, after in pairwise(ends)]
+        first.save(self._path, save_all=True, append_images=rest, duration=durations, loop=0, **options)
+
+    def close(self) -> None:
+        self._images.clear()
+
+
+class _Gif(_Pillow):
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        colours = max(8, round(2.55 * self._settings.quality))
+        picture = Image.fromarray(image)
+        if not self._settings.transparent:
+            self._images.append(picture.quantize(colours))
+            return
+        # A pixel of a gif is there or not; index 255 is kept for those that are not.
+        reduced = picture.convert("RGB").quantize(min(255, colours))
+        reduced.paste(255, mask=picture.getchannel("A").point(lambda opacity: 255 * (opacity < 128)))
+        self._images.append(reduced)
+
+    def finish(self) -> None:
+        self._save(10, **({"transparency": 255, "disposal": 2} if self._settings.transparent else {}))
+
+
+class _Webp(_Pillow):
+    def finish(self) -> None:
+        self._save(1, quality=self._settings.quality)
+
+
+class _Frames:
+    def __init__(self, path: Path, settings: VideoSettings) -> None:
+        self._path, self._count = path, 0
+
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        Image.fromarray(image).save(self._path / f"{self._count:05d}.png")
+        self._count += 1
+
+    def finish(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+_SINKS: dict[str, Callable[[Path, VideoSettings], _Sink]] = {
+    ".mp4": _Mp4,
+    ".gif": _Gif,
+    ".webp": _Webp,
+    ".frames": _Frames,
+}

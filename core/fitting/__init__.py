@@ -1,0 +1,1 @@
+"""Fitting codes and cameras to images (Eq. 5)."""

@@ -1,0 +1,115 @@
+"""The orbit camera of the paper (section 3.2): azimuth, elevation and distance, always looking at the origin.
+
+This module and :mod:`core.geometry.rays` hold the only words on axes and pixel centres. The world is that of
+ShapeNet-SRN: z up, an object's front at +y (azimuth 90 degrees). Camera axes are x right, y up, looking along
+-z, as in the paper's R. Pose files (``pose/*.txt``) hold camera-to-world matrices with OpenCV axes: x right, y
+down, looking along +z.
+"""
+
+import math
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+_OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera on an orbit: looks at the origin, z up. Raises ``ValueError`` for values no camera has."""
+
+    azimuth: float
+    """rad, from +x towards +y; the front of an object is seen from pi / 2."""
+    elevation: float
+    """rad above the ground plane, within [-pi / 2, pi / 2]."""
+    distance: float
+    """scene units from the origin; an object's bounding box has a diagonal of 1."""
+    focal: float
+    """px, at this width and height."""
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if not math.isfinite(getattr(self, field.name)):
+                raise ValueError(f"camera {field.name} must be finite, got {getattr(self, field.name)}")
+        if abs(self.elevation) > math.pi / 2 + 1e-6:
+            raise ValueError(f"camera elevation must lie within 90 degrees, got {math.degrees(self.elevation):.2f}")
+        if self.distance <= 0 or self.focal <= 0:
+            raise ValueError(f"camera distance and focal must be positive, got {self.distance} and {self.focal}")
+        if self.width < 1 or self.height < 1:
+            raise ValueError(f"camera size must be at least 1x1, got {self.width}x{self.height}")
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The same view at another size: the vertical field of view stays."""
+        return replace(self, focal=self.focal * height / self.height, width=width, height=height)
+
+    def placed(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
+        """The paper's R and p: the rotation from world to camera, and the camera's place in the world.
+
+        Shared by all who ask: not to be written to.
+        """
+        return _placed(self, device)
+
+    def pose(self) -> Float[Tensor, "4 4"]:
+        """Camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
+        angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
+        matrix = torch.eye(4, dtype=torch.float64)
+        matrix[:3, :3] = rotation(angles[0], angles[1]).T
+        matrix[:3, 3] = position(angles[0], angles[1], angles[2])
+        return matrix @ torch.from_numpy(_OPENCV_FROM_OPENGL)
+
+    @classmethod
+    def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":
+        """The orbit camera at an SRN pose. Raises ``ValueError`` where the pose does not look at the origin upright.
+
+        Example:
+            >>> camera = Camera(0.3, 0.4, 1.3, 131.25, 128, 128)
+            >>> round(Camera.from_pose(camera.pose(), 131.25, 128, 128).azimuth, 6)
+            0.3
+        """
+        matrix = pose.double()
+        if matrix.shape != (4, 4) or not bool(torch.isfinite(matrix).all()):
+            raise ValueError("a pose must be 4x4 finite numbers")
+        x, y, z = (float(value) for value in matrix[:3, 3])
+        distance = math.sqrt(x * x + y * y + z * z)
+        if distance < 1e-6:
+            raise ValueError("a pose must stand away from the origin")
+        # At the pole the position has no azimuth; the camera's right axis (-sin, cos, 0) still does.
+        right_x, right_y = float(matrix[0, 0]), float(matrix[1, 0])
+        azimuth = math.atan2(-right_x, right_y)
+        camera = cls(azimuth, math.asin(max(-1.0, min(1.0, z / distance))), distance, focal, width, height)
+        error = float((camera.pose() - matrix).abs().max())
+        if error > 2e-2:
+            raise ValueError(f"the pose does not look at the origin with z up (off by {error:.3f})")
+        return camera
+
+
+@lru_cache(maxsize=8)
+def _placed(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
+    with torch.inference_mode(False):  # whoever asks first, others may differentiate
+        azimuth, elevation = torch.tensor([camera.azimuth, camera.elevation], device=device)
+        turned = rotation(azimuth, elevation)
+        return turned, camera.distance * turned[2]
+
+
+def rotation(azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 3 3"]:
+    """World-to-camera rotation, the paper's R: its rows are the camera's right, up and backward axes."""
+    sin_a, cos_a, sin_e, cos_e = azimuth.sin(), azimuth.cos(), elevation.sin(), elevation.cos()
+    right = -sin_a, cos_a, torch.zeros_like(sin_a)
+    up = -sin_e * cos_a, -sin_e * sin_a, cos_e
+    backward = cos_e * cos_a, cos_e * sin_a, sin_e
+    return torch.stack((*right, *up, *backward), -1).unflatten(-1, (3, 3))
+
+
+def position(
+    azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"], distance: Float[Tensor, "*batch"]
+) -> Float[Tensor, "*batch 3"]:
+    """The camera's place in the world, the paper's p."""
+    cos_e = elevation.cos()
+    direction = torch.stack((cos_e * azimuth.cos(), cos_e * azimuth.sin(), elevation.sin()), -1)
+    return distance[..., None] * direction

@@ -1,0 +1,98 @@
+"""Rays through pixels, clipped to the scene's box."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.geometry.camera import Camera, rotation
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Half-lines clipped to the scene. A ray that misses it has ``near == far``, so that no mask is needed."""
+
+    origins: Float[Tensor, "*batch 3"]
+    """world"""
+    directions: Float[Tensor, "*batch 3"]
+    """world, unit length"""
+    near: Float[Tensor, "*batch"]
+    """scene units along the direction"""
+    far: Float[Tensor, "*batch"]
+
+    def __getitem__(self, index: object) -> "Rays":
+        return Rays(self.origins[index], self.directions[index], self.near[index], self.far[index])  # type: ignore[index]
+
+
+def pixel_centres(width: int, height: int, device: torch.device | None = None) -> Float[Tensor, "height width 2"]:
+    """(x, y) of every pixel's centre: pixel (0, 0) at the top left has its centre at (0.5, 0.5)."""
+    y, x = torch.meshgrid(
+        torch.arange(height, device=device) + 0.5, torch.arange(width, device=device) + 0.5, indexing="ij"
+    )
+    return torch.stack((x, y), -1)
+
+
+def cast(
+    pixels: Float[Tensor, "*#batch 2"],
+    azimuth: Float[Tensor, "*#batch"],
+    elevation: Float[Tensor, "*#batch"],
+    distance: Float[Tensor, "*#batch"],
+    focal: float | Float[Tensor, "*#batch"],
+    size: tuple[int, int],
+    extent: Float[Tensor, "3"],
+) -> Rays:
+    """Rays from orbit cameras through points of the picture; differentiable in the camera's numbers.
+
+    Args:
+        pixels: (x, y) in px from the top left corner of the picture.
+        azimuth, elevation, distance: rad, rad, scene units; broadcast against ``pixels``.
+        focal: px.
+        size: (width, height) in px; the optical axis passes through the middle.
+        extent: half the size of the scene's box along each world axis.
+
+    Where a sample stands along its ray is no function of the camera: ``near`` and ``far`` carry no gradient.
+    """
+    turned = rotation(azimuth, elevation)
+    directions = (_local(pixels, focal, size)[..., None, :] @ turned)[..., 0, :]
+    origins = (distance[..., None] * turned[..., 2, :]).expand_as(directions)
+    near, far = clip_to_box(origins.detach(), directions.detach(), extent)
+    return Rays(origins, directions, near, far)
+
+
+def camera_rays(camera: Camera, extent: Float[Tensor, "3"], corner: float = 0.0) -> Rays:
+    """The rays through all pixel centres of a camera, shaped (height, width), on ``extent``'s device.
+
+    Args:
+        corner: px, by how much further to the left and up they pass.
+    """
+    return rays_through(pixel_centres(camera.width, camera.height, extent.device) - corner, camera, extent)
+
+
+def rays_through(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
+    """The rays of a camera through some points of its picture: (x, y) in px from the top left corner."""
+    turned, place = camera.placed(extent.device)
+    directions = _local(pixels, camera.focal, (camera.width, camera.height)) @ turned
+    origins = place.expand_as(directions)
+    return Rays(origins, directions, *clip_to_box(origins, directions, extent))
+
+
+def _local(
+    pixels: Float[Tensor, "*batch 2"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
+) -> Float[Tensor, "*batch 3"]:
+    """Unit directions through points of the picture, in the camera's axes."""
+    across = (pixels[..., 0] - size[0] / 2) / focal
+    down = (pixels[..., 1] - size[1] / 2) / focal
+    local = torch.stack(torch.broadcast_tensors(across, -down, -torch.ones_like(across)), -1)
+    return torch.nn.functional.normalize(local, dim=-1)
+
+
+def clip_to_box(
+    origins: Float[Tensor, "*batch 3"], directions: Float[Tensor, "*batch 3"], extent: Float[Tensor, "3"]
+) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch"]]:
+    """Where rays enter and leave the box [-extent, extent] (slab method); equal where they miss it."""
+    safe = torch.where(directions.abs() < 1e-9, torch.full_like(directions, 1e-9), directions)
+    first, second = (-extent - origins) / safe, (extent - origins) / safe
+    near = torch.minimum(first, second).amax(-1).clamp_min(0.0)
+    far = torch.maximum(first, second).amin(-1)
+    return near, torch.maximum(near, far)

@@ -1,0 +1,1 @@
+"""The conditional radiance field, its codes, and the files that hold them."""

@@ -1,0 +1,193 @@
+"""The conditional radiance field: one MLP for a whole category (Eqs. 1 and 2 and the architecture figure).
+
+Density is computed from a point and a shape code alone, colour from the features found there, the viewing
+direction and a texture code. That texture cannot move density is a property of the two signatures.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+
+@dataclass(frozen=True)
+class FieldConfig:
+    """The size and the conventions of a field. Sizes are those that are trained unless told; the paper has others."""
+
+    width: int = 96
+    shape_blocks: int = 3
+    texture_blocks: int = 1
+    shape_latent: int = 64
+    texture_latent: int = 32
+    point_octaves: int = 6
+    direction_octaves: int = 4
+    density_scale: float = 30.0
+    """Multiplies the softplus: an object is opaque within a hundredth of a scene unit, so the layer before it
+    need not grow to hundreds. 1 in the authors' files."""
+    bounded_colour: bool = True
+    """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
+    design: str = "codenerf"
+    """"M1" and "M2" are those of :mod:`core.models.ablations`."""
+
+    def __post_init__(self) -> None:
+        if self.design not in ("codenerf", "M1", "M2"):
+            raise ValueError(f"no field has this design: {self.design}")
+        sizes = (self.width, self.shape_latent, self.texture_latent, self.shape_blocks, self.texture_blocks)
+        if min(sizes) < 1 or self.width % 2 or min(self.point_octaves, self.direction_octaves) < 0:
+            raise ValueError(f"no field has these sizes: {self}")
+
+
+def encode(values: Float[Tensor, "*batch 3"], octaves: int) -> Float[Tensor, "*batch encoded"]:
+    """Positional encoding :math:`\\gamma`: the values, then sin, then cos of every octave :math:`2^k x`.
+
+    As in the authors' code there is no factor pi; the order is octave by octave, three axes each.
+    """
+    frequencies = 2.0 ** torch.arange(octaves, device=values.device, dtype=values.dtype)
+    angles = (values[..., None, :] * frequencies[:, None]).flatten(-2)
+    return torch.cat((values, angles.sin(), angles.cos()), -1)
+
+
+class Field(nn.Module):
+    """The network. Its shape part ends in density and features, its texture part turns features into colour.
+
+    Every code enters through a latent layer whose output is added to the features in front of a block:
+    ``block(y + latent(z))``. As the block begins with a linear map, the code's part is an additional bias,
+    ``W (y + latent(z)) + b = W y + (W latent(z) + b)``, the same for all points of an object. It is computed once
+    per code (:meth:`shape_bias`, :meth:`texture_bias`), which is exact and makes the cost per point independent
+    of the size of the codes.
+    """
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        width = config.width
+        self.config = config
+        self.point_layer = nn.Linear(3 + 6 * config.point_octaves, width)
+        self.shape_latent = nn.ModuleList(nn.Linear(config.shape_latent, width) for _ in range(config.shape_blocks))
+        self.shape_block = nn.ModuleList(nn.Linear(width, width) for _ in range(config.shape_blocks))
+        self.feature_layer = nn.Linear(width, width)
+        self.density_layer = nn.Linear(width, 1)
+        self.direction_layer = nn.Linear(width + 3 + 6 * config.direction_octaves, width)
+        self.texture_latent = nn.ModuleList(
+            nn.Linear(config.texture_latent, width) for _ in range(config.texture_blocks)
+        )
+        self.texture_block = nn.ModuleList(nn.Linear(width, width) for _ in range(config.texture_blocks))
+        self.colour_hidden = nn.Linear(width, width // 2)
+        self.colour_layer = nn.Linear(width // 2, 3)
+
+    def shape_bias(self, shape: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
+        """The biases of the shape blocks with a shape code folded in."""
+        return folded_biases(self.shape_latent, self.shape_block, shape)
+
+    def texture_bias(self, texture: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
+        """The biases of the texture blocks with a texture code folded in."""
+        return folded_biases(self.texture_latent, self.texture_block, texture)
+
+    def shape_slopes(
+        self, shape: Float[Tensor, "*batch latent"], along: Float[Tensor, "some latent"]
+    ) -> Float[Tensor, "*batch blocks width some"]:
+        """How :meth:`shape_bias` changes as a code moves along each of some directions."""
+        return _folded_slopes(self.shape_latent, self.shape_block, shape, along)
+
+    def texture_slopes(
+        self, texture: Float[Tensor, "*batch latent"], along: Float[Tensor, "some latent"]
+    ) -> Float[Tensor, "*batch blocks width some"]:
+        """How :meth:`texture_bias` changes as a code moves along each of some directions."""
+        return _folded_slopes(self.texture_latent, self.texture_block, texture, along)
+
+    def biases(
+        self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
+    ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
+        """Those of the shape blocks and of the texture blocks."""
+        return self.shape_bias(shape), self.texture_bias(texture)
+
+    def radiance(
+        self,
+        points: Float[Tensor, "*batch 3"],
+        direction_bias: Float[Tensor, "*#batch width"],
+        shape_bias: Float[Tensor, "*#batch blocks width"],
+        texture_bias: Float[Tensor, "*#batch more_blocks width"],
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
+        """Density per scene unit and rgb: :meth:`density`, then :meth:`colour`."""
+        density, features = self.density(points, shape_bias)
+        return density, self.colour(features, direction_bias, texture_bias)
+
+    def density(
+        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
+        """Eq. 2's :math:`F^s`: density per scene unit, and features for the texture part.
+
+        Args:
+            points: world, within the scene's box.
+            shape_bias: from :meth:`shape_bias`; broadcast over the points.
+        """
+        return self.density_of(self.point_layer(encode(points, self.config.point_octaves)).relu(), shape_bias)
+
+    def density_of(
+        self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
+        """:meth:`density` from the activations of the first layer on."""
+        for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
+            y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
+        features = self.feature_layer(y)
+        logit = self.density_layer(features)[..., 0].float()
+        return self.config.density_scale * functional.softplus(logit), features
+
+    def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
+        """The viewing direction's part of the layer that it enters, its bias included: one for all samples of a ray.
+
+        Args:
+            directions: world, unit length.
+        """
+        weight = self.direction_layer.weight[:, self.config.width :]
+        return functional.linear(encode(directions, self.config.direction_octaves), weight, self.direction_layer.bias)
+
+    def colour(
+        self,
+        features: Float[Tensor, "*batch width"],
+        direction_bias: Float[Tensor, "*#batch width"],
+        texture_bias: Float[Tensor, "*#batch blocks width"],
+    ) -> Float[Tensor, "*batch 3"]:
+        """Eq. 2's :math:`F^t`: rgb, in [0, 1] where ``bounded_colour``.
+
+        Args:
+            features: from :meth:`density`.
+            direction_bias: from :meth:`direction_bias`; broadcast over the samples of a ray.
+            texture_bias: from :meth:`texture_bias`; broadcast over the points of an object.
+        """
+        y = functional.linear(features, self.direction_layer.weight[:, : self.config.width])
+        y = (y + direction_bias.to(y.dtype)).relu()
+        for weight, bias in zip(_matrices(self.texture_block), texture_bias.unbind(-2), strict=True):
+            y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
+        logits = self.colour_layer(self.colour_hidden(y).relu()).float()
+        return logits.sigmoid() if self.config.bounded_colour else logits
+
+
+def _matrices(blocks: nn.ModuleList) -> list[Tensor]:
+    return [block.get_parameter("weight") for block in blocks]
+
+
+def folded_biases(
+    latent: nn.ModuleList, blocks: nn.ModuleList, code: Float[Tensor, "*batch latent"]
+) -> Float[Tensor, "*batch blocks width"]:
+    """The biases of blocks with a code, wherever it is kept, folded in through their latent layers."""
+    code = code.to(blocks[0].get_parameter("weight").device)
+    biases = [block(layer(code).relu()) for layer, block in zip(latent, blocks, strict=True)]
+    return torch.stack(biases, -2).float()
+
+
+def _folded_slopes(
+    latent: nn.ModuleList,
+    blocks: nn.ModuleList,
+    code: Float[Tensor, "*batch latent"],
+    along: Float[Tensor, "some latent"],
+) -> Float[Tensor, "*batch blocks width some"]:
+    """How :func:`folded_biases` changes: a block's matrix times that of the latent layer, where that is awake."""
+    device = blocks[0].get_parameter("weight").device
+    code, along = code.to(device), along.to(device)
+    slopes = []
+    for layer, weight in zip(latent, _matrices(blocks), strict=True):
+        awake = layer(code) > 0
+        slopes.append(weight @ (awake[..., None] * (layer.get_parameter("weight") @ along.T)))
+    return torch.stack(slopes, -3).float()

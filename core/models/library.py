@@ -1,0 +1,45 @@
+"""Which models there are: the shipped ones by name, any other by its path; and pictures to try them with."""
+
+from pathlib import Path
+
+from core.models.authors_checkpoint import load_authors
+from core.models.model import Model
+from core.models.precision import require_device
+
+_ASSETS = Path(__file__).resolve().parents[2] / "assets"
+SHIPPED = _ASSETS / "models"
+
+
+def shipped_models() -> tuple[str, ...]:
+    """The names of the models that come with the program."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
+
+
+def samples(category: str) -> tuple[Path, ...]:
+    """Pictures to try a model with: objects of its category that it was not trained on."""
+    return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
+
+
+def load_model(name: str, device: str = "cpu") -> Model:
+    """The model of a shipped name (``chairs``) or of a path; ``.pth`` is a checkpoint of the authors' trainer.
+
+    Args:
+        device: where its network runs, "cpu" or "cuda"; codes, cameras and pictures stay with the processor.
+
+    Raises ``ValueError`` where there is no such model or no such device.
+    """
+    model = _read(name)
+    model.field.to(require_device(device))
+    return model
+
+
+def _read(name: str) -> Model:
+    if name in shipped_models():
+        return Model.load(SHIPPED / f"{name}.safetensors")
+    path = Path(name)
+    if path.suffix == ".pth":
+        return load_authors(path)
+    if path.suffix or path.exists():
+        return Model.load(path)
+    have = ", ".join(shipped_models()) or "none"
+    raise ValueError(f"no model called {name!r} (shipped: {have}); give one of these or the path of a model file")

@@ -1,0 +1,1 @@
+"""Images as they come: decoded, segmented, cropped, and compared with views of known objects."""

@@ -1,0 +1,83 @@
+"""The exact renderer (Eq. 3): simple, slow, and what everything faster is judged against."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from core.geometry.camera import Camera
+from core.geometry.rays import Rays, camera_rays
+from core.geometry.sampling import midpoints, points_at, uniform_edges
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.compositing import over_white, weights
+
+_CHUNK_POINTS = 8192
+"""Points evaluated at a time: few enough that activations stay in cache (32k ran up to 1.7x slower)."""
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """What a bundle of rays sees."""
+
+    colour: Float[Tensor, "*batch 3"]
+    """on white; within [0, 1] unless the model's colours are unbounded"""
+    depth: Float[Tensor, "*batch"]
+    """scene units along the ray to the middle of the light's share that the object gave; 0 where it gave none"""
+    opacity: Float[Tensor, "*batch"]
+    """0..1, one less the light left over"""
+    asked: Int[Tensor, "*batch"] | None = None
+    """samples whose density was evaluated, where that differs from ray to ray"""
+
+
+def intervals(
+    model: Model, rays: Rays, samples: int
+) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch samples_and_one"]]:
+    """Where a ray is asked, and the edges of the intervals that each answer stands for; scene units along the ray.
+
+    Where the network paints the ground they are the authors': samples at both ends, the last interval without end.
+    """
+    if model.painted_ground:
+        depths = uniform_edges(rays, samples - 1)
+        return depths, torch.cat((depths, depths[..., -1:] + 1e10), -1)
+    edges = uniform_edges(rays, samples)
+    return midpoints(edges), edges
+
+
+def render_rays(model: Model, rays: Rays, samples: int, shape_bias: Tensor, texture_bias: Tensor) -> Rendered:
+    """Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
+
+    Args:
+        shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
+    """
+    depths, edges = intervals(model, rays, samples)
+    direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
+    density, colours = model.field.radiance(points_at(rays, depths), direction_bias, shape_bias, texture_bias)
+    shares, left = weights(density, edges)
+    opacity = 1 - left
+    depth = (shares * depths).sum(-1) / opacity.clamp_min(1e-6)
+    return Rendered(over_white(shares, left, colours), depth * (opacity > 0), opacity)
+
+
+def exact_rays(model: Model, camera: Camera) -> Rays:
+    """The reference's rays, shaped (height, width).
+
+    Where the network paints the ground they are the authors': through pixel corners, from 0.5 before the origin
+    to 0.5 behind it at every pixel.
+    """
+    if not model.painted_ground:
+        return camera_rays(camera, model.extent_tensor)
+    rays = camera_rays(camera, model.extent_tensor, model.corner)
+    near = torch.full_like(rays.near, camera.distance - 0.5)
+    return replace(rays, near=near, far=near + 1.0)
+
+
+@torch.no_grad()
+def render_exact(model: Model, codes: Codes, camera: Camera, samples: int = 256) -> Rendered:
+    """The reference: every pixel, every sample, float32. Everything faster is judged against it."""
+    rays = exact_rays(model, camera)
+    biases = model.field.biases(codes.shape, codes.texture)
+    rows = max(1, _CHUNK_POINTS // (camera.width * samples))
+    parts = [render_rays(model, rays[row : row + rows], samples, *biases) for row in range(0, camera.height, rows)]
+    return Rendered(*(torch.cat([getattr(part, name) for part in parts]) for name in ("colour", "depth", "opacity")))

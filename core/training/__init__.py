@@ -1,0 +1,1 @@
+"""Training a field and its codes from posed images (Eq. 4)."""

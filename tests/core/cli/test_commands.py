@@ -1,0 +1,325 @@
+"""The command line as a person types it, in this process."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import ExifTags, Image
+
+from core.__main__ import main, parser
+from core.benchmarks import ablations as parts
+from core.benchmarks import robustness as stability
+from core.cli import fit as fitting
+from core.datasets.srn import read_dataset, write_manifest, write_object
+from core.fitting import fit as fits
+from core.fitting import hypotheses
+from core.fitting.fit import PRESETS, Alternative, FitStep
+from core.models.library import load_model
+from core.models.model import Model
+from core.models.scene import Scene
+from core.photos.photo import Photo
+from core.training.trainer import RECIPES
+from tests.core.evaluation.test_protocol import views_of
+from tests.core.tiny import tiny_model
+
+
+@pytest.fixture
+def file(model: Model, tmp_path: Path) -> str:
+    model.save(tmp_path / "m.safetensors")
+    return str(tmp_path / "m.safetensors")
+
+
+def run(*words: object) -> None:
+    main([str(word) for word in words])
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """What a wrong call says; one line, status 2, nothing on stdout."""
+    with pytest.raises(SystemExit) as stopped:
+        run(*words)
+    said = capsys.readouterr()
+    assert stopped.value.code == 2
+    assert said.out == ""
+    assert len(said.err.strip().splitlines()) == 1
+    assert "Traceback" not in said.err
+    return said.err
+
+
+def test_render_draws_objects_scenes_and_the_mean(file: str, model: Model, tmp_path: Path):
+    run(
+        "render",
+        "--model",
+        file,
+        "--object",
+        2,
+        "--azimuth",
+        30,
+        "--elevation",
+        10,
+        "--size",
+        24,
+        "--out",
+        tmp_path / "a.png",
+    )
+    Scene(model.fingerprint, model.codes[2], model.camera(np.radians(30), np.radians(10))).save(tmp_path / "s.json")
+    run("render", "--model", file, "--scene", tmp_path / "s.json", "--size", 24, "--out", tmp_path / "b.png")
+    run("render", "--model", file, "--size", 24, "--out", tmp_path / "mean.png")
+    a, b, mean = (np.asarray(Image.open(tmp_path / name)) for name in ("a.png", "b.png", "mean.png"))
+    assert a.shape == (24, 24, 3)
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a, mean)
+
+
+def test_exact_is_the_reference_and_close(file: str, tmp_path: Path):
+    for name, more in (("fast.png", ()), ("exact.png", ("--exact",))):
+        run("render", "--model", file, "--object", 0, "--size", 24, "--out", tmp_path / name, *more)
+    fast, exact = (np.asarray(Image.open(tmp_path / name)).astype(float) for name in ("fast.png", "exact.png"))
+    assert 0 < np.abs(fast - exact).mean() < 4
+
+
+def test_turntable_writes_a_video(file: str, tmp_path: Path):
+    run("turntable", "--model", file, "--object", 0, "--frames", 3, "--size", 24, "--out", tmp_path / "t.gif")
+    with Image.open(tmp_path / "t.gif") as video:
+        assert video.n_frames == 3
+
+
+def test_a_turntable_becomes_another_object_and_turns_back(file: str, model: Model, tmp_path: Path):
+    words = ("--object", 0, "--morph-to", 1, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
+    run("turntable", "--model", file, *words, "--out", tmp_path / "t.frames")
+    run("render", "--model", file, "--object", 1, "--azimuth", 240, "--size", 24, "--out", tmp_path / "there.png")
+    assert len(list((tmp_path / "t.frames").iterdir())) == 4
+    with Image.open(tmp_path / "t.frames/00002.png") as halfway, Image.open(tmp_path / "there.png") as there:
+        white = Image.new("RGBA", halfway.size, "white")
+        white.alpha_composite(halfway)
+        seen = np.asarray(white.convert("RGB")).astype(int)
+        assert np.abs(seen - np.asarray(there)).max() <= 3
+
+
+def test_mesh_writes_the_object(tmp_path: Path):
+    tiny_model().save(tmp_path / "m.safetensors")
+    run(*f"mesh --model {tmp_path}/m.safetensors --object 1 --resolution 24 --out {tmp_path}/a.ply".split())
+    assert (tmp_path / "a.ply").read_bytes().startswith(b"ply")
+
+
+def test_convert_writes_a_model_file(shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    source = shared / "upstream/srncars500"
+    shutil.copy(source / "models.pth", tmp_path / "models.pth")
+    run("convert", tmp_path / "models.pth", "--config", source / "hpam.json", "--out", tmp_path / "c.safetensors")
+    assert "24, 142, 149" in capsys.readouterr().out
+    assert len(load_model(str(tmp_path / "c.safetensors")).codes) == 500
+
+
+def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    tiny = tiny_model()
+    tiny.save(tmp_path / "m.safetensors")
+    for index in range(3):
+        write_object(tmp_path / "d", views_of(tiny, index, 3))
+    words = ("evaluate", tmp_path / "d", "--model", tmp_path / "m.safetensors", "--inputs", "0,1", "--objects", 1)
+    run(*words, "--report", tmp_path / "r.json")
+    assert "2-view (0, 1), camera known" in capsys.readouterr().out
+    told = json.loads((tmp_path / "r.json").read_text())
+    assert [one["name"] for one in told["objects"]] == ["stool0"]
+    assert told["summary"]["psnr"][0] > 20
+    assert (tmp_path / "r.png").exists()
+    assert "stool0: 3 views" in refused(capsys, *words[:4], "--inputs", "7")
+    assert "no held-out cell" in refused(capsys, *words[:4], "--swap")
+    assert "no --inputs" in refused(capsys, *words, "--swap")
+    write_manifest(tmp_path / "d", "boats", {})
+    assert "boats" in refused(capsys, *words)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("render", "--out", "{tmp}/a.png", "--model", "boats"), "boats"),
+        (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--object", "9"), "0 to 5"),
+        (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--elevation", "120"), "90 degrees"),
+        (("render", "--out", "{tmp}/a.png", "--model", "{file}", "--distance", "-1"), "positive"),
+        (("render", "--out", "{tmp}/gone/a.png", "--model", "{file}"), "folder"),
+        (("render", "--out", "{tmp}", "--model", "{file}"), "it is a folder"),
+        (("render", "--out", "{tmp}/a.xyz", "--model", "{file}", "--size", "8"), "name ends in"),
+        (("render", "--out", "{tmp}/a.png", "--size", "none"), "--size"),
+        (("render", "--out", "{tmp}/a.png", "--azimuth", "nan"), "--azimuth"),
+        (("turntable", "--out", "{tmp}/t.avi", "--model", "{file}"), "mp4"),
+        (("mesh", "--out", "{tmp}/a.stl", "--model", "{file}"), "glb"),
+        (("convert", "{file}", "--out", "{tmp}/a.safetensors"), "hpam.json"),
+        (("convert", "{file}", "--config", "{file}", "--out", "{tmp}/a.pth"), "safetensors"),
+        (("evaluate", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
+        (("evaluate", "{tmp}", "--model", "{file}", "--inputs", "64,,1"), "--inputs"),
+        (("evaluate", "{tmp}", "--model", "{file}", "--inputs", "3,3"), "different views"),
+        (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
+        (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
+        (("fit", "a.png", "--out", "{tmp}"), "called .json"),
+        (("fit", "a.png", "--log", "{tmp}"), "it is a folder"),
+        (("fit", "a.png", "--out", "{tmp}/gone/a.json"), "no folder"),
+        (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
+        (("fit", "a.png", "--preset", "best"), "paper"),
+        (("fit", "a.png", "--preset", "paper", "--lens"), "focal length"),
+        (("fit", "a.png", "--pose", "a.txt", "--lens"), "--pose gives them"),
+        (("bench", "fit", "--dataset", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
+        (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
+        (("train", "{tmp}", "--from", "{file}", "--width", "32", "--out", "{tmp}/x.safetensors"), "no --width"),
+        (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
+        (("nonsense",), "nonsense"),
+        ((), "COMMAND"),
+    ],
+)
+def test_wrong_input_is_said_in_one_line(words, says, file, tmp_path, capsys):
+    filled = [word.format(tmp=tmp_path, file=file) for word in words]
+    assert says in refused(capsys, *filled)
+
+
+@pytest.mark.usefixtures("rasteriser")
+def test_dataset_train_and_render_from_nothing(tmp_path: Path):
+    """Objects of the generator become a dataset, the dataset a model, the model a picture; and training resumes."""
+    words = ("dataset", "procedural", "--category", "chairs", "--count", 2, "--views", 6, "--size", 24)
+    run(*words, "--out", tmp_path / "d")
+    assert len(read_dataset(tmp_path / "d").objects) == 2
+    words = ("train", tmp_path / "d", "--width", 16, "--latent", 4, 4, "--out")
+    run(*words, tmp_path / "m.safetensors", "--steps", 8)
+    for end in (".safetensors", ".state", ".curve.json"):
+        (tmp_path / f"m{end}").rename(tmp_path / f"n{end}")
+    out = tmp_path / "n.safetensors"
+    run(*words, out, "--steps", 12, "--resume")
+    assert load_model(str(out)).category == "chairs"
+    curve = json.loads((tmp_path / "n.curve.json").read_text())
+    assert [point["step"] for point in curve["n"]] == [8, 12]
+    assert (tmp_path / "n.curve.png").exists()
+    run("train", tmp_path / "d", "--from", out, "--steps", 2, "--out", tmp_path / "more.safetensors")
+    assert load_model(str(tmp_path / "more.safetensors")).field.config == load_model(str(out)).field.config
+    run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
+    run("glance", tmp_path / "d", "--model", out, "--steps", 1, "--out", tmp_path / "looks.safetensors")
+    looks, before = load_model(str(tmp_path / "looks.safetensors")), load_model(str(out))
+    assert looks.fingerprint == before.fingerprint
+    assert looks.glance is not None
+    assert before.glance is not None
+    shutil.rmtree(tmp_path / "d")
+
+
+def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch):
+    tiny_model().save(tmp_path / "m.safetensors")
+    for presets in (PRESETS, stability.COMPARED):
+        for name, settings in presets.items():
+            monkeypatch.setitem(presets, name, replace(settings, starts=1, steps=2, rays=16, samples=8))
+    monkeypatch.setattr(stability, "STRESSORS", {"nothing": stability.STRESSORS["nothing"]})
+    words = ("--model", tmp_path / "m.safetensors", "--objects", 1, "--out", tmp_path / "charts")
+    run("bench", "fit", *words)
+    assert "| paper |" in capsys.readouterr().out
+    run("bench", "stability", *words)
+    assert "| stressor | level | normal | paper |" in capsys.readouterr().out
+    write_object(tmp_path / "d", views_of(tiny_model(), 0, 3))
+    run("bench", "fit", *words, "--dataset", tmp_path / "d")
+    assert json.loads((tmp_path / "charts/fit.json").read_text())["trials"][0]["name"] == "stool0"
+    for name, (_, changes) in parts._PARTS.items():
+        monkeypatch.setitem(parts._PARTS, name, (PRESETS["normal"], changes))
+    run("bench", "parts", *words)
+    assert "| nothing left out |" in capsys.readouterr().out
+    assert hypotheses.SILHOUETTE > 0
+    assert sorted(path.name for path in (tmp_path / "charts").iterdir()) == [
+        "failures.png",
+        *(f"{name}.{kind}" for name in ("fit", "parts", "stability") for kind in ("json", "md", "png")),
+    ]
+
+
+@pytest.mark.parametrize("margin, said", [(-9.0, "doubtful"), (9.0, "")])
+def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, capsys, monkeypatch):
+    camera, codes = model.camera(0.3, 0.3), model.codes[0]
+    alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, alternative=alternative, margin=margin, spread=1.5)
+    monkeypatch.setattr(
+        fitting, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
+    )
+    monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
+    run("fit", "a.png", "--model", file)
+    told = capsys.readouterr()
+    assert said in told.err
+    assert bool(told.err) == bool(said)
+    found = json.loads(told.out)
+    place = {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "focal": 1.025}
+    assert found["alternative"] == place | {"loss": 0.5}
+    assert found["confidence"] == pytest.approx(step.confidence, abs=1e-3)
+    assert found["spread"] == 1.5
+
+
+def test_the_presets_of_the_command_line_are_those_of_the_fit():
+    for name in PRESETS:
+        assert parser().parse_args(["fit", "a.png", "--preset", name]).preset == name
+
+
+def test_the_sizes_that_the_command_line_tells_are_those_of_the_recipe():
+    ours = RECIPES["ours"].field
+    train = next(iter(parser()._subparsers._group_actions)).choices["train"]
+    told = {action.dest: action for action in train._actions}
+    assert f"ours: {ours.width})" in told["width"].help
+    assert f"ours: {ours.shape_latent} {ours.texture_latent})" in told["latent"].help
+    assert tuple(told["recipe"].choices) == tuple(RECIPES)
+
+
+def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys, monkeypatch):
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = 6
+    Image.new("RGB", (400, 200), "red").save(tmp_path / "a.jpg", exif=exif)
+    given = []
+
+    def loaded(path, model, pose, hints):
+        given.append(hints.box)
+        raise ValueError("enough")
+
+    monkeypatch.setattr(fitting, "load_photo", loaded)
+    words = "fit", tmp_path / "a.jpg", "--model", file, "--box"
+    for box in ("20,40,100,300", "20,40,300,300", "250,40,300,300", "20,40,100", "20,40,100,300 1,2,3,4"):
+        with pytest.raises(SystemExit):
+            run(*words, *box.split())
+    assert given == [(0.1, 0.1, 0.5, 0.75), (0.1, 0.1, 1.0, 0.75)]
+    told = capsys.readouterr().err
+    assert "no inside within the picture of 200x400 px" in told
+    assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in told
+    assert "1 images need as many boxes, got 2" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("render", "--size", "big"), "argument --size: must be a whole number of at least 1, not 'big'"),
+        (("render", "--size", "0"), "argument --size: must be a whole number of at least 1, not '0'"),
+        (("render", "--azimuth", "east"), "argument --azimuth: an angle is a number of degrees, not 'east'"),
+        (("render", "--azimuth", "nan"), "argument --azimuth: an angle is a number of degrees, not 'nan'"),
+        (("evaluate", "data", "--inputs", "64;104"), "argument --inputs: views are whole numbers V,V, not '64;104'"),
+    ],
+)
+def test_what_is_no_number_is_told_in_plain_words(
+    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+):
+    with pytest.raises(SystemExit) as stopped:
+        run(*words)
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err == f"python -m core {words[0]}: {told}\n"
+
+
+def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    run("render", "--model", file, "--object", 1, "--size", 32, "--out", tmp_path / "photo.png")
+    camera = model.camera(np.radians(60), np.radians(20))
+    (tmp_path / "pose.txt").write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
+    run(
+        "fit",
+        tmp_path / "photo.png",
+        "--pose",
+        tmp_path / "pose.txt",
+        "--model",
+        file,
+        "--out",
+        tmp_path / "s.json",
+        "--log",
+        tmp_path / "steps.jsonl",
+    )
+    told = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    assert list(told)[:6] == ["azimuth", "elevation", "distance", "psnr", "seconds", "steps"]
+    assert told["focal"] == pytest.approx(model.focal / model.image_size, abs=1e-3)
+    assert told["azimuth"] == pytest.approx(60, abs=1e-3)
+    steps = [json.loads(line) for line in (tmp_path / "steps.jsonl").read_text().splitlines()]
+    assert steps[-1]["psnr"] == told["psnr"]
+    assert Scene.load(tmp_path / "s.json", model).camera.elevation == pytest.approx(np.radians(20), abs=1e-5)

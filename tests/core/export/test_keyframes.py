@@ -1,0 +1,129 @@
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+import torch
+
+from core.export.keyframes import GAP, Key, Shot, Timeline
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+
+
+def shot(azimuth: float = 0.0, elevation: float = 0.2, distance: float = 1.3, code: float = 0.0) -> Shot:
+    camera = Camera(azimuth, elevation, distance, 131.25, 128, 128)
+    return Shot(Codes(torch.full((3,), code), torch.full((2,), -code)), camera)
+
+
+def film(*shots: Shot, **about) -> Timeline:
+    """Keys a second apart from 0 on."""
+    keys = tuple(Key(float(index), one) for index, one in enumerate(shots))
+    return Timeline(keys, **({"length": float(len(shots))} | about))
+
+
+@pytest.mark.parametrize("loop", [True, False])
+@pytest.mark.parametrize("smooth", [True, False])
+def test_every_key_is_met(loop: bool, smooth: bool) -> None:
+    shots = shot(0.1, 0.2, 1.0, 1.0), shot(2.5, -0.4, 1.6, -2.0), shot(-2.8, 0.9, 1.2, 0.5)
+    made = film(*shots, loop=loop, smooth=smooth)
+    for second, expected in enumerate(shots):
+        found = made.at(float(second))
+        assert found.camera.azimuth == pytest.approx(expected.camera.azimuth, abs=1e-9)
+        assert found.camera.elevation == pytest.approx(expected.camera.elevation)
+        assert found.camera.distance == pytest.approx(expected.camera.distance)
+        torch.testing.assert_close(found.codes.shape, expected.codes.shape)
+        torch.testing.assert_close(found.codes.texture, expected.codes.texture)
+
+
+def test_straight_interpolation_is_linear_in_codes_and_geometric_in_distance() -> None:
+    made = film(shot(distance=1.0, code=0.0), shot(distance=4.0, code=2.0), loop=False, smooth=False)
+    halfway = made.at(0.5)
+    torch.testing.assert_close(halfway.codes.shape, torch.ones(3))
+    assert halfway.camera.distance == pytest.approx(2.0)
+
+
+def test_the_camera_keeps_to_the_sphere_and_takes_the_short_way_round() -> None:
+    made = film(shot(3.0), shot(-3.0), loop=False)
+    for step in range(21):
+        camera = made.at(step / 20).camera
+        assert camera.distance == pytest.approx(1.3)
+        assert abs(camera.azimuth) >= 3.0 - 1e-9  # by way of pi, not of 0
+
+
+def test_keys_all_round_go_all_round_in_a_loop() -> None:
+    thirds = [shot(2 * math.pi * third / 3) for third in range(3)]
+    made = film(*thirds)
+    steps = [made.at(0.05 * index).camera.azimuth for index in range(61)]
+    turned = [math.remainder(after - before, 2 * math.pi) for before, after in pairwise(steps)]
+    assert all(0 < step < 0.2 for step in turned)
+    assert sum(turned) == pytest.approx(2 * math.pi)
+
+
+def test_turns_are_added_while_codes_change() -> None:
+    made = film(shot(code=0.0), shot(code=2.0), turns=1, smooth=False)
+    quarter = made.at(0.5)
+    assert quarter.camera.azimuth == pytest.approx(math.pi / 2)
+    torch.testing.assert_close(quarter.codes.shape, torch.ones(3))
+    assert made.seam() < 1.5
+
+
+def test_smooth_has_no_corner_and_straight_does() -> None:
+    def bend(smooth: bool) -> float:
+        made = film(shot(code=0.0), shot(code=1.0), shot(code=0.0), shot(code=-1.0), smooth=smooth)
+        before, at, after = (float(made.at(1.0 + d).codes.shape[0]) for d in (-0.01, 0.0, 0.01))
+        return abs((after - at) - (at - before)) / 0.01
+
+    assert bend(smooth=False) > 1.5
+    assert bend(smooth=True) < 0.1
+
+
+def test_a_smooth_path_stays_off_the_pole() -> None:
+    high = math.radians(88)
+    made = film(shot(elevation=0.0), shot(elevation=high), shot(elevation=high), shot(elevation=0.0))
+    assert max(made.at(0.02 * index).camera.elevation for index in range(200)) <= math.radians(89.0)
+
+
+def test_the_seam_tells_a_loop_from_a_jump() -> None:
+    shots = [shot(code=float(number)) for number in range(4)]
+    assert film(*shots, loop=True).seam() < 1.5
+    assert film(*shots, loop=False, length=3.0).seam() > 10
+    assert film(*shots, shots[0], loop=False).seam() < 1.5
+    assert film(shot(), loop=True).seam() < 1.5
+
+
+def test_shots_of_a_loop_end_before_the_beginning() -> None:
+    two = shot(code=0.0), shot(code=1.0)
+    looped, ended = film(*two, loop=True).shots(12), film(*two, loop=False).shots(12)
+    assert len(looped) == len(ended) == 24
+    assert looped[0].codes == ended[0].codes
+    assert looped[-1].codes != looped[0].codes
+    torch.testing.assert_close(ended[-1].codes.shape, two[1].codes.shape)
+
+
+def test_edits_make_new_timelines_and_keep_keys_apart() -> None:
+    made = Timeline().added(0.0, shot(code=1.0)).added(2.0, shot(code=2.0)).added(1.0, shot(code=3.0))
+    assert [key.seconds for key in made.keys] == [0.0, 1.0, 2.0]
+    assert made.nearest(1.01) == 1
+    assert made.nearest(1.5) is None
+    assert len(made.added(1.0 + GAP / 2, shot()).keys) == 3
+    assert made.replaced(1, shot(code=9.0)).keys[1].shot.codes == shot(code=9.0).codes
+    assert [key.seconds for key in made.removed(1).keys] == [0.0, 2.0]
+    assert made.moved(1, 3.5).keys[1].seconds == pytest.approx(2.0 - GAP)
+    assert made.moved(2, 99.0).keys[2].seconds == pytest.approx(made.length - GAP)
+    assert made.moved(0, -1.0).keys[0].seconds == 0.0
+    assert [key.seconds for key in made.stretched(8.0).keys] == [0.0, 2.0, 4.0]
+    assert made.stretched(0.0).length >= 3 * GAP
+    ended = made.looped(False).added(4.0, shot())
+    assert ended.keys[-1].seconds == 4.0
+    assert ended.looped(True).keys[-1].seconds == pytest.approx(4.0 - GAP)
+
+
+def test_what_is_no_film_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one key"):
+        Timeline().at(0.0)
+    with pytest.raises(ValueError, match="apart"):
+        Timeline((Key(1.0, shot()), Key(0.5, shot())))
+    with pytest.raises(ValueError, match="apart"):
+        Timeline((Key(4.0, shot()),), loop=True)
+    with pytest.raises(ValueError, match="takes"):
+        replace(Timeline(), length=math.inf)

@@ -1,0 +1,171 @@
+import copy
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from core.export import mesh as module
+from core.export.glb import WORLD_FROM_GLTF
+from core.export.mesh import WITHIN, Mesh, export_mesh, surface
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.progressive import picture
+from core.training.visual_hull import project
+from tests.core.tiny import tiny_model
+
+
+@pytest.fixture(scope="module")
+def tiny() -> Model:
+    """The stools, ten times as dense: opaque within a cell, as trained objects are."""
+    soft = tiny_model()
+    field = copy.deepcopy(soft.field)
+    field.config = replace(field.config, density_scale=10 * field.config.density_scale)
+    return replace(soft, field=field)
+
+
+def drained(stream) -> Mesh:
+    while True:
+        try:
+            next(stream)
+        except StopIteration as end:
+            return end.value
+
+
+def solid(found: Mesh) -> trimesh.Trimesh:
+    return trimesh.Trimesh(found.vertices, found.faces, process=False)
+
+
+@pytest.fixture
+def ball(monkeypatch: pytest.MonkeyPatch):
+    """Makes every field one ball, or several: density and colour by the distance from their surfaces."""
+
+    def make(*balls: tuple[tuple[float, float, float], float], hollow: float = 0.0) -> None:
+        def density(self, first):
+            away = torch.stack([radius - (first - torch.tensor(middle)).norm(dim=-1) for middle, radius in balls], -1)
+            outside = away.amax(-1)
+            outside = torch.minimum(outside, first.norm(dim=-1) - hollow) if hollow else outside
+            return torch.nn.functional.softplus(outside * 400) * 44, first
+
+        monkeypatch.setattr(module.Folded, "first", lambda self, points: points)
+        monkeypatch.setattr(module.Folded, "density", density)
+        monkeypatch.setattr(module.Folded, "colour", lambda self, y, towards: (y > 0).float())
+        monkeypatch.setattr("core.rendering.occupancy._corner_activations", _corners)
+
+    return make
+
+
+def _corners(model: Model, dtype: torch.dtype) -> torch.Tensor:
+    axes = [torch.linspace(-half, half, 65) for half in model.extent]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("resolution", [40, 64, 97])
+def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: Model):
+    ball(((0.0, 0.0, 0.0), 0.2))
+    found = drained(surface(model, model.codes[0], resolution))
+    assert solid(found).is_watertight
+    assert solid(found).is_winding_consistent
+    assert solid(found).volume == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.06)
+    outward = found.vertices / np.linalg.norm(found.vertices, axis=1, keepdims=True)
+    assert (outward * found.normals).sum(1).min() > 0.95
+    # A colour is that of what lies below the vertex.
+    clear = (np.abs(found.vertices) > 0.02).all(1)
+    np.testing.assert_allclose(found.colours[clear], found.vertices[clear] > 0, atol=0.05)
+
+
+def test_what_leaves_the_box_is_closed_there(ball, model: Model):
+    ball(((0.3, 0.0, 0.0), 0.2))
+    found = drained(surface(model, model.codes[0], 48))
+    assert solid(found).is_watertight
+    assert found.vertices[:, 0].max() == pytest.approx(model.extent[0], abs=0.02)
+
+
+def test_pieces_stay_specks_and_hollows_go(ball, model: Model):
+    ball(((0.0, 0.0, 0.0), 0.2), ((0.0, 0.2, 0.35), 0.04), ((0.2, -0.2, -0.35), 0.013), hollow=0.1)
+    found = solid(drained(surface(model, model.codes[0], 96)))
+    pieces = found.split(only_watertight=False)
+    assert sorted(round(float(piece.extents[0]), 2) for piece in pieces) == [0.08, 0.4]
+    assert found.is_watertight
+
+
+def test_the_mesh_stands_where_the_picture_shows_the_object(tiny: Model):
+    found = drained(surface(tiny, tiny.codes[1], 64))
+    assert solid(found).is_watertight
+    camera = tiny.camera(1.1, 0.4)
+    drawn = picture(tiny, tiny.codes[1], camera)
+    columns, rows = project(torch.from_numpy(found.vertices), camera).long().T.numpy()
+    covered = np.zeros((40, 40), bool)
+    covered[rows, columns] = True
+    opaque = drawn.opacity > 0.5
+    assert (covered & opaque).sum() / (covered | opaque).sum() > 0.75
+    # The vertices nearest to the camera have the colours of the picture there.
+    facing = found.normals @ camera.pose()[:3, 3].numpy() > 1.0
+    shown = drawn.image[rows[facing], columns[facing]] / 255
+    assert np.median(np.abs(found.colours[facing] - shown)) < 0.08
+
+
+@pytest.mark.parametrize("suffix", module.FORMATS)
+def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_path: Path):
+    path = tmp_path / f"stool{suffix}"
+    shares = list(export_mesh(tiny, tiny.codes[0], path, 32))
+    assert all(before <= after for before, after in pairwise(shares))
+    assert shares[-1] == 1.0
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+    found = drained(surface(tiny, tiny.codes[0], 32))
+    read = next(iter(trimesh.load_scene(path, process=False).geometry.values()))
+    gltf = suffix == ".glb"
+    expected = found.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if gltf else found.vertices
+    np.testing.assert_allclose(read.vertices, expected, atol=1e-6)
+    assert np.array_equal(read.faces, found.faces)
+    if gltf:
+        linear = read.visual.vertex_attributes["color"][:, :3] / 65535
+        colours = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
+    else:
+        colours = read.visual.vertex_colors[:, :3] / 255
+    np.testing.assert_allclose(colours, found.colours, atol=3e-3)
+
+
+def test_the_axes_are_those_that_meshes_are_read_with():
+    from core.datasets import glb_objects as meshes
+
+    assert np.array_equal(meshes.WORLD_FROM_GLTF, WORLD_FROM_GLTF)
+
+
+def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, tmp_path: Path):
+    path = tmp_path / "stool.glb"
+    path.write_text("before")
+    stream = export_mesh(tiny, tiny.codes[0], path, 64)
+    next(stream)
+    stream.close()
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "before"
+
+
+def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
+    codes: Codes = model.codes[0]
+    for name, says in (("a.stl", "glb"), ("gone/a.glb", "cannot write")):
+        with pytest.raises(ValueError, match=says):
+            list(export_mesh(model, codes, tmp_path / name, 16))
+    for resolution in (7, 5000):
+        with pytest.raises(ValueError, match="8 to 1024"):
+            list(export_mesh(model, codes, tmp_path / "a.glb", resolution))
+    ball(((0.0, 0.0, 0.0), -1.0))
+    with pytest.raises(ValueError, match="no surface"):
+        list(export_mesh(model, codes, tmp_path / "a.glb", 16))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_mesh_has_as_many_cells_as_its_surface_asks_for(ball, model: Model):
+    ball(((0.0, 0.0, 0.0), 0.2))
+    fine, found = drained(surface(model, model.codes[0], 384)), drained(surface(model, model.codes[0]))
+    radius = np.median(np.linalg.norm(fine.vertices, axis=1))
+    middles = found.vertices[found.faces].mean(1)
+    assert np.quantile(np.abs(np.linalg.norm(middles, axis=1) - radius), 0.95) < WITHIN
+    assert len(found.faces) < len(fine.faces) / 3
+    # Something thinner than the coarsest grid's cells is found all the same.
+    ball(((0.0, 0.0, 0.0), 0.2), *(((0.21 + 0.006 * step, 0.0, 0.0), 0.006) for step in range(15)))
+    assert drained(surface(model, model.codes[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)

@@ -1,0 +1,117 @@
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from core.export.keyframes import Key, Shot, Timeline, turntable
+from core.export.video import FORMATS, TRANSPARENT, VideoSettings, cut_out, film
+from core.models.model import Model
+from core.rendering.progressive import picture
+
+
+def turn(model: Model, path: Path, frames: int = 5, **about: int):
+    return film(model, turntable(model.codes[0], model.camera(0.0, 0.3), frames), path, VideoSettings(**about))
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, tmp_path: Path) -> None:
+    path = tmp_path / f"turn{suffix}"
+    counts = list(turn(model, path, 5, size=31))
+    assert counts == sorted(counts)
+    assert set(counts) == {0, 1, 2, 3, 4, 5}
+    if suffix == ".mp4":
+        with av.open(str(path)) as video:
+            assert video.streams.video[0].codec_context.name == "h264"
+            shown = [frame.to_ndarray(format="rgb24") for frame in video.decode(video=0)]
+        assert (len(shown), shown[0].shape) == (5, (30, 30, 3))
+        # The first frame and the third look at different sides.
+        assert abs(shown[0].astype(int) - shown[2]).max() > 5
+    elif suffix == ".frames":
+        assert sorted(entry.name for entry in path.iterdir()) == [f"{index:05d}.png" for index in range(5)]
+    else:
+        with Image.open(path) as video:
+            assert (video.n_frames, video.size) == (5, (31, 31))
+    assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_a_cancelled_film_leaves_nothing_and_keeps_what_was_there(suffix: str, model: Model, tmp_path: Path) -> None:
+    path = tmp_path / f"turn{suffix}"
+    if suffix != ".frames":
+        path.write_text("before")
+    before = [entry.name for entry in tmp_path.iterdir()]
+    stream = turn(model, path, 5, size=32)
+    next(stream)
+    stream.close()
+    assert [entry.name for entry in tmp_path.iterdir()] == before
+    assert not before or path.read_text() == "before"
+
+
+def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path) -> None:
+    (tmp_path / "turn.frames").mkdir()
+    with pytest.raises(ValueError, match="there already"):
+        next(turn(model, tmp_path / "turn.frames"))
+    assert not list((tmp_path / "turn.frames").iterdir())
+
+
+@pytest.mark.parametrize("suffix", TRANSPARENT)
+def test_the_ground_can_be_left_out(suffix: str, model: Model, tmp_path: Path) -> None:
+    path = tmp_path / f"turn{suffix}"
+    list(turn(model, path, 2, size=32, transparent=True))
+    opacity = picture(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
+    with Image.open(path / "00000.png" if suffix == ".frames" else path) as image:
+        alpha = np.asarray(image.convert("RGBA"))[..., 3]
+    expected = 255 * (opacity >= 0.5) if suffix == ".gif" else 255 * opacity
+    assert np.abs(alpha - expected.astype(float)).mean() < 2
+    assert alpha.min() == 0
+
+
+def test_a_cut_out_on_white_is_the_picture(model: Model) -> None:
+    frame = picture(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
+    rgba = cut_out(frame).astype(float)
+    alpha = rgba[..., 3:] / 255
+    assert np.abs(rgba[..., :3] * alpha + 255 * (1 - alpha) - frame.image).max() <= 2.5
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".webp"])
+def test_a_film_takes_its_time(suffix: str, model: Model, tmp_path: Path) -> None:
+    list(turn(model, tmp_path / f"turn{suffix}", 15, size=16, rate=30))
+    with Image.open(tmp_path / f"turn{suffix}") as video:
+        lasted = 0
+        for index in range(video.n_frames):
+            video.seek(index)
+            video.load()
+            lasted += video.info["duration"]
+    assert lasted == 500
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".webp", ".gif"])
+def test_less_quality_is_a_smaller_file(suffix: str, model: Model, tmp_path: Path) -> None:
+    for quality in (10, 95):
+        list(turn(model, tmp_path / f"{quality}{suffix}", 3, size=64, quality=quality))
+    assert (tmp_path / f"10{suffix}").stat().st_size < (tmp_path / f"95{suffix}").stat().st_size
+
+
+def test_a_timeline_is_filmed(model: Model, tmp_path: Path) -> None:
+    camera = model.camera(0.0, 0.3)
+    keys = Key(0.0, Shot(model.codes[0], camera)), Key(0.5, Shot(model.codes[1], camera))
+    list(film(model, Timeline(keys, 1.0, turns=1).shots(8), tmp_path / "a.frames", VideoSettings(size=32)))
+    for index, code in ((0, 0), (4, 1)):
+        turned = model.camera(np.pi * code, 0.3).resized(32, 32)
+        expected = picture(model, model.codes[code], turned).image.astype(int)
+        with Image.open(tmp_path / f"a.frames/{index:05d}.png") as image:
+            assert abs(np.asarray(image) - expected).max() <= 2
+
+
+def test_what_no_video_is_called_is_refused(model: Model, tmp_path: Path) -> None:
+    for path, says in ((tmp_path / "turn.avi", "mp4"), (tmp_path / "gone" / "turn.mp4", "cannot write")):
+        with pytest.raises(ValueError, match=says):
+            next(turn(model, path))
+    with pytest.raises(ValueError, match="at least 1 frame"):
+        turn(model, tmp_path / "t.gif", 0)
+    with pytest.raises(ValueError, match="transparent"):
+        next(turn(model, tmp_path / "t.mp4", transparent=True))
+    with pytest.raises(ValueError, match="quality"):
+        VideoSettings(quality=0)

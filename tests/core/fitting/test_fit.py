@@ -1,0 +1,309 @@
+import hashlib
+import math
+from dataclasses import replace
+from statistics import median
+
+import pytest
+import torch
+
+from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.metrics import distance_error, psnr, rotation_error
+from core.models.model import Model
+from core.photos.photo import Photo
+from core.rendering.reference import render_exact
+from tests.conftest import random_model
+from tests.core.tiny import photo_of
+
+QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24, races=1)
+SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12, races=1)
+
+
+def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int = 0) -> FitStep:
+    return last_of(model, FitJob(photos, settings, seed))
+
+
+def last_of(model: Model, job: FitJob) -> FitStep:
+    *_, step = fit(model, job)
+    return step
+
+
+# What is found
+
+
+@pytest.mark.parametrize("index, azimuth, elevation", [(0, 1.2, 0.3), (1, 2.9, 0.6), (2, 4.5, 0.2), (3, 6.0, 1.35)])
+def test_an_unknown_camera_and_the_codes_are_found(tiny: Model, index: int, azimuth: float, elevation: float):
+    truth = tiny.camera(azimuth, elevation)
+    photo = photo_of(tiny, tiny.codes[index], truth)
+    found = last(tiny, photo)
+    assert rotation_error(found.cameras[0], truth) < 10
+    assert distance_error(found.cameras[0], truth) < 0.03
+    assert psnr(render_exact(tiny, found.codes, found.cameras[0], 48).colour, photo.pixels) > 30
+
+
+def test_another_lens_is_found_where_it_is_searched_for(tiny: Model):
+    usual = tiny.camera(3.2, 0.4)
+    truth = replace(usual, focal=0.7 * usual.focal, distance=0.7 * usual.distance)
+    photo = photo_of(tiny, tiny.codes[2], truth)
+    taken, found = (last(tiny, photo, settings=replace(QUICK, rays=256, lens=lens)) for lens in (False, True))
+    assert taken.cameras[0].focal == usual.focal
+    assert found.cameras[0].focal == pytest.approx(truth.focal, rel=0.15)
+    assert distance_error(found.cameras[0], truth) < 0.15
+    assert found.psnr > taken.psnr + 3
+    race = found.race[0]
+    again = last_of(tiny, FitJob((photo,), replace(QUICK, steps=4), begin=race))
+    assert again.cameras[0].focal == pytest.approx(found.cameras[0].focal)  # kept, not searched for
+
+
+def test_every_unknown_camera_has_a_lens_of_its_own(tiny: Model):
+    cameras = [tiny.camera(1.2, 0.3), tiny.camera(2.6, 0.5), tiny.camera(4.0, 0.4)]
+    known, *others = (photo_of(tiny, tiny.codes[1], camera) for camera in cameras)
+    photos = replace(known, camera=cameras[0]), *others
+    found = last(tiny, *photos, settings=replace(SHORT, lens=True))
+    assert found.cameras[0].focal == cameras[0].focal
+    assert found.cameras[1].focal != found.cameras[2].focal
+
+
+def test_with_a_known_camera_the_codes_are_found(tiny: Model):
+    truth, codes = tiny.camera(0.9, 0.5), tiny.codes[2]
+    found = last(tiny, replace(photo_of(tiny, codes, truth), camera=truth))
+    assert rotation_error(found.cameras[0], truth) < 1e-3
+    other = tiny.camera(3.9, 0.6)
+    expected = render_exact(tiny, codes, other, 48).colour
+    assert psnr(render_exact(tiny, found.codes, other, 48).colour, expected) > 25
+
+
+def test_several_unknown_cameras_and_one_pair_of_codes_are_found(tiny: Model):
+    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
+    found = last(tiny, *(photo_of(tiny, tiny.codes[1], truth) for truth in truths))
+    assert max(map(rotation_error, found.cameras, truths)) < 5
+    assert found.codes.shape.shape == tiny.codes[1].shape.shape
+
+
+def test_a_known_view_helps_an_unknown_one_and_stays_where_it_is(tiny: Model):
+    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
+    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    found = last(tiny, replace(first, camera=truths[0]), second)
+    assert rotation_error(found.cameras[0], truths[0]) < 1e-3
+    assert rotation_error(found.cameras[1], truths[1]) < 5
+
+
+def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
+    truth = tiny.camera(1.2, 0.4)
+    photo = photo_of(tiny, tiny.codes[0], truth)
+    moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), framed=True)
+    assert rotation_error(last(tiny, moved).cameras[0], truth) < 5
+
+
+def test_the_last_step_is_better_than_the_first_ones(tiny: Model):
+    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[3], tiny.camera(0.4, 0.2)),), QUICK)))
+    assert steps[-1].psnr > median(step.psnr for step in steps[: QUICK.steps // 2])
+    assert steps[-1].loss < median(step.loss for step in steps[: QUICK.steps // 2])
+
+
+# The race, and going on
+
+
+def test_the_race_is_told_the_leader_first(tiny: Model):
+    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
+    for step in steps:
+        assert [one.loss for one in step.race] == sorted(one.loss for one in step.race)
+        assert (step.race[0].start, step.race[0].cameras) == (step.start, step.cameras)
+        assert torch.equal(step.race[0].codes.shape, step.codes.shape)
+    assert len(steps[0].race) == QUICK.starts
+    assert steps[-1].alternative is not None
+    assert steps[-1].race[1].cameras == steps[-1].alternative.cameras
+
+
+def test_a_fit_goes_on_where_another_ended(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    photo = replace(photo_of(tiny, tiny.codes[0], truth), framed=True)
+    begin = replace(last(tiny, photo, settings=SHORT).race[0], start=3)
+    steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), begin=begin)))
+    assert {step.hypotheses for step in steps} == {1}
+    assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 10
+    assert steps[0].start == begin.start
+    assert steps[-1].psnr > last(tiny, photo, settings=SHORT).psnr
+    assert steps[-1].alternative is not None
+    assert steps[-1].confidence is None
+
+
+def test_a_fit_that_goes_on_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
+    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5), tiny.camera(2.4, 0.4)]
+    photos = [photo_of(tiny, tiny.codes[1], truth) for truth in truths]
+    job = FitJob((replace(photos[0], camera=truths[0]), *photos[1:]), SHORT)
+    *_, first = fit(tiny, job)
+    *_, second = fit(tiny, replace(job, begin=first.race[0]))
+    assert rotation_error(second.cameras[0], truths[0]) < 1e-3
+    assert len(second.race[0].cameras) == 3
+    with pytest.raises(ValueError, match="the pictures it had"):
+        replace(job, photos=job.photos[:1], begin=first.race[0])
+
+
+# What else it could be
+
+
+def test_the_alternative_is_another_camera_that_is_measured_too(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), QUICK)))
+    found = steps[-1]
+    assert found.alternative is not None
+    assert found.margin is not None
+    assert found.confidence is not None
+    assert rotation_error(found.alternative.cameras[0], found.cameras[0]) > 20
+    assert 0 <= found.margin <= math.log(found.alternative.loss / found.loss) + 1e-4
+    assert found.margin > 0
+    assert found.spread is not None
+    assert 0 < found.spread < 30
+    assert 0 <= found.confidence <= 1
+    assert steps[0].alternative is steps[0].confidence is steps[0].spread is None
+
+
+@pytest.mark.parametrize("starts, steps", [(1, 1), (1, 7), (2, 3), (8, 9)])
+def test_there_is_an_alternative_however_short_the_race(tiny: Model, starts: int, steps: int):
+    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    found = last(tiny, photo, settings=FitSettings(starts, steps, rays=8, samples=4))
+    assert found.alternative is not None
+
+
+def test_a_known_camera_has_no_alternative(tiny: Model):
+    truth = tiny.camera(0.9, 0.5)
+    found = last(tiny, replace(photo_of(tiny, tiny.codes[2], truth), camera=truth), settings=SHORT)
+    assert found.alternative is found.confidence is None
+
+
+# The paper's recipe
+
+PAPER = replace(PRESETS["paper"], steps=120, rays=96, samples=20)
+
+
+def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
+    starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
+    assert {step.hypotheses for step in starts} == {1}
+    assert all(step.cameras[0].elevation > -0.11 for step in starts)
+    assert len({round(step.cameras[0].azimuth) for step in starts}) > 3
+    # AdamW's first step is its rate, whatever the slope.
+    moved = (starts[0].codes.shape - tiny.codes.mean.shape).abs()
+    torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
+
+
+def test_the_paper_finds_the_camera_from_some_starts(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    photo = photo_of(tiny, tiny.codes[0], truth)
+    streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(3)]
+    assert min(rotation_error(steps[-1].cameras[0], truth) for steps in streams) < 15
+    assert all(len(steps) == PAPER.steps for steps in streams)
+
+
+def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
+    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
+    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    found = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
+    assert found.confidence is None
+    assert rotation_error(found.cameras[0], truths[0]) < 1e-3
+    known = last(tiny, replace(first, camera=truths[0]), settings=PAPER)
+    assert known.psnr > 25
+
+
+def test_the_paper_has_one_start():
+    with pytest.raises(ValueError, match="one start"):
+        FitSettings(paper=True)
+
+
+# The stream
+
+
+def test_steps_are_numbered_timed_finite_and_at_the_size_of_the_picture(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2).resized(24, 24))
+    steps = list(fit(tiny, FitJob((photo,), SHORT)))
+    assert [step.step for step in steps] == list(range(1, len(steps) + 1))
+    assert {step.steps for step in steps} == {len(steps)}
+    assert [step.seconds for step in steps] == sorted(step.seconds for step in steps)
+    assert all(math.isfinite(step.loss) and math.isfinite(step.psnr) for step in steps)
+    assert all((step.cameras[0].width, step.cameras[0].height) == (24, 24) for step in steps)
+    assert not any(step.codes.shape.requires_grad for step in steps)
+
+
+def test_the_same_seed_gives_the_same_stream_and_another_seed_another(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+
+    def stream(seed: int) -> list[tuple]:
+        steps = fit(tiny, FitJob((photo,), SHORT, seed))
+        return [(step.loss, step.cameras, *step.codes.shape.tolist()) for step in steps]
+
+    assert stream(3) == stream(3) != stream(4)
+
+
+def test_fitting_leaves_the_model_as_it_is(tiny: Model):
+    def digest() -> str:
+        tensors = [*tiny.field.state_dict().values(), tiny.codes.shapes, tiny.codes.textures]
+        return hashlib.sha256(b"".join(tensor.numpy().tobytes() for tensor in tensors)).hexdigest()
+
+    before = digest()
+    last(tiny, photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6)), settings=SHORT)
+    assert digest() == before
+    assert not any(parameter.requires_grad for parameter in tiny.field.parameters())
+
+
+@pytest.mark.parametrize("starts, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
+def test_any_number_of_starts_and_steps_ends(tiny: Model, starts: int, steps: int):
+    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
+    found = list(fit(tiny, FitJob((photo,), FitSettings(starts, steps, rays=8, samples=4))))
+    assert found[-1].step == found[-1].steps == len(found)
+
+
+@pytest.mark.parametrize("painted", [False, True])
+def test_a_model_that_paints_its_ground_and_one_that_does_not(painted: bool):
+    model = random_model(1, painted)
+    generator = torch.Generator().manual_seed(0)
+    mask = torch.zeros(32, 32, dtype=torch.bool)
+    mask[10:22, 8:20] = True
+    pixels = torch.where(mask[..., None], torch.rand(32, 32, 3, generator=generator), torch.ones(3))
+    found = last(model, Photo(pixels, mask, model.camera(0.4, 0.3)), settings=SHORT)
+    assert math.isfinite(found.psnr)
+
+
+# Pictures that show nothing the model knows
+
+
+def test_odd_pictures_stay_finite(tiny: Model):
+    generator = torch.Generator().manual_seed(0)
+    everything = torch.ones(40, 40, dtype=torch.bool)
+    dot = torch.zeros(40, 40, dtype=torch.bool)
+    dot[0, 39] = True
+    odd = [
+        Photo(torch.zeros(40, 40, 3), everything),
+        Photo(torch.rand(40, 40, 3, generator=generator), everything),
+        Photo(torch.rand(40, 40, 3, generator=generator), torch.rand(40, 40, generator=generator) > 0.5),
+        Photo(torch.ones(40, 40, 3), dot),
+        Photo(torch.rand(9, 31, 3, generator=generator), torch.ones(9, 31, dtype=torch.bool)),
+    ]
+    for photo in odd:
+        found = last(tiny, photo, settings=SHORT)
+        assert math.isfinite(found.loss)
+        assert math.isfinite(found.cameras[0].distance)
+
+
+def test_a_picture_without_an_object_is_refused(tiny: Model):
+    with pytest.raises(ValueError, match="shows no object"):
+        last(tiny, Photo(torch.ones(40, 40, 3), torch.zeros(40, 40, dtype=torch.bool)))
+
+
+def test_a_job_without_pictures_is_refused():
+    with pytest.raises(ValueError, match="no picture"):
+        FitJob(())
+
+
+@pytest.mark.parametrize("field, value", [("starts", 0), ("steps", 0), ("races", 0), ("samples", 1), ("prior", -1.0)])
+def test_impossible_settings_are_refused(field: str, value: float):
+    with pytest.raises(ValueError, match="settings"):
+        FitSettings(**{field: value})
+
+
+def test_a_model_gone_wrong_ends_in_one_clear_error():
+    model = random_model()
+    photo = photo_of(model, model.codes[0], model.camera(0.3, 0.3))
+    known = replace(photo, mask=torch.ones_like(photo.mask), camera=model.camera(0.3, 0.3))
+    model.field.density_layer.bias.fill_(math.nan)
+    with pytest.raises(ValueError, match="diverged from every start"):
+        last(model, known, settings=replace(SHORT, starts=1))

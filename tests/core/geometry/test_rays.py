@@ -1,0 +1,59 @@
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.geometry.camera import Camera
+from core.geometry.rays import camera_rays, cast, clip_to_box, pixel_centres
+
+EXTENT = torch.tensor([0.3, 0.5, 0.2])
+
+
+def test_the_middle_of_the_picture_looks_at_the_origin():
+    rays = cast(torch.tensor([16.0, 16.0]), *torch.tensor([0.4, 0.3, 2.0]), 32.0, (32, 32), EXTENT)
+    torch.testing.assert_close(rays.directions, torch.nn.functional.normalize(-rays.origins, dim=-1))
+
+
+def test_right_and_down_in_the_picture_are_right_and_down_in_the_world():
+    camera = Camera(0.0, 0.0, 2.0, 32.0, 32, 32)  # from +x: right is +y, up is +z
+    rays = camera_rays(camera, EXTENT)
+    assert rays.directions[16, 31, 1] > 0 > rays.directions[16, 0, 1]
+    assert rays.directions[0, 16, 2] > 0 > rays.directions[31, 16, 2]
+
+
+def test_pixel_centres():
+    centres = pixel_centres(3, 2)
+    assert centres.shape == (2, 3, 2)
+    assert centres[0, 0].tolist() == [0.5, 0.5]
+    assert centres[1, 2].tolist() == [2.5, 1.5]
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_clipped_rays_stay_in_the_box_and_missing_ones_are_empty(seed: int):
+    generator = torch.Generator().manual_seed(seed)
+    origins = torch.randn(64, 3, generator=generator) * 2
+    directions = torch.nn.functional.normalize(torch.randn(64, 3, generator=generator), dim=-1)
+    near, far = clip_to_box(origins, directions, EXTENT)
+    assert bool((near >= 0).all() and (far >= near).all())
+    shares = torch.linspace(0.01, 0.99, 9)
+    inside = origins[:, None] + (near[:, None] + (far - near)[:, None] * shares)[..., None] * directions[:, None]
+    hit = far > near
+    assert bool((inside[hit].abs() <= EXTENT + 1e-4).all())
+    # The plain reference: walk along the ray and look.
+    walked = origins[:, None] + torch.linspace(0, 8, 2000)[:, None] * directions[:, None]
+    seen = (walked.abs() <= EXTENT - 0.02).all(-1).any(-1)
+    assert bool((hit | ~seen).all())
+
+
+def test_rays_along_an_axis_are_clipped():
+    near, far = clip_to_box(torch.tensor([2.0, 0.0, 0.0]), torch.tensor([-1.0, 0.0, 0.0]), EXTENT)
+    torch.testing.assert_close(torch.stack((near, far)), torch.tensor([1.7, 2.3]))
+
+
+def test_gradients_reach_the_camera():
+    def first(numbers: torch.Tensor) -> torch.Tensor:
+        pixels = torch.tensor([[3.0, 4.0], [20.0, 9.0]], dtype=torch.float64)
+        rays = cast(pixels, *numbers, 32.0, (32, 32), EXTENT.double())
+        return torch.cat((rays.origins, rays.directions), -1)
+
+    numbers = torch.tensor([0.4, 0.3, 2.0], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(first, (numbers,))

@@ -1,0 +1,117 @@
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.models.codes import CodeBook, Codes, CodeSpace, Entry
+
+
+def cloud(seed: int = 0, count: int = 40, latent: int = 6) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    scale = torch.tensor([3.0, 2.0, 1.0, 0.5, 0.2, 0.1])[:latent]
+    return torch.randn(count, latent, generator=generator) * scale + 1
+
+
+@given(st.integers(0, 1000))
+def test_coordinates_and_codes_go_there_and_back(seed: int):
+    space = CodeSpace.of(cloud(seed))
+    codes = cloud(seed + 1)
+    torch.testing.assert_close(space.code(space.coordinates(codes)), codes, atol=1e-4, rtol=1e-4)
+
+
+def test_the_cloud_is_standard_in_its_own_coordinates():
+    codes = cloud(count=400)
+    space = CodeSpace.of(codes)
+    found = space.coordinates(codes)
+    torch.testing.assert_close(found.mean(0), torch.zeros(6), atol=1e-4, rtol=0)
+    torch.testing.assert_close(found.T.cov(), torch.eye(6), atol=1e-3, rtol=0)
+    assert bool((space.spread.diff() <= 0).all())
+    assert float(space.explained.sum()) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_moving_along_one_direction_leaves_the_others():
+    space, code = CodeSpace.of(cloud()), cloud(3)[0]
+    before, after = space.coordinates(code), space.coordinates(space.moved(code, 2, 1.5))
+    assert float(after[2]) == pytest.approx(1.5, abs=1e-4)
+    torch.testing.assert_close(after[[0, 1, 3, 4, 5]], before[[0, 1, 3, 4, 5]], atol=1e-4, rtol=0)
+
+
+def test_fewer_objects_than_numbers_have_fewer_directions():
+    space = CodeSpace.of(cloud(count=4))
+    assert len(space.spread) == 3
+    torch.testing.assert_close(space.directions @ space.directions.T, torch.eye(3), atol=1e-5, rtol=0)
+
+
+def test_mixing_is_separate_for_shape_and_texture():
+    a, b = Codes(torch.zeros(3), torch.zeros(2)), Codes(torch.ones(3), torch.ones(2))
+    assert a.mixed(b, 1.0, 0.0) == Codes(torch.ones(3), torch.zeros(2))
+    assert a.mixed(b, 0.0, 0.5) == Codes(torch.zeros(3), torch.full((2,), 0.5))
+    assert a.mixed(b, 0.0, 0.0) == a
+
+
+def test_codes_must_be_finite():
+    with pytest.raises(ValueError, match="finite"):
+        Codes(torch.tensor([torch.nan]), torch.zeros(1))
+
+
+def test_objects_may_share_a_shape():
+    book = CodeBook(cloud(count=2), cloud(1, count=3), (Entry("a", 0, 0), Entry("b", 0, 2)))
+    assert torch.equal(book[0].shape, book[1].shape)
+    assert not torch.equal(book[0].texture, book[1].texture)
+    assert len(book) == 2
+    for wrong in (-1, 2):
+        with pytest.raises(ValueError, match="0 to 1"):
+            book[wrong]
+
+
+def test_a_book_whose_objects_have_no_codes_is_refused():
+    with pytest.raises(ValueError, match="outside the book"):
+        CodeBook(cloud(count=2), cloud(count=2), (Entry("a", 0, 2),))
+
+
+def test_drawn_codes_repeat_with_the_seed():
+    book = CodeBook(cloud(), cloud(1), ())
+    assert book.drawn(torch.Generator().manual_seed(5)) == book.drawn(torch.Generator().manual_seed(5))
+
+
+def test_broken_objects_stay_but_count_for_nothing():
+    """A row that a sound object shares with a broken one is kept."""
+    shapes, textures = cloud(count=4), cloud(1, count=4)
+    entries = (Entry("a", 0, 0), Entry("lost", 1, 0), Entry("b", 2, 2), Entry("c", 3, 3), Entry("lost too", 1, 1))
+    book = CodeBook(shapes, textures, entries, frozenset({1, 4}))
+    assert book.sound == (0, 2, 3)
+    assert torch.equal(book[4].shape, shapes[1])
+    torch.testing.assert_close(book.mean.shape, shapes[[0, 2, 3]].mean(0))
+    torch.testing.assert_close(book.mean.texture, textures[[0, 2, 3]].mean(0))
+    with pytest.raises(ValueError, match="broken objects"):
+        CodeBook(shapes, textures, entries, frozenset({5}))
+
+
+def test_a_cloud_first_asked_for_while_drawing_serves_a_fit_too():
+    book = CodeBook(cloud(), cloud(1), ())
+    with torch.inference_mode():
+        _ = book.mean
+    coordinates = torch.zeros(3, requires_grad=True)
+    book.shape_space.code(coordinates).sum().backward()
+    assert coordinates.grad is not None
+
+
+def test_distances_over_the_cloud_have_mean_square_one() -> None:
+    rows = torch.randn(40, 6) * torch.tensor([3.0, 2, 1, 1, 0.5, 0.1]) + 5
+    space = CodeSpace.of(rows)
+    assert float(space.distance(rows).square().mean()) == pytest.approx(39 / 40, rel=1e-3)
+    assert float(space.distance(space.mean)) == 0
+    assert float(space.distance(rows[3], rows[3])) == 0
+    two = space.mean + 2 * space.spread[0] * space.directions[0]
+    assert float(space.distance(two)) == pytest.approx(2 / 6**0.5, rel=1e-4)
+
+
+def test_the_nearest_objects_are_sound_ones_of_each_kind() -> None:
+    entries = tuple(Entry(f"object {i}", i, 4 - i) for i in range(5))
+    book = CodeBook(torch.randn(5, 4), torch.randn(5, 3), entries, frozenset({4}))
+    assert book.nearest_shape(book.shapes[1] + 1e-3) == 1
+    assert book.nearest_texture(book.textures[2]) == 2
+    assert book.nearest_shape(book.shapes[4]) != 4
+    assert book.nearest_texture(book.textures[0]) != 4
+    with pytest.raises(ValueError, match="no objects"):
+        CodeBook(book.shapes, book.textures, ()).nearest_shape(book.shapes[0])

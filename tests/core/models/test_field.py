@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+import torch
+
+from core.models.authors_checkpoint import load_authors
+from core.models.field import Field, FieldConfig, encode
+
+
+def plain(field: Field, point, direction, shape, texture):
+    """The architecture figure, layer by layer, with no folding."""
+    y = field.point_layer(encode(point, field.config.point_octaves)).relu()
+    for latent, block in zip(field.shape_latent, field.shape_block, strict=True):
+        y = block(y + latent(shape).relu()).relu()
+    features = field.feature_layer(y)
+    density = field.config.density_scale * torch.nn.functional.softplus(field.density_layer(features))[..., 0]
+    y = field.direction_layer(torch.cat((features, encode(direction, field.config.direction_octaves)), -1)).relu()
+    for latent, block in zip(field.texture_latent, field.texture_block, strict=True):
+        y = block(y + latent(texture).relu()).relu()
+    return density, field.colour_layer(field.colour_hidden(y).relu()).sigmoid()
+
+
+@pytest.mark.parametrize(("shape_blocks", "texture_blocks"), [(1, 1), (2, 1), (3, 2)])
+def test_folded_biases_are_the_plain_network(shape_blocks: int, texture_blocks: int):
+    torch.manual_seed(1)
+    field = Field(FieldConfig(32, shape_blocks, texture_blocks, 8, 4))
+    points, directions = torch.rand(50, 3) - 0.5, torch.nn.functional.normalize(torch.randn(50, 3), dim=-1)
+    shape, texture = torch.randn(50, 8), torch.randn(50, 4)
+    density, features = field.density(points, field.shape_bias(shape))
+    colour = field.colour(features, field.direction_bias(directions), field.texture_bias(texture))
+    expected = plain(field, points, directions, shape, texture)
+    torch.testing.assert_close((density, colour), expected, atol=1e-4, rtol=1e-5)
+
+
+def test_encoding_of_one_point():
+    found = encode(torch.tensor([0.5, 0.0, -1.0]), 2)
+    angles = torch.tensor([0.5, 0.0, -1.0, 1.0, 0.0, -2.0])
+    torch.testing.assert_close(found, torch.cat((torch.tensor([0.5, 0.0, -1.0]), angles.sin(), angles.cos())))
+
+
+@pytest.mark.parametrize("sizes", [{"width": 0}, {"width": 7}, {"shape_blocks": 0}, {"point_octaves": -1}])
+def test_impossible_sizes_are_refused(sizes: dict):
+    with pytest.raises(ValueError, match="no field"):
+        FieldConfig(**sizes)
+
+
+def test_the_authors_network_is_reproduced(shared):
+    model = load_authors(shared / "upstream/srncars500/models.pth")
+    expected = np.load(shared / "upstream/expected_64.npz")
+    shape, texture = (
+        book[int(row)]
+        for book, row in zip((model.codes.shapes, model.codes.textures), expected["point_codes"], strict=True)
+    )
+    density, features = model.field.density(torch.tensor(expected["points"]), model.field.shape_bias(shape))
+    towards = model.field.direction_bias(torch.tensor(expected["dirs"]))
+    colour = model.field.colour(features, towards, model.field.texture_bias(texture))
+    torch.testing.assert_close(density, torch.tensor(expected["sigma"]), atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(colour, torch.tensor(expected["rgb"]), atol=1e-4, rtol=1e-4)
+
+
+def test_slopes_of_biases_are_autograds():
+    torch.manual_seed(2)
+    field = Field(FieldConfig(32, 2, 1, 8, 4))
+    codes, along, none = torch.randn(3, 8), torch.randn(5, 8), torch.zeros(3, 5)
+    expected = torch.func.vmap(torch.func.jacrev(lambda code, moved: field.shape_bias(code + moved @ along), 1))
+    torch.testing.assert_close(field.shape_slopes(codes, along), expected(codes, none))
+    expected = torch.func.vmap(
+        torch.func.jacrev(lambda code, moved: field.texture_bias(code + moved @ along[:, :4]), 1)
+    )
+    torch.testing.assert_close(field.texture_slopes(codes[:, :4], along[:, :4]), expected(codes[:, :4], none))

@@ -1,0 +1,41 @@
+import pytest
+
+from core.models.library import load_model, samples, shipped_models
+from core.models.model import Model
+
+
+def test_a_path_or_a_shipped_name(model: Model, tmp_path):
+    model.save(tmp_path / "mine.safetensors")
+    assert load_model(str(tmp_path / "mine.safetensors")).fingerprint == model.fingerprint
+    for name in shipped_models():
+        assert load_model(name).category == name
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    with pytest.raises(ValueError, match=r"no model called 'boats' \(shipped: "):
+        load_model("boats")
+
+
+def test_a_device_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    with pytest.raises(ValueError, match="no CUDA device"):
+        load_model("chairs", "cuda")
+
+
+@pytest.mark.parametrize("name", ["gone.safetensors", "gone.pth"])
+def test_a_missing_file_is_named(name: str, tmp_path):
+    with pytest.raises(ValueError, match=name):
+        load_model(str(tmp_path / name))
+
+
+def test_a_foreign_checkpoint_is_refused(tmp_path):
+    (tmp_path / "models.pth").write_text("no")
+    (tmp_path / "hpam.json").write_text("{}")
+    with pytest.raises(ValueError, match="authors"):
+        load_model(str(tmp_path / "models.pth"))
+
+
+def test_samples_are_pictures_of_their_category():
+    assert samples("boats") == ()
+    for category in shipped_models():
+        assert len(samples(category)) >= 3

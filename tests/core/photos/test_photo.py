@@ -1,0 +1,343 @@
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image, ImageDraw
+
+from core.models.model import Model
+from core.photos.photo import Framing, Photo, load_photo, photo_from_array
+from core.photos.segmentation import Hints, NoGroundError
+from core.photos.view_bank import apparent
+from core.rendering.reference import render_exact
+from tests.core.tiny import SIDE
+
+
+def drawing(size: tuple[int, int] = (300, 200), ground: tuple[int, ...] = (255, 255, 255)) -> Image.Image:
+    """A dark thing with a white spot inside, off the middle."""
+    image = Image.new("RGB", size, ground)
+    pen = ImageDraw.Draw(image)
+    across, down = size[0] / 300, size[1] / 200
+    pen.rectangle((40 * across, 60 * down, 140 * across, 160 * down), fill=(30, 40, 90))
+    pen.ellipse((80 * across, 90 * down, 90 * across, 100 * down), fill=(250, 250, 250))
+    return image
+
+
+def saved(image: Image.Image, path: Path, **options: object) -> Path:
+    image.save(path, **options)
+    return path
+
+
+def check_found(photo: Photo, model: Model) -> None:
+    """The drawing, in the middle and in the usual size, on white."""
+    assert photo.pixels.shape == (SIDE, SIDE, 3)
+    assert photo.framed
+    assert photo.camera is None
+    rows, columns = photo.mask.any(1).nonzero()[:, 0], photo.mask.any(0).nonzero()[:, 0]
+    side = apparent(model).typical * SIDE
+    assert len(rows) == pytest.approx(side, abs=1.5)
+    assert len(columns) == pytest.approx(side, abs=1.5)
+    assert float(rows.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)
+    assert float(columns.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)
+    assert bool((photo.pixels[:5] == 1).all())
+    seen = photo.pixels[photo.mask].median(0).values
+    torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
+
+
+# Kinds of file
+
+
+@pytest.mark.parametrize(
+    "name, mode",
+    [("a.png", "RGB"), ("a.png", "P"), ("a.jpg", "RGB"), ("a.jpg", "CMYK"), ("a.webp", "RGB"), ("a.tif", "RGB")],
+)
+def test_any_usual_file_is_cut_out_and_framed(tmp_path: Path, tiny: Model, name: str, mode: str):
+    check_found(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny), tiny)
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "1", "I;16", "I", "F"])
+def test_grey_pictures_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
+    grey = np.asarray(drawing().convert("L"))
+    if mode in ("I;16", "I"):
+        image = Image.fromarray(grey.astype(np.uint16) * 257 if mode == "I;16" else grey.astype(np.int32) * 257)
+    elif mode == "F":
+        image = Image.fromarray(grey.astype(np.float32) / 255)
+    else:
+        image = Image.fromarray(grey).convert(mode)
+    photo = load_photo(saved(image, tmp_path / ("a.tif" if mode in ("I", "F") else "a.png")), tiny)
+    assert photo.framed
+    assert float(photo.pixels[photo.mask].mean()) < 0.3
+
+
+def test_16_bit_colour(tmp_path: Path, tiny: Model):
+    # Pillow reads such files but writes none.
+    values = (np.asarray(drawing()).astype(">u2") * 257).astype(">u2")
+    rows = b"".join(b"\0" + row.tobytes() for row in values)
+    header = struct.pack(">IIBBBBB", 300, 200, 16, 2, 0, 0, 0)
+    parts = [(b"IHDR", header), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
+    chunks = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts]
+    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+    check_found(load_photo(tmp_path / "a.png", tiny), tiny)
+
+
+def test_a_phone_picture_lying_on_its_side_is_turned_upright(tmp_path: Path, tiny: Model):
+    image = Image.new("RGB", (300, 200), "white")
+    ImageDraw.Draw(image).rectangle((50, 80, 250, 120), fill=(200, 20, 20))
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny)
+    assert int(photo.mask.any(1).sum()) > 2 * int(photo.mask.any(0).sum())
+
+
+def test_a_huge_picture_is_made_smaller(tmp_path: Path, tiny: Model):
+    image = Image.new("L", (20_000, 1500), 255)
+    image.paste(40, (9000, 300, 10_000, 1300))
+    photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny)
+    assert photo.pixels.shape == (SIDE, SIDE, 3)
+    assert 0.05 < float(photo.mask.float().mean()) < 0.3
+
+
+# Cut off by an edge
+
+
+def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
+    """The drawing, of which only a box is there."""
+    return photo_from_array(np.asarray(drawing().crop(box)), tiny)
+
+
+def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
+    photo = cut_off((60, 0, 300, 200), tiny)
+    assert photo.beyond is not None
+    first = int(photo.mask.any(0).nonzero()[0, 0])
+    assert bool(photo.beyond[:, : first - 1].all())
+    assert not bool(photo.beyond[:, first:].any())
+    below = cut_off((0, 0, 300, 150), tiny).beyond
+    assert below is not None
+    assert below.any(0).all()
+    assert not below[: SIDE // 2].any()
+
+
+@pytest.mark.parametrize("box", [(0, 0, 300, 200), (40, 60, 141, 161)])
+def test_all_is_known_around_a_whole_object_and_one_that_a_picture_was_trimmed_to(
+    tiny: Model, box: tuple[int, int, int, int]
+):
+    cutout = drawing().convert("RGBA")
+    cutout.putalpha(Image.fromarray((np.asarray(drawing()).min(-1) < 255).astype(np.uint8) * 255))
+    assert photo_from_array(np.asarray(cutout.crop(box)), tiny).beyond is None
+
+
+def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
+    with pytest.raises(ValueError, match="beyond"):
+        Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, beyond=torch.ones(8, 8) > 0)
+
+
+# Telling the object from its ground
+
+
+@pytest.mark.parametrize("ground", [(255, 255, 255), (240, 240, 240), (0, 200, 60), (255, 120, 130), (0, 0, 0)])
+def test_a_plain_ground_of_any_colour_is_taken_off(tiny: Model, ground: tuple[int, ...]):
+    photo = photo_from_array(np.asarray(drawing(ground=ground)), tiny)
+    check_found(photo, tiny)
+
+
+def test_a_noisy_ground_lit_from_the_side_is_taken_off(tiny: Model):
+    image = np.asarray(drawing(ground=(180, 170, 160))).astype(float)
+    light = np.linspace(0.85, 1.15, 300)[None, :, None]
+    noise = np.random.default_rng(0).normal(0, 2, image.shape)
+    plain = (image == [180, 170, 160]).all(-1, keepdims=True)
+    lit = np.clip(np.where(plain, image * light, image) + noise, 0, 255).astype(np.uint8)
+    check_found(photo_from_array(lit, tiny), tiny)
+
+
+def test_a_soft_shadow_is_ground(tiny: Model):
+    y, x = np.mgrid[0:200, 0:300]
+    shade = 1 - 0.25 * np.exp(-(((x - 150) / 60.0) ** 2 + ((y - 165) / 25.0) ** 2))
+    image = np.asarray(drawing()).astype(float)
+    white = (image == 255).all(-1, keepdims=True)
+    check_found(photo_from_array(np.where(white, image * shade[..., None], image).astype(np.uint8), tiny), tiny)
+
+
+def test_a_white_part_inside_stays_with_the_object(tiny: Model):
+    photo = photo_from_array(np.asarray(drawing((900, 600))), tiny)
+    bright = (photo.pixels > 0.8).all(-1)
+    assert bool((bright & photo.mask).any())
+
+
+def test_the_gap_in_a_frame_is_ground(tiny: Model):
+    image = Image.new("RGB", (300, 200), (120, 190, 120))
+    ImageDraw.Draw(image).rectangle((60, 40, 200, 180), outline=(90, 20, 20), width=25)
+    photo = photo_from_array(np.asarray(image), tiny)
+    assert not bool(photo.mask[SIDE // 2, SIDE // 2])
+    assert bool((photo.pixels[SIDE // 2, SIDE // 2] == 1).all())
+
+
+def test_alpha_is_taken_at_its_word(tiny: Model):
+    image = drawing(ground=(200, 10, 10)).convert("RGBA")
+    values = np.asarray(image).copy()
+    values[(values[..., :3] == [200, 10, 10]).all(-1), 3] = 0
+    check_found(photo_from_array(values, tiny), tiny)
+
+
+def test_specks_are_left_out(tiny: Model):
+    image = drawing()
+    ImageDraw.Draw(image).rectangle((280, 10, 283, 13), fill=(90, 90, 90))
+    check_found(photo_from_array(np.asarray(image), tiny), tiny)
+
+
+# Framing
+
+
+@pytest.mark.parametrize("azimuth, elevation", [(0.4, 0.3), (2.0, 1.2), (4.0, 0.0)])
+def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float, elevation: float):
+    seen = render_exact(tiny, tiny.codes[1], tiny.camera(azimuth, elevation), 48)
+    pixels = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+    photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny)
+    assert not photo.framed
+    inside = seen.opacity > 0.5
+    assert bool((photo.pixels[inside] == torch.from_numpy(pixels)[inside] / 255).all())
+    assert bool(photo.mask[inside].all())
+
+
+def test_what_is_too_thin_for_the_models_size(tiny: Model):
+    pixels = np.full((1024, 1024, 3), 255, np.uint8)
+    pixels[300:720, 300:720] = 0
+    pixels[302:718, 302:718] = 255
+    with pytest.raises(ValueError, match="too thin"):
+        photo_from_array(pixels, tiny)
+
+
+@pytest.mark.parametrize("across, down", [(6, 0), (0, -6), (-4, 5)])
+def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Model, across: int, down: int):
+    seen = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
+    pixels = (seen.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
+    photo = photo_from_array(np.roll(pixels, (down, across), (0, 1)), tiny)
+    assert photo.framed
+    kept = photo_from_array(pixels, tiny)
+    assert not kept.framed
+    for axis in (0, 1):
+        moved, before = (one.mask.any(axis).nonzero()[:, 0] for one in (photo, kept))
+        assert abs(int(moved[0] + moved[-1]) + 1 - photo.mask.shape[axis]) <= 1
+        assert abs(len(moved) - len(before)) <= 1
+
+
+def test_with_a_pose_a_picture_is_only_resized(tmp_path: Path, tiny: Model):
+    camera = tiny.camera(0.4, 0.3)
+    pose = tmp_path / "pose.txt"
+    pose.write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
+    photo = load_photo(saved(drawing((300, 300)), tmp_path / "a.png"), tiny, pose)
+    assert not photo.framed
+    assert photo.camera is not None
+    assert photo.camera.azimuth == pytest.approx(0.4)
+    assert (photo.camera.width, photo.camera.height, photo.camera.focal) == (SIDE, SIDE, tiny.focal)
+    assert float(photo.mask.any(0).nonzero()[0]) == pytest.approx(40 / 300 * SIDE, abs=1)
+
+
+# What is refused
+
+
+def refused(path: Path, model: Model, pose: Path | None = None) -> str:
+    with pytest.raises(ValueError) as error:
+        load_photo(path, model, pose)
+    text = str(error.value)
+    assert "\n" not in text
+    assert str(path) in text or (pose is not None and str(pose) in text)
+    return text
+
+
+def test_what_is_no_picture(tmp_path: Path, tiny: Model):
+    text = tmp_path / "text.png"
+    text.write_text("not a picture")
+    assert "not a picture" in refused(text, tiny)
+    assert "no such picture" in refused(tmp_path / "missing.png", tiny)
+    assert "is a folder" in refused(tmp_path, tiny)
+    (tmp_path / "empty.png").write_bytes(b"")
+    assert "not a picture" in refused(tmp_path / "empty.png", tiny)
+    whole = saved(drawing(), tmp_path / "whole.png").read_bytes()
+    (tmp_path / "half.png").write_bytes(whole[: len(whole) // 2])
+    assert "not a picture that can be read" in refused(tmp_path / "half.png", tiny)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 300), (300, 3)])
+def test_what_is_too_small(tmp_path: Path, tiny: Model, size: tuple[int, int]):
+    assert "too small" in refused(saved(Image.new("RGB", size), tmp_path / "a.png"), tiny)
+
+
+def test_what_is_too_large(tmp_path: Path, tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("core.photos.decode.MOST_PIXELS", 1000)
+    assert "too large" in refused(saved(drawing(), tmp_path / "a.png"), tiny)
+
+
+@pytest.mark.parametrize("colour", ["white", "black", (10, 200, 30)])
+def test_nothing_but_ground(tmp_path: Path, tiny: Model, colour: str | tuple[int, ...]):
+    assert "no object found" in refused(saved(Image.new("RGB", (90, 90), colour), tmp_path / "a.png"), tiny)
+
+
+def test_nothing_but_clear(tmp_path: Path, tiny: Model):
+    assert "no object found" in refused(saved(Image.new("RGBA", (90, 90), (9, 9, 9, 0)), tmp_path / "a.png"), tiny)
+
+
+def test_no_plain_ground(tmp_path: Path, tiny: Model):
+    noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
+    assert "no plain ground" in refused(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny)
+
+
+def test_a_pose_that_is_not_there(tmp_path: Path, tiny: Model):
+    assert "no such pose" in refused(saved(drawing(), tmp_path / "a.png"), tiny, tmp_path / "gone.txt")
+
+
+@pytest.mark.parametrize("text", ["", "1 2 3", "a b c", "0 " * 16, "nan " * 16])
+def test_what_is_no_pose(tmp_path: Path, tiny: Model, text: str):
+    pose = tmp_path / "pose.txt"
+    pose.write_text(text)
+    assert "pose" in refused(saved(drawing(), tmp_path / "a.png"), tiny, pose)
+
+
+@pytest.mark.parametrize("shape", [(20, 20), (20, 20, 2), (20, 20, 5)])
+def test_arrays_of_other_shapes(tiny: Model, shape: tuple[int, ...]):
+    with pytest.raises((ValueError, TypeError)):
+        photo_from_array(np.zeros(shape, dtype=np.uint8), tiny)
+
+
+def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
+    with pytest.raises((ValueError, TypeError)):
+        Photo(torch.ones(8, 8, 3), torch.ones(8, 9, dtype=torch.bool))
+    with pytest.raises(ValueError, match="finite"):
+        Photo(torch.full((8, 8, 3), float("nan")), torch.ones(8, 8, dtype=torch.bool))
+    with pytest.raises(ValueError, match="camera is for"):
+        Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool), tiny.camera(0.0, 0.0))
+
+
+def test_the_shared_photographs(shared: Path, tiny: Model):
+    for name in ("chair_comfort.jpg", "chair_wood.jpg", "chair_watermelon.png"):
+        photo = load_photo(shared / "photos" / name, tiny)
+        assert photo.framed
+        assert 0.03 < float(photo.mask.float().mean()) < 0.3
+    assert "no plain ground" in refused(shared / "photos" / "toyota.jpg", tiny)
+
+
+def test_framing_scales_and_moves(tiny: Model, tmp_path: Path):
+    path = saved(drawing(), tmp_path / "a.png")
+    usual = load_photo(path, tiny)
+    small = load_photo(path, tiny, framing=Framing(0.5, 0.125, -0.125))
+    assert small.framed
+    assert float(small.mask.sum()) == pytest.approx(float(usual.mask.sum()) / 4, rel=0.15)
+    rows, columns = small.mask.nonzero().float().mean(0).tolist()
+    assert columns == pytest.approx((0.5 + 0.125) * SIDE - 0.5, abs=1)
+    assert rows == pytest.approx((0.5 - 0.125) * SIDE - 0.5, abs=1)
+    with pytest.raises(ValueError, match="moved out"):
+        load_photo(path, tiny, framing=Framing(across=3.0))
+    with pytest.raises(ValueError, match="framed like this"):
+        Framing(scale=0.0)
+
+
+def test_a_box_helps_where_the_ground_is_busy(tiny: Model, tmp_path: Path):
+    noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
+    noise[60:160, 40:140] = (30, 40, 90)
+    path = saved(Image.fromarray(noise), tmp_path / "a.png")
+    with pytest.raises(NoGroundError, match=r"a\.png"):
+        load_photo(path, tiny)
+    photo = load_photo(path, tiny, hints=Hints((0.1, 0.25, 0.5, 0.85)))
+    seen = photo.pixels[photo.mask].median(0).values
+    torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)

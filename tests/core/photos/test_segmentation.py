@@ -1,0 +1,109 @@
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw
+
+from core.photos.segmentation import CutOut, Hints, NoGroundError, Stroke, cut_out
+
+BOX = (0.2, 0.2, 0.8, 0.8)
+
+
+def busy(size: int = 240) -> Image.Image:
+    """A blue disc before stripes and noise, and a red spot beside it, within the box."""
+    random = np.random.default_rng(0)
+    ground = random.integers(90, 160, (size, size, 3)).astype(np.uint8)
+    ground[::16] = (240, 200, 40)
+    image = Image.fromarray(ground)
+    pen = ImageDraw.Draw(image)
+    pen.ellipse((0.3 * size, 0.3 * size, 0.7 * size, 0.7 * size), fill=(20, 40, 230))
+    pen.ellipse((0.68 * size, 0.68 * size, 0.78 * size, 0.78 * size), fill=(230, 20, 20))
+    return image.convert("RGBA")
+
+
+def disc(size: int = 240) -> np.ndarray:
+    y, x = np.mgrid[0:size, 0:size] / size
+    return np.hypot(x - 0.5, y - 0.5) < 0.2
+
+
+def overlap(cut: CutOut, truth: np.ndarray) -> float:
+    return float((cut.mask & truth).sum() / (cut.mask | truth).sum())
+
+
+def test_a_box_finds_the_object_on_busy_ground():
+    cut = cut_out(busy(), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),)))
+    assert overlap(cut, disc()) > 0.95
+    assert not cut.mask[:40].any()
+    np.testing.assert_array_equal(cut.pixels[0], 1)
+    assert not cut.white
+
+
+def test_without_hints_busy_ground_is_told():
+    with pytest.raises(NoGroundError, match="box"):
+        cut_out(busy())
+
+
+def test_strokes_add_and_remove_the_later_over_the_earlier():
+    adding = Stroke(((0.73, 0.70), (0.73, 0.76)), 0.03, True)
+    removing = Stroke(((0.32, 0.5), (0.68, 0.5)), 0.04, False)
+    cut = cut_out(busy(), Hints(BOX, (removing, adding)))
+    assert cut.mask[175, 175]
+    assert not cut.mask[120, 90:150].any()
+    again = cut_out(busy(), Hints(BOX, (removing, adding, removing._replace(adds=True))))
+    assert again.mask[120, 90:150].all()
+
+
+def test_a_stroke_changes_nothing_far_away():
+    before = cut_out(busy(), Hints(BOX)).mask
+    after = cut_out(busy(), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),))).mask
+    assert before[175, 175]
+    assert not after[170:181, 170:181].any()
+    np.testing.assert_array_equal(before[:140, :140], after[:140, :140])
+
+
+def test_strokes_alone_correct_what_is_found_by_itself():
+    image = Image.new("RGBA", (240, 240), "white")
+    pen = ImageDraw.Draw(image)
+    pen.rectangle((40, 40, 100, 200), fill=(20, 40, 230))
+    pen.rectangle((140, 40, 200, 200), fill=(230, 40, 20))
+    assert cut_out(image).mask[120, 170]
+    cut = cut_out(image, Hints(strokes=(Stroke(((0.7, 0.2), (0.7, 0.8)), 0.1, False),)))
+    assert cut.mask[120, 70]
+    assert not cut.mask[120, 170]
+
+
+def test_a_clear_ground_stays_ground_inside_the_box():
+    values = np.asarray(busy()).copy()
+    values[..., 3] = np.where(disc(), 255, 0)
+    assert overlap(cut_out(Image.fromarray(values), Hints(BOX)), disc()) > 0.95
+
+
+@pytest.mark.parametrize("size", [32, 60, 900])
+def test_pictures_of_any_size(size: int):
+    cut = cut_out(busy(size), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),)))
+    assert cut.mask.shape == (size, size)
+    assert overlap(cut, disc(size)) > 0.8
+
+
+def test_hints_of_no_use_are_told():
+    with pytest.raises(ValueError, match="inside"):
+        Hints((0.5, 0.2, 0.5, 0.8))
+    with pytest.raises(ValueError, match="inside"):
+        Hints((-0.5, 0.2, 0.5, 0.8))
+    with pytest.raises(NoGroundError, match="whole picture"):
+        cut_out(busy(), Hints((0.0, 0.0, 1.0, 1.0)))
+    with pytest.raises(ValueError, match="nothing is left"):
+        cut_out(busy(), Hints(BOX, (Stroke(((0.0, 0.5), (1.0, 0.5)), 0.5, False),)))
+    assert not Hints()
+
+
+def test_rembg_is_used_where_it_is_installed(monkeypatch: pytest.MonkeyPatch):
+    module = ModuleType("rembg")
+    module.remove = lambda image, only_mask: Image.fromarray(disc())  # type: ignore[attr-defined]
+    module.__spec__ = object()  # type: ignore[assignment]
+    monkeypatch.setitem(sys.modules, "rembg", module)
+    assert overlap(cut_out(busy()), disc()) > 0.95
+    monkeypatch.setattr(module, "remove", lambda *_, **__: 1 / 0)
+    with pytest.raises(NoGroundError):
+        cut_out(busy())

@@ -1,0 +1,225 @@
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch.nn import functional
+
+from core.benchmarks.patched import Change, changed
+from core.geometry.camera import _placed as placing
+from core.geometry.rays import camera_rays
+from core.geometry.sampling import midpoints, points_at, uniform_edges
+from core.metrics import psnr
+from core.models.codes import Codes
+from core.models.field import encode
+from core.rendering import fast as marching
+from core.rendering import folded_field as folding
+from core.rendering.fast import marched
+from core.rendering.folded_field import Folded, Tables
+from core.rendering.occupancy import Crossed, Occupancy, overlooked
+from core.rendering.reference import render_exact, render_rays
+from tests.conftest import random_model
+from tests.core.tiny import tiny_model
+
+MODEL = random_model()
+seeds = st.integers(0, 2**31)
+
+
+def drawn(seed: int, spread: float = 1.0) -> Codes:
+    generator = torch.Generator().manual_seed(seed)
+    return Codes(spread * torch.randn(8, generator=generator), spread * torch.randn(4, generator=generator))
+
+
+@given(seeds, st.sampled_from([1.0, 5.0]))
+def test_folding_is_exact(seed: int, spread: float):
+    codes, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
+    points = torch.rand(40, 3, generator=generator) - 0.5
+    directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
+    exactly = (
+        Change(folding, "linear_dtype", lambda device: torch.float32),
+        Change(Tables, "__call__", Tables.exactly),
+    )
+    with changed(exactly):
+        folded = Folded(MODEL, codes)
+        density, y = folded.density(folded.first(points))
+        colour = folded.colour(y, folded.direction_bias(directions))
+    field = MODEL.field
+    true_density, features = field.density(points, field.shape_bias(codes.shape))
+    true_colour = field.colour(features, field.direction_bias(directions), field.texture_bias(codes.texture))
+    torch.testing.assert_close(density, true_density, atol=3e-4, rtol=1e-5)
+    torch.testing.assert_close(colour, true_colour, atol=1e-5, rtol=1e-5)
+
+
+def test_tables_are_a_layer_of_an_encoding():
+    generator = torch.Generator().manual_seed(0)
+    weight, bias = torch.randn(16, 3 + 6 * 8, generator=generator), torch.randn(16, generator=generator)
+    reach = torch.tensor([0.5, 0.4, 1.0])
+    tables = Tables.of(8, weight, bias, reach, torch.float32)
+    points = (2 * torch.rand(300, 3, generator=generator) - 1) * reach
+    entries = len(tables.entries) // 3
+    middles = ((points / reach + 1) * entries / 2).floor().add(0.5) * 2 / entries - 1
+    for values, far in ((middles * reach, 1e-3), (points, 0.3)):
+        torch.testing.assert_close(tables(values), functional.linear(encode(values, 8), weight, bias), atol=far, rtol=0)
+
+
+@settings(max_examples=15)
+@given(seeds, st.sampled_from([1.0, 5.0]), st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
+def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed, spread, azimuth, elevation):
+    codes, camera = drawn(seed, spread), MODEL.camera(azimuth, elevation)
+    occupancy = Occupancy(MODEL, Folded(MODEL, codes))
+    rays = camera_rays(camera, MODEL.extent_tensor)
+    depths = midpoints(uniform_edges(rays, 40))
+    points = points_at(rays, depths)
+    density, _ = MODEL.field.density(points, MODEL.field.shape_bias(codes.shape))
+    crossed = (rays.far > rays.near)[..., None]
+    dense = (density * float(occupancy.cell.amin()) > 0.1) & crossed
+    assert bool((occupancy.holds(points) | ~dense).all())
+    near, far = occupancy.span(camera)
+    inside = (depths >= near[..., None]) & (depths <= far[..., None])
+    assert bool((inside | ~dense).all())
+
+
+@pytest.mark.parametrize("index", [0, 3])
+def test_marching_draws_what_the_reference_draws(index: int):
+    camera = MODEL.camera(0.7, 0.4)
+    exact, fast = render_exact(MODEL, MODEL.codes[index], camera), marched(MODEL, MODEL.codes[index], camera, 256)
+    assert psnr(fast.colour, exact.colour) > 38
+    assert float((fast.opacity - exact.opacity).abs().max()) < 0.05
+    solid = exact.opacity > 0.5
+    torch.testing.assert_close(fast.depth[solid], exact.depth[solid], atol=0.02, rtol=0.02)
+
+
+def test_chunks_do_not_show(monkeypatch):
+    camera = MODEL.camera(0.7, 0.4)
+    whole = marched(MODEL, MODEL.codes[0], camera, 96)
+    marching.forget_views()
+    monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
+    pieces = marched(MODEL, MODEL.codes[0], camera, 96)
+    assert psnr(pieces.colour, whole.colour) > 50
+
+
+def test_a_new_texture_or_view_keeps_the_occupancy():
+    marching.forget()
+    a, b = MODEL.codes[0], MODEL.codes[1]
+    marched(MODEL, a, MODEL.camera(0.1, 0.1), 8)
+    marched(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
+    assert len(marching._occupied) == 1
+    marched(MODEL, b, MODEL.camera(0.9, 0.1), 8)
+    assert len(marching._occupied) == 2
+
+
+def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
+    camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
+    both = Codes(a.shape, b.texture)
+    marching.forget_views()
+    full = marched(MODEL, both, camera, 96)
+    marching.forget_views()
+    marched(MODEL, a, camera, 96)
+    assert marching.keeps(MODEL, both, camera, 96)
+    assert not marching.keeps(MODEL, b, camera, 96)
+    assert not marching.keeps(MODEL, both, MODEL.camera(0.31, 0.2), 96)
+    recoloured = marched(MODEL, both, camera, 96)
+    torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
+    assert not torch.equal(recoloured.colour, marched(MODEL, a, camera, 96).colour)
+
+
+def test_a_texture_moves_no_silhouette():
+    camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
+    first, second = (marched(MODEL, Codes(a.shape, texture), camera, 96) for texture in (a.texture, b.texture))
+    assert torch.equal(first.opacity, second.opacity)
+    assert torch.equal(first.depth, second.depth)
+
+
+def test_views_are_kept_for_a_while_only():
+    for turn in range(10):
+        marched(MODEL, MODEL.codes[0], MODEL.camera(0.1 * turn, 0.1).resized(8, 8), 8)
+    assert len(marching._kept) <= marching._VIEWS
+
+
+def test_an_object_out_of_sight_is_white():
+    camera = MODEL.camera(0.0, 0.0, distance=2.0)
+    nothing = MODEL.codes[0]
+    far = marched(MODEL, nothing, camera.resized(3, 3), 8)
+    assert bool(torch.isfinite(far.colour).all())
+
+
+def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel_corners():
+    painted = random_model(painted_ground=True)
+    codes, camera = painted.codes[0], painted.camera(0.4, 0.3)
+    plain = replace(painted, painted_ground=False)
+    rays = camera_rays(camera, plain.extent_tensor, 0.5)
+    biases = plain.field.shape_bias(codes.shape), plain.field.texture_bias(codes.texture)
+    exact = render_rays(plain, rays, 96, *biases)
+    seen = marched(painted, codes, camera, 96)
+    assert psnr(seen.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
+    assert psnr(marched(plain, codes, camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
+
+
+def test_a_shape_on_the_move_is_found_around_the_last_one():
+    model = tiny_model()
+    start, end = model.codes[0].shape, model.codes[2].shape
+    steps = [Codes(torch.lerp(start, end, share / 20), model.codes[0].texture) for share in range(21)]
+    occupancy = Occupancy(model, Folded(model, steps[0]))
+    for codes in steps[1:]:
+        occupancy = Occupancy(model, Folded(model, codes), occupancy)
+        whole = Occupancy(model, Folded(model, codes))
+        assert not occupancy.whole
+        assert not bool((occupancy.cells & ~whole.cells).any())
+        assert float((whole.cells & ~occupancy.cells).sum()) <= 0.001 * float(whole.cells.sum())
+
+
+def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
+    model = tiny_model()
+    marching.forget()
+    near, far = model.codes[0], model.codes[0].mixed(model.codes[2], 0.05, 0)
+    marched(model, near, model.camera(0.5, 0.3), 48)
+    quick = marched(model, far, model.camera(0.5, 0.3), 48, whole=False)
+    found = marched(model, far, model.camera(0.5, 0.3), 48)
+    marching.forget()
+    exact = marched(model, far, model.camera(0.5, 0.3), 48)
+    assert torch.equal(found.colour, exact.colour)
+    assert psnr(quick.colour, exact.colour) > 50
+
+
+def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):
+    """Behind the pixel lies an occupied cell, and yet the ray passes beside all of them."""
+    none = torch.zeros(0, dtype=torch.long)
+    monkeypatch.setattr(Occupancy, "crossed", lambda self, *_: Crossed(none, none, none.bool()))
+    marching.forget_views()
+    seen = marched(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
+    assert bool((seen.colour == 1).all())
+    assert float(seen.opacity.max()) == 0
+    marching.forget_views()
+
+
+def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
+    model = tiny_model()
+
+    def drawn_anew() -> torch.Tensor:
+        marching.forget_views()
+        return marched(model, model.codes[2], model.camera(0.5, 0.3), 192).colour
+
+    seen = drawn_anew()
+    monkeypatch.setattr(marching, "overlooked", lambda samples: overlooked(samples)._replace(spent=math.inf))
+    assert float((drawn_anew() - seen).abs().max()) < 0.005
+
+
+def test_finer_intervals_never_cost_quality():
+    """In a mist every interval gives a little only, and the finer they are the less: none of it may be lost."""
+    codes, camera = MODEL.codes[2], MODEL.camera(0.5, 0.3)
+    exact = render_exact(MODEL, codes, camera, 512).colour.clamp(0, 1)
+    found = [psnr(marched(MODEL, codes, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
+    assert found == sorted(found)
+
+
+def test_everything_is_made_on_the_models_device():
+    model = random_model(seed=5)
+    codes, camera = model.codes[0], model.camera(0.4, 0.3)
+    truth, exact = marched(model, codes, camera, 32), render_exact(model, codes, camera, 8)
+    fresh = random_model(seed=5)  # with nothing kept
+    placing.cache_clear()
+    with torch.device("meta"):  # where whatever names no device ends up, and cannot meet what has values
+        assert torch.equal(marched(fresh, codes, camera, 32).colour, truth.colour)
+        assert torch.equal(render_exact(fresh, codes, camera, 8).colour, exact.colour)

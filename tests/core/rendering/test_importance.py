@@ -1,0 +1,73 @@
+"""Rendering for fits: the same as the exact renderer where nothing is left out, close to it where little is."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from core.geometry.camera import rotation
+from core.geometry.rays import Rays, cast
+from core.models.model import Model
+from core.rendering import folded_field as folded
+from core.rendering.importance import render_seen
+from core.rendering.reference import render_rays
+from tests.conftest import random_model
+
+
+def bundle(model: Model, objects: int, rays: int) -> Rays:
+    """(objects, 2 views, rays), from all round."""
+    generator = torch.Generator().manual_seed(1)
+    places = torch.rand((objects, 2, rays, 2), generator=generator) * 0.3 - 0.15
+    angles = torch.rand((objects, 2, 1), generator=generator)
+    distance = torch.full((objects, 2, 1), model.distance)
+    return cast(places, 6 * angles, angles, distance, 1.0, (0, 0), model.extent_tensor)
+
+
+def biases(model: Model, objects: int) -> tuple[Tensor, Tensor]:
+    shape = model.field.shape_bias(model.codes.shapes[:objects]).detach().requires_grad_()
+    return shape, model.field.texture_bias(model.codes.textures[:objects]).detach().requires_grad_()
+
+
+@pytest.mark.parametrize("painted_ground", [False, True])
+def test_with_all_samples_kept_it_is_the_exact_renderer(painted_ground: bool) -> None:
+    model = random_model(painted_ground=painted_ground)
+    rays = bundle(model, 3, 20)
+    shape, texture = biases(model, 3)
+    colour, opacity = render_seen(model, rays, 12, 12, shape, texture)
+    plain = render_rays(model, rays, 12, shape[:, None, None, None], texture[:, None, None, None])
+    torch.testing.assert_close(colour, plain.colour)
+    torch.testing.assert_close(opacity, plain.opacity)
+    ours = torch.autograd.grad(colour.square().sum() + opacity.sum(), (shape, texture))
+    theirs = torch.autograd.grad(plain.colour.square().sum() + plain.opacity.sum(), (shape, texture))
+    torch.testing.assert_close(ours, theirs, rtol=1e-4, atol=1e-5)
+
+
+def test_opacity_is_exact_whatever_is_kept(model: Model) -> None:
+    rays = bundle(model, 2, 30)
+    shape, texture = biases(model, 2)
+    whole = render_rays(model, rays, 16, shape[:, None, None, None], texture[:, None, None, None])
+    errors = []
+    for kept in (1, 4, 10):
+        colour, opacity = render_seen(model, rays, 16, kept, shape, texture)
+        torch.testing.assert_close(opacity, whole.opacity)
+        errors.append(float((colour - whole.colour).abs().mean().detach()))
+    assert errors[0] > errors[1] > errors[2]
+
+
+def test_rays_that_miss_are_white(model: Model) -> None:
+    turn = rotation(torch.tensor(0.0), torch.tensor(0.0))
+    origins = (turn @ torch.tensor([0.0, 0.0, 5.0])).expand(1, 1, 4, 3)
+    nothing = torch.zeros(1, 1, 4)
+    rays = Rays(origins, origins / 5, nothing, nothing)
+    colour, opacity = render_seen(model, rays, 8, 2, *biases(model, 1))
+    torch.testing.assert_close(colour, torch.ones(1, 1, 4, 3))
+    torch.testing.assert_close(opacity, nothing)
+
+
+def test_without_gradients_it_shows_the_same(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(folded, "linear_dtype", lambda _: torch.float32)
+    rays, codes = bundle(model, 2, 40), model.codes
+    biases = model.field.shape_bias(codes.shapes[:2]), model.field.texture_bias(codes.textures[:2])
+    asked = render_seen(model, rays, 16, 5, *biases)
+    with torch.no_grad():
+        folded_ones = render_seen(model, rays, 16, 5, *biases)
+    torch.testing.assert_close(folded_ones, asked, rtol=0, atol=5e-3)

@@ -1,0 +1,94 @@
+"""The Jacobian by hand against autograd, and against the renderer it belongs to."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from core.geometry.rays import Rays
+from core.models.model import Model
+from core.rendering import folded_field as folded
+from core.rendering import jacobian as slopes
+from core.rendering.jacobian import Entries, Traced, trace
+from core.rendering.reference import render_rays
+from tests.conftest import random_model
+from tests.core.rendering.test_importance import bundle
+
+OBJECTS, RAYS, SAMPLES = 3, 10, 12
+
+
+@pytest.fixture(autouse=True)
+def single(monkeypatch: pytest.MonkeyPatch):
+    """In float32, so that slopes can be compared."""
+    for module in (folded, slopes):
+        monkeypatch.setattr(module, "linear_dtype", lambda _: torch.float32)
+
+
+def biases(model: Model) -> tuple[Tensor, Tensor]:
+    return model.field.shape_bias(model.codes.shapes[:OBJECTS]), model.field.texture_bias(
+        model.codes.textures[:OBJECTS]
+    )
+
+
+def entries(model: Model, numbers: int) -> Entries:
+    """Random directions in which biases move."""
+    generator = torch.Generator().manual_seed(5)
+    shape, texture = biases(model)
+    return Entries(
+        torch.randn(*shape.shape, numbers, generator=generator), torch.randn(*texture.shape, 2, generator=generator)
+    )
+
+
+def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, Entries, Traced]:
+    rays, enter = bundle(model, OBJECTS, RAYS), entries(model, 3)
+    return rays, enter, trace(model, rays, SAMPLES, kept, *biases(model), enter)
+
+
+@pytest.mark.parametrize("painted_ground", [False, True])
+def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(painted_ground: bool) -> None:
+    model = random_model(painted_ground=painted_ground)
+    rays, enter, found = traced(model)
+    origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
+    shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))
+    seen = render_rays(model, replace(rays, origins=origins, directions=directions), SAMPLES, shape, texture)
+    torch.testing.assert_close(found.colour, seen.colour, rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(found.opacity, seen.opacity, rtol=1e-4, atol=1e-5)
+    channels = (*seen.colour.unbind(-1), seen.opacity)
+    for index, channel in enumerate(channels):
+        origin, direction, by_shape, by_texture = torch.autograd.grad(
+            channel.sum(), (origins, directions, shape, texture), retain_graph=True, materialize_grads=True
+        )
+        torch.testing.assert_close(found.origin[..., index, :], origin, rtol=1e-3, atol=1e-4)
+        torch.testing.assert_close(found.direction[..., index, :], direction, rtol=1e-3, atol=1e-4)
+        ours = found.codes[..., index, :].sum((1, 2))
+        along = [
+            (slope.flatten(1)[..., None] * entry.flatten(1, 2)).sum(1)
+            for slope, entry in ((by_shape, enter.shape), (by_texture, enter.texture))
+        ]
+        torch.testing.assert_close(ours, torch.cat(along, -1), rtol=1e-3, atol=1e-3)
+
+
+def test_few_samples_tell_most(model: Model) -> None:
+    _, _, whole = traced(model)
+    _, _, some = traced(model, 4)
+    for name in ("colour", "origin", "codes"):
+        one, other = getattr(whole, name).flatten(), getattr(some, name).flatten()
+        assert float(torch.cosine_similarity(one, other, dim=0)) > 0.95
+
+
+def test_chunks_do_not_matter(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
+    _, _, whole = traced(model)
+    monkeypatch.setattr(slopes, "_CHUNK_POINTS", 50)
+    _, _, parts = traced(model)
+    for one, other in zip(whole, parts, strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
+
+
+def test_rays_that_miss_are_white_and_still() -> None:
+    model = random_model()
+    rays = bundle(model, OBJECTS, RAYS)
+    away = replace(rays, far=rays.near)
+    found = trace(model, away, SAMPLES, 4, *biases(model), entries(model, 3))
+    assert bool((found.colour == 1).all())
+    assert all(not bool(part.any()) for part in found[1:])

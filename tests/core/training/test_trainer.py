@@ -1,0 +1,175 @@
+import dataclasses
+
+import pytest
+import torch
+
+from core.datasets.srn import Dataset, ObjectViews
+from core.models.field import FieldConfig
+from core.training.trainer import RECIPES, Trainer, TrainSettings, held_out_psnr, hold_out
+from tests.core.training.test_visual_hull import ball
+
+SETTINGS = TrainSettings(
+    FieldConfig(width=16, shape_latent=4, texture_latent=4, point_octaves=3, direction_octaves=1),
+    steps=60,
+    rays=128,
+    samples=24,
+    outside=64,
+    matrix_rate=5e-2,
+    network_rate=1e-2,
+    code_rate=1e-2,
+)
+
+
+def coloured(name: str, colour: tuple[int, int, int], centre: tuple[float, float, float]) -> ObjectViews:
+    views = ball(0.3, centre, count=8, size=32)
+    images = views.images.copy()
+    images[views.masks] = colour
+    return dataclasses.replace(views, name=name, shape_id=name, texture_id=name, images=images)
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    objects = (coloured("red", (200, 30, 20), (0.1, 0, 0)), coloured("blue", (10, 40, 220), (-0.1, 0.05, 0)))
+    return Dataset(objects, "balls", 32, objects[0].cameras[0].focal)
+
+
+def weights_of(trainer: Trainer) -> torch.Tensor:
+    return torch.cat([value.flatten() for value in trainer.averages])
+
+
+def test_training_learns_and_measures_on_views_it_never_saw(dataset: Dataset):
+    training, held_out = hold_out(dataset)
+    assert len(training.objects[0].cameras) == 7
+    assert len(held_out.objects[0].cameras) == 1
+    trainer = Trainer(training, dataclasses.replace(SETTINGS, steps=300))
+    before = held_out_psnr(trainer.model(), held_out, 24)
+    steps = list(trainer.steps())
+    assert [step.step for step in steps] == list(range(1, 301))
+    assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 4
+    assert held_out_psnr(trainer.model(), held_out, 24) > before + 1.5
+
+
+def test_objects_of_one_texture_share_its_code(dataset: Dataset):
+    shared = tuple(dataclasses.replace(views, texture_id="same") for views in dataset.objects)
+    model = Trainer(dataclasses.replace(dataset, objects=shared), SETTINGS).model()
+    assert (len(model.codes.shapes), len(model.codes.textures), len(model.codes)) == (2, 1, 2)
+    assert (model.category, model.image_size, model.distance) == ("balls", 32, 2.0)
+
+
+@pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
+def test_every_recipe_learns(dataset: Dataset, recipe: str):
+    sizes = {name: getattr(SETTINGS.field, name) for name in ("width", "shape_latent", "texture_latent")}
+    octaves = {"point_octaves": 3, "direction_octaves": 1}
+    pace = {"steps": 200, "rays": 128, "samples": 24, "network_rate": 1e-2, "code_rate": 1e-2}
+    chosen = RECIPES[recipe]
+    settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **octaves), **pace)
+    steps = list(Trainer(dataset, settings).steps())
+    assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.5
+
+
+def test_the_papers_recipe_asks_no_hull(dataset: Dataset):
+    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, everywhere=True))
+    assert trainer.bank.hulls.all()
+    *_, kind = trainer.bank.draw(2000, torch.Generator().manual_seed(0))
+    whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
+    assert abs(float((kind == 2).float().mean()) - float(whole)) < 0.1
+
+
+def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_path):
+    whole = Trainer(dataset, SETTINGS)
+    list(whole.steps())
+    first = Trainer(dataset, SETTINGS)
+    for step in first.steps():
+        if step.step == 25:
+            break
+    first.save_state(tmp_path / "run.state")
+    second = Trainer(dataset, SETTINGS)
+    second.load_state(tmp_path / "run.state")
+    assert next(second.steps()).step == 26
+    list(second.steps())
+    torch.testing.assert_close(weights_of(second), weights_of(whole), atol=1e-5, rtol=1e-4)
+
+
+def test_matrices_go_by_muon_and_in_the_papers_recipe_nothing(dataset: Dataset):
+    trainer = Trainer(dataset, SETTINGS)
+    adam, muon = trainer.optimisers
+    assert isinstance(muon, torch.optim.Muon)
+    moved = [one for optimiser in (adam, muon) for group in optimiser.param_groups for one in group["params"]]
+    assert len(moved) == len({id(one) for one in moved}) == len(trainer.averages)
+    assert any(one is trainer.field.feature_layer.weight for one in muon.param_groups[0]["params"])
+    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).optimisers
+    assert isinstance(alone, torch.optim.AdamW)
+    assert RECIPES["paper"].matrix_rate is None
+
+
+def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
+    first = Trainer(dataset, SETTINGS)
+    next(first.steps())
+    first.save_state(tmp_path / "run.state")
+    slower = dataclasses.replace(SETTINGS, matrix_rate=1e-9, network_rate=1e-9, code_rate=1e-9)
+    second = Trainer(dataset, slower)
+    second.load_state(tmp_path / "run.state")
+    before = second.field.feature_layer.weight.detach().clone()
+    next(second.steps())
+    torch.testing.assert_close(second.field.feature_layer.weight, before, atol=1e-7, rtol=0)
+
+
+def test_training_goes_on_from_a_model_with_the_codes_of_the_objects_it_knows(dataset: Dataset):
+    first = Trainer(dataset, SETTINGS)
+    list(first.steps())
+    model = first.model()
+    green = coloured("green", (20, 200, 30), (0.0, 0.1, 0))
+    more = dataclasses.replace(dataset, objects=(green, *dataset.objects))
+    second = Trainer(more, SETTINGS.gentler)
+    second.begin_from(model)
+    begun = second.model()
+    assert begun.codes[1] == model.codes[0]
+    assert begun.codes[2] == model.codes[1]
+    torch.testing.assert_close(begun.codes[0].shape, model.codes.mean.shape)
+    pairs = zip(begun.field.parameters(), model.field.parameters(), strict=True)
+    assert all(torch.equal(one, other) for one, other in pairs)
+    assert len(list(second.steps())) == SETTINGS.steps
+    other = Trainer(more, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
+    with pytest.raises(ValueError, match="cannot go on"):
+        other.begin_from(model)
+
+
+def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
+    Trainer(dataset, SETTINGS).save_state(tmp_path / "run.state")
+    other = dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8))
+    for path in (tmp_path / "run.state", tmp_path / "gone.state"):
+        with pytest.raises(ValueError, match=path.name):
+            Trainer(dataset, other).load_state(path)
+    with pytest.raises(ValueError, match=r"run\.state"):
+        Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).load_state(tmp_path / "run.state")
+    turned = dataclasses.replace(dataset, objects=dataset.objects[::-1])
+    with pytest.raises(ValueError, match="other objects"):
+        Trainer(turned, SETTINGS).load_state(tmp_path / "run.state")
+
+
+def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
+    trainer = Trainer(dataset, SETTINGS)
+    before = trainer.bank.hulls.clone()
+    layer = trainer.field.density_layer
+    layer.weight.data.zero_()
+    layer.bias.data.fill_(0.0)
+    bias = trainer.field.shape_bias(trainer.shapes)[trainer.shape_row]
+    trainer.bank.prune(trainer.field, bias)
+    assert torch.equal(trainer.bank.hulls, before)
+    layer.bias.data.fill_(-20.0)
+    trainer.bank.prune(trainer.field, bias)
+    assert not trainer.bank.hulls.any()
+
+
+def test_an_object_with_one_view_cannot_be_measured(dataset: Dataset):
+    views = dataset.objects[0]
+    single = dataclasses.replace(views, images=views.images[:1], masks=views.masks[:1], cameras=views.cameras[:1])
+    with pytest.raises(ValueError, match="at least two views"):
+        hold_out(dataclasses.replace(dataset, objects=(single,)))
+
+
+def test_a_diverging_run_says_so(dataset: Dataset):
+    trainer = Trainer(dataset, SETTINGS)
+    with pytest.raises(ValueError, match="diverged"):
+        trainer.field.point_layer.weight.data.fill_(float("nan"))
+        list(trainer.steps())
