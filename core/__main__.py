@@ -268,6 +268,11 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     rendering = _command(kinds, "render", "measure.bench_render", "milliseconds a frame against PSNR, part by part")
     rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another side")
     fitting = _command(kinds, "fit", "measure.bench_fit", "seconds against degrees of blind fits, preset by preset")
+    for kind in (rendering, fitting):
+        kind.add_argument(
+            "--gate", type=Path, metavar="B.csv", help="write nothing; end with status 1 if worse than this baseline"
+        )
+    redraw = _command(kinds, "redraw", "measure.bench_redraw", "tables and charts again from the CSV files in DIR")
     parts = _command(kinds, "parts", "measure.bench_parts", "what every part of a blind fit is worth")
     for kind in (fitting, parts):
         kind.add_argument(
@@ -288,7 +293,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     size.add_argument("--models", type=Path, required=True, metavar="DIR", help="where they are kept, to go on later")
     for kind in (rendering, fitting, parts, stability):
         _add_model(kind)
-    for kind in (rendering, fitting, parts, stability, size):
+    for kind in (rendering, fitting, parts, stability, size, redraw):
         kind.add_argument("--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where charts go")
 
 

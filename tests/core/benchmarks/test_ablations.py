@@ -6,7 +6,7 @@ from core.benchmarks import ablations as parts
 from core.benchmarks.ablations import WHOLE, Measured, measured
 from core.benchmarks.charts import parts_table
 from core.benchmarks.fits import TIMES, Trial
-from core.benchmarks.held_out_views import Subject
+from core.benchmarks.held_out_views import HeldOutView
 from core.fitting.fit import FitSettings
 from core.models.model import Model
 from tests.core.evaluation.test_protocol import views_of
@@ -17,7 +17,7 @@ from tests.core.tiny import tiny_model
 def found(monkeypatch: pytest.MonkeyPatch) -> Measured:
     """Three objects, of which each is 10 dB harder than the one before; without the race a fit is 1 dB worse."""
 
-    def tried(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
+    def tried(model: Model, target: HeldOutView, preset: str, settings: FitSettings, seed: int) -> Trial:
         raced = settings.starts > 1
         seconds, psnr = (4.0 if raced else 1.0) * (1 + seed), 50.0 - 10 * seed - (not raced)
         errors = (3.0, 2.0, 0.01)
@@ -25,7 +25,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> Measured:
 
     monkeypatch.setattr(parts, "trial", tried)
     model = tiny_model()
-    subjects = [Subject(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
+    subjects = [HeldOutView(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
     *_, last = measured(model, subjects)
     assert isinstance(last, Measured)
     return last

@@ -11,7 +11,7 @@ from core.benchmarks import fits as fitting
 from core.benchmarks import held_out_views as subjects
 from core.benchmarks.charts import fitting_table, prepare, write_fitting
 from core.benchmarks.fits import Measured, measured
-from core.benchmarks.held_out_views import OTHERS, anywhere, looks_alike, own_subjects
+from core.benchmarks.held_out_views import HELD_OUT_VIEWS, random_camera, is_symmetric_view, training_object_views
 from core.fitting.confidence import confidence
 from core.fitting.fit import PRESETS, FitSettings
 from core.geometry.camera import Camera
@@ -30,7 +30,7 @@ QUICK = {
 
 @pytest.fixture(scope="module")
 def found() -> Measured:
-    subjects = tuple(own_subjects(tiny_model(), 2, torch.Generator().manual_seed(0)))
+    subjects = tuple(training_object_views(tiny_model(), 2, torch.Generator().manual_seed(0)))
     *told, found = measured(tiny_model(), subjects, QUICK)
     assert all(isinstance(line, str) for line in told)
     assert isinstance(found, Measured)
@@ -39,22 +39,22 @@ def found() -> Measured:
 
 def test_subjects_are_pictures_of_objects_from_the_upper_half():
     model = tiny_model()
-    subjects = tuple(own_subjects(model, 2, torch.Generator().manual_seed(1)))
-    assert [subject.views.name for subject in subjects] == ["stool0", "stool2"]
+    subjects = tuple(training_object_views(model, 2, torch.Generator().manual_seed(1)))
+    assert [target.views.name for subject in subjects] == ["stool0", "stool2"]
     for subject, codes in zip(subjects, (model.codes[0], model.codes[2]), strict=True):
-        assert len(subject.views.cameras) == 1 + OTHERS
-        exact = render_exact(model, codes, subject.camera, 96).colour.clamp(0, 1)
-        assert psnr(torch.from_numpy(subject.views.images[subject.view]) / 255, exact) > 35
-        assert 0.01 < subject.views.masks[subject.view].mean() < 0.9
+        assert len(target.views.cameras) == 1 + HELD_OUT_VIEWS
+        exact = render_exact(model, codes, target.camera, 96).colour.clamp(0, 1)
+        assert psnr(torch.from_numpy(target.views.images[target.index]) / 255, exact) > 35
+        assert 0.01 < target.views.masks[target.index].mean() < 0.9
     generator = torch.Generator().manual_seed(0)
-    heights = [math.sin(anywhere(model, generator).elevation) for _ in range(300)]
+    heights = [math.sin(random_camera(model, generator).elevation) for _ in range(300)]
     assert min(heights) >= 0
     assert sum(heights) / len(heights) == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_model_that_paints_its_ground_has_subjects_too():
-    subject, *_ = own_subjects(random_model(1, True), 1, torch.Generator().manual_seed(0))
-    assert subject.views.images.shape[-1] == 3
+    subject, *_ = training_object_views(random_model(1, True), 1, torch.Generator().manual_seed(0))
+    assert target.views.images.shape[-1] == 3
 
 
 def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measured):
@@ -62,7 +62,7 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measur
         (preset, name) for name in ("stool0", "stool2") for preset in QUICK
     ]
     for trial in found.trials:
-        assert trial.trace[-1] in (trial.first_rotation, trial.rotation) or trial.seconds > fitting.TIMES[-1]
+        assert trial.trace[-1] in (trial.initial_rotation, trial.rotation) or trial.seconds > fitting.TIMES[-1]
         assert trial.held_out > 5
         if trial.preset == "paper":
             assert trial.margin is trial.spread is trial.confidence is None
@@ -95,13 +95,13 @@ def test_fits_that_end_before_anything_is_read_off_are_drawn_too(found: Measured
 def test_an_object_looks_alike_from_its_other_right_cameras_only(monkeypatch: pytest.MonkeyPatch):
     model, truth = tiny_model(), tiny_model().camera(0.7, 0.4)
     lopsided = model.codes[0]
-    assert looks_alike(model, lopsided, replace(truth, azimuth=0.75), truth, 5.0)
-    assert not looks_alike(model, lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
-    plain = subjects.drawn_on_white
+    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.75), truth, 5.0)
+    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
+    plain = subjects.render_on_white
 
     def symmetric(model: Model, codes: Codes, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
         return plain(model, codes, replace(camera, azimuth=camera.azimuth % math.pi))
 
-    monkeypatch.setattr(subjects, "drawn_on_white", symmetric)
-    assert looks_alike(model, lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
-    assert not looks_alike(model, lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)
+    monkeypatch.setattr(subjects, "render_on_white", symmetric)
+    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
+    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)

@@ -126,7 +126,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
     assert told["summary"]["psnr"][0] > 20
     assert (tmp_path / "r.png").exists()
     assert "stool0: 3 views" in refused(capsys, *words[:4], "--inputs", "7")
-    assert "no held-out cell" in refused(capsys, *words[:4], "--swap")
+    assert "no held-out pair" in refused(capsys, *words[:4], "--swap")
     assert "no --inputs" in refused(capsys, *words, "--swap")
     write_manifest(tmp_path / "d", "boats", {})
     assert "boats" in refused(capsys, *words)
