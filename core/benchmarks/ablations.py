@@ -15,6 +15,7 @@ from torch import Tensor
 
 from core.benchmarks.fits import Summary, Trial, fit_view, summarise
 from core.benchmarks.held_out_views import HeldOutView, random_camera
+from core.benchmarks.machine import describe_machine
 from core.benchmarks.patched import Change, changed
 from core.evaluation.statistics import Mean, mean_of
 from core.fitting import gauss_newton as newton

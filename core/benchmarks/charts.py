@@ -198,7 +198,8 @@ def _robustness_chart(found: RobustnessResults) -> "Figure":
             centres = [index + (number - (len(presets) - 1) / 2) * width for index in range(len(levels))]
             axes.bar(centres, shares, width, label=preset)
         axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels] if len(levels) > 1 else [""])
-        axes.set(xlim=(-0.5, max(3, len(levels)) - 0.5), ylim=(0, 105), yticks=(0, 50, 100))
+        middle, half = (len(levels) - 1) / 2, max(3, len(levels)) / 2
+        axes.set(xlim=(middle - half, middle + half), ylim=(0, 105), yticks=(0, 50, 100))
         axes.set_title(name, fontsize=10)
         axes.set_xlabel(_unit(name), fontsize=8)
         axes.grid(alpha=0.3, axis="y")

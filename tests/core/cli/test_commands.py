@@ -12,7 +12,7 @@ from PIL import ExifTags, Image
 
 from core.__main__ import main, parser
 from core.benchmarks import ablations as parts
-from core.benchmarks import robustness as stability
+from core.benchmarks import gate, robustness
 from core.cli import fit as fitting
 from core.datasets.srn import read_dataset, write_manifest, write_object
 from core.fitting import fit as fits
@@ -202,10 +202,10 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
 
 def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch):
     tiny_model().save(tmp_path / "m.safetensors")
-    for presets in (PRESETS, stability.COMPARED):
+    for presets in (PRESETS, robustness.COMPARED):
         for name, settings in presets.items():
             monkeypatch.setitem(presets, name, replace(settings, starts=1, steps=2, rays=16, samples=8))
-    monkeypatch.setattr(stability, "STRESSORS", {"nothing": stability.STRESSORS["nothing"]})
+    monkeypatch.setattr(robustness, "STRESSORS", {"none": robustness.STRESSORS["none"]})
     words = ("--model", tmp_path / "m.safetensors", "--objects", 1, "--out", tmp_path / "charts")
     run("bench", "fit", *words)
     assert "| paper |" in capsys.readouterr().out
@@ -213,16 +213,28 @@ def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch
     assert "| stressor | level | normal | paper |" in capsys.readouterr().out
     write_object(tmp_path / "d", views_of(tiny_model(), 0, 3))
     run("bench", "fit", *words, "--dataset", tmp_path / "d")
-    assert json.loads((tmp_path / "charts/fit.json").read_text())["trials"][0]["name"] == "stool0"
+    assert "stool0" in (tmp_path / "charts/fit.csv").read_text()
+    (tmp_path / "charts/fit.png").unlink()
+    run("bench", "redraw", "--out", tmp_path / "charts")
+    assert str(tmp_path / "charts/fit.csv") in capsys.readouterr().out
+    baseline = (tmp_path / "charts/fit.csv").read_text()
+    (tmp_path / "fit.csv").write_text(baseline)
+    monkeypatch.setattr(gate, "SPEED_TOLERANCE", 1.0)  # so short fits differ by more
+    run("bench", "fit", *words, "--dataset", tmp_path / "d", "--gate", tmp_path / "fit.csv")
+    assert "no worse than the baseline" in capsys.readouterr().out
+    monkeypatch.setattr(gate, "SPEED_TOLERANCE", -1e6)
+    with pytest.raises(SystemExit, match=r"^worse than the baseline: draft: .* times faster, baseline"):
+        run("bench", "fit", *words, "--dataset", tmp_path / "d", "--gate", tmp_path / "fit.csv")
+    assert (tmp_path / "charts/fit.csv").read_text() == baseline
     for name, (_, changes) in parts._PARTS.items():
         monkeypatch.setitem(parts._PARTS, name, (PRESETS["normal"], changes))
     run("bench", "parts", *words)
     assert "| nothing left out |" in capsys.readouterr().out
     assert hypotheses.SILHOUETTE > 0
-    assert sorted(path.name for path in (tmp_path / "charts").iterdir()) == [
+    assert {path.name for path in (tmp_path / "charts").iterdir()} == {
         "failures.png",
-        *(f"{name}.{kind}" for name in ("fit", "parts", "stability") for kind in ("json", "md", "png")),
-    ]
+        *(f"{name}.{kind}" for name in ("ablations", "fit", "robustness") for kind in ("csv", "md", "png")),
+    }
 
 
 @pytest.mark.parametrize("margin, said", [(-9.0, "doubtful"), (9.0, "")])

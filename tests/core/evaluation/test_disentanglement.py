@@ -6,7 +6,7 @@ import torch
 
 from core.datasets.srn import ObjectPlace, find_objects, write_manifest, write_object
 from core.evaluation import disentanglement as module
-from core.evaluation.disentanglement import probe, score_pairs, summarise_pairs, pairs
+from core.evaluation.disentanglement import pairs, probe, score_pairs, summarise_pairs
 from core.evaluation.report import format_disentanglement, write_disentanglement_report
 from core.fitting.fit import FitJob, FitSettings
 from core.models.codes import CodeBook, Codes
@@ -63,7 +63,7 @@ def test_recombined_codes_render_the_true_pair_and_textures_move_nothing(tiny: M
     text = format_disentanglement(scores)
     assert "at most 0 of full opacity" in text
     assert "texture from shape codes" in text
-    unfitted = format_disentanglement([replace(score, refitted_codes=None, fitted=None) for score in scores])
+    unfitted = format_disentanglement([replace(score, refitted=None, fitted_codes=None) for score in scores])
     assert "other views" in text
     assert "other views" not in unfitted
     assert "nan" not in unfitted
