@@ -43,7 +43,7 @@ class Protocol:
         if self.preset not in PRESETS:
             raise ValueError(f"no fit preset is called {self.preset}; there are {', '.join(PRESETS)}")
         if not self.inputs or min(self.inputs) < 0 or len(set(self.inputs)) < len(self.inputs):
-            raise ValueError(f"input views are different numbers from 0, got {self.inputs}")
+            raise ValueError(f"input views are different views, counted from 0, got {self.inputs}")
         if self.every < 1:
             raise ValueError(f"the stride over views must be at least 1, got {self.every}")
 
@@ -151,9 +151,9 @@ def render_view(model: Model, codes: Codes, camera: Camera) -> Float[Tensor, "he
 def _require_views(views: ObjectViews, protocol: Protocol, rest: Sequence[int]) -> None:
     count, wanted = len(views.cameras), ",".join(map(str, protocol.inputs))
     if max(protocol.inputs) >= count:
-        raise ValueError(f"{views.name}: there are {count} views, 0 to {count - 1}, and the input views are {wanted}")
+        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, and the input views are {wanted}")
     if not rest:
-        raise ValueError(f"{views.name}: all {count} views are input views ({wanted}), and none is left to compare")
+        raise ValueError(f"{views.name}: {count} views, all of them input views ({wanted}): none to compare")
 
 
 def _require_focal_length(model: Model, views: ObjectViews) -> None:

@@ -100,15 +100,15 @@ def test_a_painted_ground_is_drawn_as_its_authors_did():
 
 def test_what_cannot_be_evaluated_is_refused(tiny: Model):
     views = views_of(tiny, 0, 2)
-    with pytest.raises(ValueError, match=r"stool0: .* 2 views"):
+    with pytest.raises(ValueError, match="stool0: 2 views"):
         list(evaluate(tiny, [views], Protocol(inputs=(2,))))
-    with pytest.raises(ValueError, match=r"stool0: .* 2 views"):
+    with pytest.raises(ValueError, match="stool0: 2 views"):
         list(evaluate(tiny, [views], Protocol(inputs=(0, 1))))
     closer = replace(views, cameras=tuple(replace(camera, focal=90.0) for camera in views.cameras))
     with pytest.raises(ValueError, match="focal length"):
         list(evaluate(tiny, [closer], Protocol(inputs=(0,), estimate=True)))
     for inputs in ((), (-1,), (3, 3)):
-        with pytest.raises(ValueError, match="inputs"):
+        with pytest.raises(ValueError, match="input views"):
             Protocol(inputs=inputs)
 
 
