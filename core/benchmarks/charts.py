@@ -152,8 +152,8 @@ def _fit_chart(found: FitResults) -> "Figure":
     for axes in (left, right):
         _log_ticks(axes.xaxis)
         axes.grid(alpha=0.3)
-        axes.legend()
     _log_ticks(left.yaxis)
+    left.legend()  # of both: on the right it would hide points
     figure.suptitle(f"{found.machine}, {summaries[0].fits} views", fontsize=9)
     return figure
 
