@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from PIL import Image
 
 from core.benchmarks import fits as fitting
 from core.benchmarks import held_out_views as subjects
@@ -19,7 +18,7 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.reference import render_exact
-from tests.conftest import random_model
+from tests.conftest import picture_size, random_model
 from tests.core.tiny import tiny_model
 
 QUICK = {
@@ -80,7 +79,7 @@ def test_charts_are_written(found: Measured, tmp_path: Path):
     write_fitting(found, tmp_path / "charts")
     told = json.loads((tmp_path / "charts/fit.json").read_text())
     assert [one["preset"] for one in told["summaries"]] == list(QUICK)
-    assert Image.open(tmp_path / "charts/fit.png").width > 800
+    assert picture_size(tmp_path / "charts/fit.png")[0] > 800
     table = fitting_table(found)
     assert (tmp_path / "charts/fit.md").read_text() == table
     assert "| paper |" in table

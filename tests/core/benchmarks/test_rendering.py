@@ -2,13 +2,13 @@ import json
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from core.benchmarks import rendering
 from core.benchmarks.charts import prepare, rendering_table, write_rendering
 from core.benchmarks.rendering import Measured, measured
 from core.rendering import fast as march
 from core.rendering import occupancy
+from tests.conftest import picture_size
 from tests.core.tiny import tiny_model
 
 
@@ -44,7 +44,7 @@ def test_charts_are_written(found: Measured, tmp_path: Path) -> None:
     prepare(tmp_path / "charts")
     write_rendering(found, tmp_path / "charts")
     assert json.loads((tmp_path / "charts/render.json").read_text())["views"] == 2
-    assert Image.open(tmp_path / "charts/render.png").width > 800
+    assert picture_size(tmp_path / "charts/render.png")[0] > 800
     table = rendering_table(found)
     assert (tmp_path / "charts/render.md").read_text() == table
     assert "| naive | 96 |" in table
