@@ -37,8 +37,8 @@ def test_a_mirrored_object_is_seen_from_the_other_side_of_its_front():
 def test_it_learns_where_from_a_picture_is_taken(seen: Glimpses):
     torch.manual_seed(0)
     glance = Glance()
-    steps = list(taught(glance, seen, 150))
-    assert [step.step for step in steps] == list(range(1, 151))
+    steps = list(taught(glance, seen, 100))
+    assert [step.step for step in steps] == list(range(1, 101))
     assert steps[-1].loss < steps[0].loss
     assert share_recognised(glance, seen, math.radians(20)) > 0.5
     assert not glance.training
