@@ -17,8 +17,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Cuts pictures out wherever it is installed; what a machine happens to have is not tested.
 sys.modules["rembg"] = None  # type: ignore[assignment]
 
-# Before anything of core is.
-install_import_hook("core", "tests.checked.checked")
+# Before anything of core or viewer is.
+install_import_hook(("core", "viewer"), "tests.checked.checked")
 
 hypothesis.settings.register_profile(
     "shared machine",
