@@ -209,8 +209,8 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--steps", type=_count, default=100_000, help="of the whole schedule")
     command.add_argument(
         "--recipe",
-        choices=("ours", "paper", "M1", "M2"),
-        default="ours",
+        choices=("default", "paper", "M1", "M2"),
+        default="default",
         help="M1, M2: ours, but entangled",
     )
     command.add_argument("--width", type=_count, help="of the network (default: the recipe's; ours: 96)")

@@ -15,7 +15,7 @@ from core.benchmarks import model_sizes as sizes
 from core.benchmarks import robustness as stability
 from core.benchmarks.held_out_views import Subject, dataset_subjects, own_subjects
 from core.cli.progress import require_place
-from core.datasets.srn import ObjectPlace, find_objects
+from core.datasets.srn import ObjectEntry, index_objects
 from core.evaluation.disentanglement import CellScore, swap, table
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
@@ -85,7 +85,7 @@ def bench_size(chosen: argparse.Namespace) -> None:
     charts.prepare(chosen.out)
     if not chosen.models.is_dir():
         raise ValueError(f"there is no folder {chosen.models}")
-    tests = _spread(find_objects(chosen.tests)[1], chosen.objects)
+    tests = _spread(index_objects(chosen.tests)[1], chosen.objects)
     found = _watched(sizes.measured(chosen.datasets, tests, chosen.steps, chosen.models))
     charts.write_sizes(found, chosen.out)
     print(charts.sizes_table(found), flush=True)
@@ -111,7 +111,7 @@ def _watched(stream: Iterator[str | _Found]) -> _Found:
 
 
 def _evaluate_swap(
-    chosen: argparse.Namespace, model: Model, places: tuple[ObjectPlace, ...], about: dict[str, str]
+    chosen: argparse.Namespace, model: Model, places: tuple[ObjectEntry, ...], about: dict[str, str]
 ) -> None:
     cells = table(model, places)
     kinds = ([cell for cell in cells if cell.trained == trained] for trained in (False, True))
@@ -122,9 +122,9 @@ def _evaluate_swap(
         write_swap_report(chosen.report, scores, about)
 
 
-def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectPlace, ...]:
+def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
     """The objects of datasets, which must be of the model's category."""
-    category, places = find_objects(datasets)
+    category, places = index_objects(datasets)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
     return places

@@ -10,9 +10,9 @@ from tqdm import tqdm
 
 from core.benchmarks.charts import write_training
 from core.cli.progress import drive, require_place
-from core.datasets.glb_objects import mesh_plan, render_meshes
-from core.datasets.mesh_variants import cells
-from core.datasets.procedural.table import procedural_plan, render_procedural, swap_plan
+from core.datasets.glb_objects import render_meshes, select_meshes
+from core.datasets.mesh_variants import pairs
+from core.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
 from core.datasets.srn import Dataset, read_dataset
 from core.datasets.srn_cameras import SPIRAL_VIEWS
 from core.models.authors_checkpoint import load_authors
@@ -20,8 +20,9 @@ from core.models.field import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.viewpoint import Glance
-from core.training.trainer import RECIPES, Trainer, held_out_psnr, hold_out
-from core.training.viewpoint import glimpses, share_recognised, taught
+from core.training.recipes import RECIPES
+from core.training.trainer import Trainer, held_out_psnr, hold_out
+from core.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
 
 _MEASURED_EVERY = 5000
 """Steps between two measurements of a model in training, which is saved at the same time."""
@@ -35,16 +36,16 @@ _VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:
     """``dataset meshes``: GLB files rendered into SRN folders."""
-    plan = mesh_plan(chosen.folder, chosen.category, chosen.split)
+    plan = select_meshes(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
     made = render_meshes(*where, views, chosen.size, chosen.variants)
-    drive(made, len(plan) * len(cells(chosen.variants)), "object")
+    drive(made, len(plan) * len(pairs(chosen.variants)), "object")
 
 
 def dataset_procedural(chosen: argparse.Namespace) -> None:
     """``dataset procedural``: generated objects rendered into SRN folders."""
-    plan = procedural_plan(chosen.category, chosen.count, chosen.split)
+    plan = procedural_table(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _VIEWS[chosen.split]
     made = render_procedural(plan, chosen.category, chosen.out, chosen.split, views, chosen.size)
     drive(made, len(plan), "object")
@@ -52,7 +53,7 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
 
 def dataset_swap(chosen: argparse.Namespace) -> None:
     """``dataset swap``: trained and untrained pairs of procedural shapes and textures, for ``evaluate --swap``."""
-    plan = swap_plan(chosen.category, chosen.count, chosen.blocks)
+    plan = disentanglement_pairs(chosen.category, chosen.count, chosen.tables)
     made = render_procedural(plan, chosen.category, chosen.out, "test", chosen.views, chosen.size)
     drive(made, len(plan), "object")
 
@@ -64,9 +65,9 @@ def train(chosen: argparse.Namespace) -> None:
     begin = load_model(chosen.begin) if chosen.begin else None
     settings = replace(recipe, field=_field(chosen, recipe.field, begin), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
-    trainer = Trainer(training, settings.gentler if begin else settings, chosen.device)
+    trainer = Trainer(training, settings.finetuning if begin else settings, chosen.device)
     if begin:
-        trainer.begin_from(begin)
+        trainer.initialise_from(begin)
     state, curve = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json")
     points: list[dict[str, float]] = []
     if chosen.resume:
@@ -85,7 +86,7 @@ def train(chosen: argparse.Namespace) -> None:
                 tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
                 points.append({"step": step.step, "seconds": step.seconds, "psnr": found})
                 write_training({chosen.out.stem: points}, curve)
-    if chosen.recipe == "ours":
+    if chosen.recipe == "default":
         steps = max(1, chosen.steps // _GLANCE_SHARE)
         _taught(trainer.model(), training, steps, chosen.seed).save(chosen.out)
 
@@ -103,13 +104,13 @@ def _taught(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
     """The model with a glance; some objects are only looked at to say how well it recognises."""
     asked = dataset.objects[::_ASKED]
     shown = [views for index, views in enumerate(dataset.objects) if index % _ASKED] or asked
-    seen = glimpses(replace(dataset, objects=tuple(shown)))
+    seen = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
     torch.manual_seed(seed)
     pupil = Glance()
     with tqdm(total=steps, desc="glance", unit="step", disable=None) as bar:
-        for _ in taught(pupil, seen, steps, seed):
+        for _ in train_viewpoint(pupil, seen, steps, seed):
             bar.update()
-    share = 100 * share_recognised(pupil, glimpses(replace(dataset, objects=asked)), _RECOGNISED)
+    share = 100 * accuracy_within(pupil, viewpoint_dataset(replace(dataset, objects=asked)), _RECOGNISED)
     tqdm.write(f"of objects not looked at, {share:.0f} % of views are told to {math.degrees(_RECOGNISED):.0f} degrees")
     return replace(model, glance=pupil)
 
@@ -117,7 +118,7 @@ def _taught(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
 def _field(chosen: argparse.Namespace, usual: FieldConfig, begin: Model | None) -> FieldConfig:
     """The network's sizes, as told or as the model has them that training goes on from."""
     if begin:
-        if chosen.width or chosen.latent or chosen.recipe != "ours":
+        if chosen.width or chosen.latent or chosen.recipe != "default":
             raise ValueError("--from has the sizes and the design of its model: no --width, --latent or --recipe")
         return begin.field.config
     shape, texture = chosen.latent or (usual.shape_latent, usual.texture_latent)

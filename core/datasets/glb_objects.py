@@ -11,10 +11,10 @@ import trimesh
 from jaxtyping import Float, UInt8
 from PIL import Image
 
-from core.datasets.mesh_variants import cells, deformed, recoloured
+from core.datasets.mesh_variants import deformed, pairs, recoloured
 from core.datasets.rasteriser import Surface
-from core.datasets.render_objects import Sitter, picture_all
-from core.datasets.splits import Split, held_out
+from core.datasets.render_objects import RenderTask, render_objects
+from core.datasets.splits import Split, held_out_meshes
 
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """glTF has y up and the front at +z; the world has z up and the front at +y."""
@@ -35,7 +35,7 @@ class MeshEntry:
     path: Path
 
 
-def mesh_plan(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
+def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
     """The meshes that a split renders, in the index's order. Raises ``ValueError`` for a folder without an index."""
     index = Path(folder) / "index.json"
     try:
@@ -43,7 +43,7 @@ def mesh_plan(folder: Path | str, category: str, split: Split) -> tuple[MeshEntr
         entries = [MeshEntry(line["id"], line["category"], Path(folder) / line["file"]) for line in lines]
     except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
         raise ValueError(f"{index}: not a mesh index ({error!r})") from error
-    kept = held_out(category)
+    kept = held_out_meshes(category)
     plan = tuple(e for e in entries if e.category == category and (e.name in kept) == (split == "test"))
     if not plan:
         raise ValueError(f"{index}: no {category} for the {split} split")
@@ -53,7 +53,7 @@ def mesh_plan(folder: Path | str, category: str, split: Split) -> tuple[MeshEntr
 def render_meshes(
     folder: Path | str, out: Path | str, category: str, split: Split, views: int, size: int, variants: int = 0
 ) -> Iterator[str]:
-    """Renders every mesh of ``mesh_plan`` into the dataset ``out`` as :func:`core.datasets.render_objects.picture_all`
+    """Renders every mesh of ``select_meshes`` into the dataset ``out`` as :func:`core.datasets.render_objects.render_objects`
     does.
 
     ``variants`` deformed forms of each are added, in as many colourings: see :mod:`core.datasets.mesh_variants`.
@@ -61,17 +61,17 @@ def render_meshes(
     """
     if variants < 0:
         raise ValueError(f"a mesh has no {variants} variants")
-    plan = mesh_plan(folder, category, split)
-    sitters = [_sitter(entry, form, look) for entry in plan for form, look in cells(variants)]
-    yield from picture_all(sitters, out, category, split, views, size)
+    plan = select_meshes(folder, category, split)
+    tasks = [_render_task(entry, form, look) for entry in plan for form, look in pairs(variants)]
+    yield from render_objects(tasks, out, category, split, views, size)
 
 
-def _sitter(entry: MeshEntry, form: int, look: int) -> Sitter:
+def _render_task(entry: MeshEntry, form: int, look: int) -> RenderTask:
     """A mesh in one of its forms and looks; form 0 and look 0 carry its own name."""
     shape = f"{entry.name}-form{form}" if form else entry.name
     texture = f"{entry.name}-look{look}" if look else entry.name
     name = f"{shape}-look{look}" if look else shape
-    return Sitter(name, shape, texture, partial(_variant, entry, form, look))
+    return RenderTask(name, shape, texture, partial(_variant, entry, form, look))
 
 
 def _variant(entry: MeshEntry, form: int, look: int) -> tuple[Surface, ...]:

@@ -22,7 +22,7 @@ _TEXELS = 1024
 Recolouring = Callable[[Float[np.ndarray, "*colours 3"]], Float[np.ndarray, "*colours 3"]]
 
 
-def cells(variants: int) -> tuple[tuple[int, int], ...]:
+def pairs(variants: int) -> tuple[tuple[int, int], ...]:
     """The pairs (form, look) that are rendered of a mesh with so many deformed forms beside its own.
 
     With n forms there are n - 1 looks, each form wears one or two of them, and neighbouring forms share one: about

@@ -14,7 +14,7 @@ Split = Literal["train", "test"]
 _HELD_OUT = Path(__file__).resolve().parents[2] / "assets" / "held_out.json"
 
 
-def held_out(category: str) -> frozenset[str]:
+def held_out_meshes(category: str) -> frozenset[str]:
     """Names of the meshes that are kept for testing and never trained on."""
     return frozenset(json.loads(_HELD_OUT.read_text())["meshes"].get(category, ()))
 

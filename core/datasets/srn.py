@@ -18,7 +18,7 @@ from PIL import Image
 
 from core.geometry.camera import Camera
 
-_WHITE_FROM = 253
+_WHITE_LEVEL = 253
 """A pixel whose channels are all this bright is ground where no mask says more: resaved pictures waver by 1-2."""
 
 
@@ -63,7 +63,7 @@ class Dataset:
 
 
 @dataclass(frozen=True)
-class ObjectPlace:
+class ObjectEntry:
     """An object of a dataset that has not been read yet: a test set need not fit into memory."""
 
     folder: Path
@@ -80,14 +80,14 @@ class ObjectPlace:
         return _read_object(self.folder, (self.shape_id, self.texture_id))
 
 
-def find_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectPlace, ...]]:
+def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry, ...]]:
     """The category ('' where no manifest says) and the objects of dataset folders, in order of folder, then of name.
 
     Raises ``ValueError`` naming the folder where there are none, or where categories or names clash.
     """
-    categories, places = set[str](), list[ObjectPlace]()
+    categories, places = set[str](), list[ObjectEntry]()
     for folder in map(Path, folders):
-        category, found = _find(folder)
+        category, found = _index_folder(folder)
         categories |= {category} - {""}
         places += found
     if len(categories) > 1:
@@ -111,7 +111,7 @@ def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
         category, found = _read_folder(folder)
         objects += found
         categories |= {category} - {""}
-    _refuse_contradictions(objects, categories)
+    _check_consistent(objects, categories)
     camera = objects[0].cameras[0]
     return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal)
 
@@ -151,13 +151,13 @@ def write_manifest(folder: Path | str, category: str, identities: Mapping[str, t
 
 def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
     """The category and the objects of one dataset folder."""
-    category, places = _find(folder)
+    category, places = _index_folder(folder)
     # Decoding a PNG releases the interpreter lock, so threads are enough.
     with ThreadPoolExecutor() as pool:
-        return category, list(pool.map(ObjectPlace.read, places))
+        return category, list(pool.map(ObjectEntry.read, places))
 
 
-def _find(folder: Path) -> tuple[str, list[ObjectPlace]]:
+def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
     """The category and the places of one dataset folder. Without a manifest, an object shares neither shape nor
     texture (the paper's setting).
     """
@@ -167,7 +167,7 @@ def _find(folder: Path) -> tuple[str, list[ObjectPlace]]:
     places = sorted(place for place in folder.iterdir() if place.is_dir() and not place.name.startswith("."))
     if not places:
         raise ValueError(f"{folder}: no object folders in it")
-    return category, [ObjectPlace(place, *identities.get(place.name, (place.name, place.name))) for place in places]
+    return category, [ObjectEntry(place, *identities.get(place.name, (place.name, place.name))) for place in places]
 
 
 def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
@@ -244,7 +244,7 @@ def _read_picture(
             with Image.open(mask_path) as opened:
                 mask = np.asarray(opened.convert("L")) > 127
         else:
-            mask = alpha[..., 0] > 127 if clear else image.min(-1) < _WHITE_FROM
+            mask = alpha[..., 0] > 127 if clear else image.min(-1) < _WHITE_LEVEL
     except (OSError, SyntaxError) as error:
         raise ValueError(f"{path}: cannot be read ({error})") from error
     if mask.shape != image.shape[:2]:
@@ -252,7 +252,7 @@ def _read_picture(
     return np.ascontiguousarray(image), mask
 
 
-def _refuse_contradictions(objects: Sequence[ObjectViews], categories: set[str]) -> None:
+def _check_consistent(objects: Sequence[ObjectViews], categories: set[str]) -> None:
     """Raises ``ValueError`` unless the objects make one dataset."""
     if not objects:
         raise ValueError("no dataset folder was given")

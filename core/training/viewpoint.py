@@ -24,7 +24,7 @@ _SCALE, _ASPECT, _SHIFT = 0.06, 0.08, 0.04
 """standard deviations of an object's size, of its proportions and, in half pictures, of its place"""
 
 
-class Glimpses(NamedTuple):
+class ViewpointDataset(NamedTuple):
     """Pictures as the network sees them, and their cameras."""
 
     pictures: Float[Tensor, "pictures 4 side side"]
@@ -34,7 +34,7 @@ class Glimpses(NamedTuple):
 
 
 @dataclass(frozen=True)
-class GlanceStep:
+class ViewpointStep:
     """Where the training stands."""
 
     step: int
@@ -42,7 +42,7 @@ class GlanceStep:
     loss: float
 
 
-def glimpses(dataset: Dataset) -> Glimpses:
+def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
     """Of all pictures that show anything."""
     pictures, angles = [], []
     for views in dataset.objects:
@@ -53,10 +53,10 @@ def glimpses(dataset: Dataset) -> Glimpses:
                 angles.append((camera.azimuth, camera.elevation))
     if not pictures:
         raise ValueError("there is nothing to look at: every mask is empty")
-    return Glimpses(torch.stack(pictures), *torch.tensor(angles).unbind(1))
+    return ViewpointDataset(torch.stack(pictures), *torch.tensor(angles).unbind(1))
 
 
-def taught(glance: Glance, seen: Glimpses, steps: int, seed: int = 0) -> Iterator[GlanceStep]:
+def train_viewpoint(glance: Glance, seen: ViewpointDataset, steps: int, seed: int = 0) -> Iterator[ViewpointStep]:
     """Train a network, one step per value; to stop, ask for no more."""
     dice = torch.Generator().manual_seed(seed)
     optimiser = torch.optim.AdamW(glance.parameters(), _RATE, weight_decay=1e-2)
@@ -64,17 +64,17 @@ def taught(glance: Glance, seen: Glimpses, steps: int, seed: int = 0) -> Iterato
     for step in range(steps):
         optimiser.param_groups[0]["lr"] = _RATE * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
         chosen = torch.randint(len(seen.pictures), (_BATCH,), generator=dice)
-        pictures, azimuth = disguised(seen.pictures[chosen].float() / 255, seen.azimuth[chosen], dice)
+        pictures, azimuth = augment(seen.pictures[chosen].float() / 255, seen.azimuth[chosen], dice)
         right = nearness(azimuth, seen.elevation[chosen], _BLUR)
         loss = functional.cross_entropy(glance(pictures), right)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        yield GlanceStep(step + 1, steps, float(loss.detach()))
+        yield ViewpointStep(step + 1, steps, float(loss.detach()))
     glance.requires_grad_(False).eval()
 
 
-def disguised(
+def augment(
     pictures: Float[Tensor, "pictures 4 side side"], azimuth: Float[Tensor, "pictures"], dice: torch.Generator
 ) -> tuple[Float[Tensor, "pictures 4 side side"], Float[Tensor, "pictures"]]:
     """The pictures in other colours, other sizes and places, half of them mirrored; and their azimuths then.
@@ -102,7 +102,7 @@ def disguised(
     return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, math.pi - azimuth, azimuth)
 
 
-def share_recognised(glance: Glance, seen: Glimpses, within: float) -> float:
+def accuracy_within(glance: Glance, seen: ViewpointDataset, within: float) -> float:
     """The share of pictures whose likeliest direction is within so many rad of the true one, 0..1."""
     likely = torch.cat([glance(part.float() / 255).argmax(1) for part in seen.pictures.split(256)])
     guess, truth = (rotation(*angles) for angles in ([one[likely] for one in directions()], seen[1:]))

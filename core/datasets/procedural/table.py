@@ -9,10 +9,9 @@ from core.datasets.procedural.cars.car import car
 from core.datasets.procedural.cars.paint import car_texture
 from core.datasets.procedural.chairs.chair import chair
 from core.datasets.procedural.paint import Paint, texture
-from core.datasets.procedural.shape import Shape
-from core.datasets.procedural.solids import Solid, surface
+from core.datasets.procedural.solids import Shape, Solid, surface
 from core.datasets.rasteriser import Surface
-from core.datasets.render_objects import Sitter, picture_all
+from core.datasets.render_objects import RenderTask, render_objects
 from core.datasets.splits import Split, first_seed
 
 _GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str, Paint]]]] = {
@@ -22,7 +21,7 @@ _GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str
 
 
 @dataclass(frozen=True)
-class Cell:
+class ProceduralObject:
     """One object of the table: a shape's seed and a texture's."""
 
     category: str
@@ -45,7 +44,7 @@ class Cell:
         return f"{self.category}-{self.shape:07d}-{self.texture:07d}"
 
 
-def procedural_plan(category: str, count: int, split: Split) -> tuple[Cell, ...]:
+def procedural_table(category: str, count: int, split: Split) -> tuple[ProceduralObject, ...]:
     """``count`` objects from about count / 2 shapes and count / 3 textures.
 
     Shapes are gone through twice, textures three times; the second round pairs each shape with a texture half the
@@ -60,37 +59,37 @@ def procedural_plan(category: str, count: int, split: Split) -> tuple[Cell, ...]
     cells = []
     for i in range(count):
         turn, shape = divmod(i, shapes)
-        cells.append(Cell(category, first + shape, first + (shape + turn * (textures // 2)) % textures))
+        cells.append(ProceduralObject(category, first + shape, first + (shape + turn * (textures // 2)) % textures))
     return tuple(cells)
 
 
-def swap_plan(category: str, count: int, blocks: int) -> tuple[Cell, ...]:
+def disentanglement_pairs(category: str, count: int, tables: int) -> tuple[ProceduralObject, ...]:
     """Whole tables of four shapes x four textures out of the training table of ``count`` objects, one for each block.
 
     Half of a table's cells are trained, the other half pairs that never were: each shape and each texture is seen in
     trained cells.
     """
-    if blocks < 1:
-        raise ValueError(f"count of blocks must be positive, got {blocks}")
+    if tables < 1:
+        raise ValueError(f"count of tables must be positive, got {tables}")
     first, textures = first_seed("train"), max(2, count // 3)
-    if textures // 4 < blocks:
-        raise ValueError(f"{blocks} blocks of four textures are more than {count} objects wear: {textures}")
+    if textures // 4 < tables:
+        raise ValueError(f"{tables} tables of four textures are more than {count} objects wear: {textures}")
     cells = []
-    for block in range(blocks):
-        seeds = [first + block * (textures // 4) // blocks + turn * (textures // 4) for turn in range(4)]
-        cells += [Cell(category, shape, texture) for shape in seeds for texture in seeds]
+    for block in range(tables):
+        seeds = [first + block * (textures // 4) // tables + turn * (textures // 4) for turn in range(4)]
+        cells += [ProceduralObject(category, shape, texture) for shape in seeds for texture in seeds]
     return tuple(cells)
 
 
 def render_procedural(
-    plan: Sequence[Cell], category: str, out: Path | str, split: Split, views: int, size: int
+    plan: Sequence[ProceduralObject], category: str, out: Path | str, split: Split, views: int, size: int
 ) -> Iterator[str]:
-    """Renders cells into the dataset ``out`` as :func:`core.datasets.render_objects.picture_all` does."""
-    sitters = [Sitter(cell.name, cell.shape_id, cell.texture_id, partial(surfaces, cell)) for cell in plan]
-    yield from picture_all(sitters, out, category, split, views, size)
+    """Renders cells into the dataset ``out`` as :func:`core.datasets.render_objects.render_objects` does."""
+    tasks = [RenderTask(cell.name, cell.shape_id, cell.texture_id, partial(surfaces, cell)) for cell in plan]
+    yield from render_objects(tasks, out, category, split, views, size)
 
 
-def surfaces(cell: Cell) -> tuple[Surface, ...]:
+def surfaces(cell: ProceduralObject) -> tuple[Surface, ...]:
     """The object of a cell, ready to draw."""
     make_shape, make_texture = _GENERATORS[cell.category]
     shape, paints = make_shape(cell.shape), make_texture(cell.texture)

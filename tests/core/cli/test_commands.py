@@ -22,7 +22,7 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.photo import Photo
-from core.training.trainer import RECIPES
+from core.training.recipes import RECIPES
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
 
@@ -251,7 +251,7 @@ def test_the_presets_of_the_command_line_are_those_of_the_fit():
 
 
 def test_the_sizes_that_the_command_line_tells_are_those_of_the_recipe():
-    ours = RECIPES["ours"].field
+    ours = RECIPES["default"].field
     train = next(iter(parser()._subparsers._group_actions)).choices["train"]
     told = {action.dest: action for action in train._actions}
     assert f"ours: {ours.width})" in told["width"].help

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.datasets.mesh_variants import cells, deformed, recoloured
+from core.datasets.mesh_variants import deformed, pairs, recoloured
 from core.datasets.rasteriser import Surface
 
 
@@ -15,7 +15,7 @@ def _box() -> Surface:
 
 @given(st.integers(0, 6))
 def test_cells_are_distinct_and_form_one_connected_half_of_the_table(variants: int) -> None:
-    filled = cells(variants)
+    filled = pairs(variants)
     forms, looks = {form for form, _ in filled}, {look for _, look in filled}
     assert len(set(filled)) == len(filled)
     assert filled[0] == (0, 0)

@@ -5,7 +5,8 @@ import torch
 
 from core.datasets.srn import Dataset, ObjectViews
 from core.models.field import FieldConfig
-from core.training.trainer import RECIPES, Trainer, TrainSettings, held_out_psnr, hold_out
+from core.training.recipes import RECIPES, TrainSettings
+from core.training.trainer import Trainer, held_out_psnr, hold_out
 from tests.core.training.test_visual_hull import ball
 
 SETTINGS = TrainSettings(
@@ -13,10 +14,10 @@ SETTINGS = TrainSettings(
     steps=60,
     rays=128,
     samples=24,
-    outside=64,
-    matrix_rate=5e-2,
-    network_rate=1e-2,
-    code_rate=1e-2,
+    outside_points=64,
+    muon_lr=5e-2,
+    network_lr=1e-2,
+    code_lr=1e-2,
 )
 
 
@@ -34,7 +35,7 @@ def dataset() -> Dataset:
 
 
 def weights_of(trainer: Trainer) -> torch.Tensor:
-    return torch.cat([value.flatten() for value in trainer.averages])
+    return torch.cat([value.flatten() for value in trainer.ema_parameters])
 
 
 def test_training_learns_and_measures_on_views_it_never_saw(dataset: Dataset):
@@ -60,7 +61,7 @@ def test_objects_of_one_texture_share_its_code(dataset: Dataset):
 def test_every_recipe_learns(dataset: Dataset, recipe: str):
     sizes = {name: getattr(SETTINGS.field, name) for name in ("width", "shape_latent", "texture_latent")}
     octaves = {"point_octaves": 3, "direction_octaves": 1}
-    pace = {"steps": 200, "rays": 128, "samples": 24, "network_rate": 1e-2, "code_rate": 1e-2}
+    pace = {"steps": 200, "rays": 128, "samples": 24, "network_lr": 1e-2, "code_lr": 1e-2}
     chosen = RECIPES[recipe]
     settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **octaves), **pace)
     steps = list(Trainer(dataset, settings).steps())
@@ -68,11 +69,11 @@ def test_every_recipe_learns(dataset: Dataset, recipe: str):
 
 
 def test_the_papers_recipe_asks_no_hull(dataset: Dataset):
-    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, everywhere=True))
-    assert trainer.bank.hulls.all()
-    *_, kind = trainer.bank.draw(2000, torch.Generator().manual_seed(0))
+    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, whole_image=True))
+    assert trainer.ray_dataset.hulls.all()
+    *_, mask_class = trainer.ray_dataset.sample(2000, torch.Generator().manual_seed(0))
     whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
-    assert abs(float((kind == 2).float().mean()) - float(whole)) < 0.1
+    assert abs(float((mask_class == 2).float().mean()) - float(whole)) < 0.1
 
 
 def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_path):
@@ -95,18 +96,18 @@ def test_matrices_go_by_muon_and_in_the_papers_recipe_nothing(dataset: Dataset):
     adam, muon = trainer.optimisers
     assert isinstance(muon, torch.optim.Muon)
     moved = [one for optimiser in (adam, muon) for group in optimiser.param_groups for one in group["params"]]
-    assert len(moved) == len({id(one) for one in moved}) == len(trainer.averages)
+    assert len(moved) == len({id(one) for one in moved}) == len(trainer.ema_parameters)
     assert any(one is trainer.field.feature_layer.weight for one in muon.param_groups[0]["params"])
-    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).optimisers
+    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).optimisers
     assert isinstance(alone, torch.optim.AdamW)
-    assert RECIPES["paper"].matrix_rate is None
+    assert RECIPES["paper"].muon_lr is None
 
 
 def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
     first = Trainer(dataset, SETTINGS)
     next(first.steps())
     first.save_state(tmp_path / "run.state")
-    slower = dataclasses.replace(SETTINGS, matrix_rate=1e-9, network_rate=1e-9, code_rate=1e-9)
+    slower = dataclasses.replace(SETTINGS, muon_lr=1e-9, network_lr=1e-9, code_lr=1e-9)
     second = Trainer(dataset, slower)
     second.load_state(tmp_path / "run.state")
     before = second.field.feature_layer.weight.detach().clone()
@@ -120,8 +121,8 @@ def test_training_goes_on_from_a_model_with_the_codes_of_the_objects_it_knows(da
     model = first.model()
     green = coloured("green", (20, 200, 30), (0.0, 0.1, 0))
     more = dataclasses.replace(dataset, objects=(green, *dataset.objects))
-    second = Trainer(more, SETTINGS.gentler)
-    second.begin_from(model)
+    second = Trainer(more, SETTINGS.finetuning)
+    second.initialise_from(model)
     begun = second.model()
     assert begun.codes[1] == model.codes[0]
     assert begun.codes[2] == model.codes[1]
@@ -130,8 +131,8 @@ def test_training_goes_on_from_a_model_with_the_codes_of_the_objects_it_knows(da
     assert all(torch.equal(one, other) for one, other in pairs)
     assert len(list(second.steps())) == SETTINGS.steps
     other = Trainer(more, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
-    with pytest.raises(ValueError, match="cannot go on"):
-        other.begin_from(model)
+    with pytest.raises(ValueError, match="cannot start"):
+        other.initialise_from(model)
 
 
 def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
@@ -141,7 +142,7 @@ def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
         with pytest.raises(ValueError, match=path.name):
             Trainer(dataset, other).load_state(path)
     with pytest.raises(ValueError, match=r"run\.state"):
-        Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).load_state(tmp_path / "run.state")
+        Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).load_state(tmp_path / "run.state")
     turned = dataclasses.replace(dataset, objects=dataset.objects[::-1])
     with pytest.raises(ValueError, match="other objects"):
         Trainer(turned, SETTINGS).load_state(tmp_path / "run.state")
@@ -149,16 +150,16 @@ def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
 
 def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
     trainer = Trainer(dataset, SETTINGS)
-    before = trainer.bank.hulls.clone()
+    before = trainer.ray_dataset.hulls.clone()
     layer = trainer.field.density_layer
     layer.weight.data.zero_()
     layer.bias.data.fill_(0.0)
     bias = trainer.field.shape_bias(trainer.shapes)[trainer.shape_row]
-    trainer.bank.prune(trainer.field, bias)
-    assert torch.equal(trainer.bank.hulls, before)
+    trainer.ray_dataset.prune(trainer.field, bias)
+    assert torch.equal(trainer.ray_dataset.hulls, before)
     layer.bias.data.fill_(-20.0)
-    trainer.bank.prune(trainer.field, bias)
-    assert not trainer.bank.hulls.any()
+    trainer.ray_dataset.prune(trainer.field, bias)
+    assert not trainer.ray_dataset.hulls.any()
 
 
 def test_an_object_with_one_view_cannot_be_measured(dataset: Dataset):

@@ -9,7 +9,7 @@ from core.datasets.procedural.solids import Points, Solid, warped
 
 
 @dataclass(frozen=True)
-class Plan:
+class ChairDimensions:
     """The measures that a chair's parts agree on; m, the floor at z = 0."""
 
     width: float
@@ -42,7 +42,7 @@ class Plan:
         return warped(solid, bend, mirrors=True)
 
 
-def ordinary_plan(g: np.random.Generator, **given: float) -> Plan:
+def sample_dimensions(g: np.random.Generator, **given: float) -> ChairDimensions:
     """An ordinary chair's measures, with some of them given."""
     drawn = {
         "width": g.uniform(0.4, 0.52),
@@ -55,4 +55,4 @@ def ordinary_plan(g: np.random.Generator, **given: float) -> Plan:
         "corner": g.choice((0.01, g.uniform(0.03, 0.12))),
         "taper": g.choice((0.0, g.uniform(0.05, 0.22))),
     }
-    return Plan(**{name: float(value) for name, value in (drawn | given).items()})
+    return ChairDimensions(**{name: float(value) for name, value in (drawn | given).items()})
