@@ -24,7 +24,7 @@ from core.evaluation.protocol import Mean, Protocol, evaluate, mean_of
 from core.files import write_json
 from core.fitting.confidence import RIGHT_DEGREES
 from core.fitting.fit import PRESETS
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.precision import autocast
 from core.photos.view_bank import bank_of

@@ -1,4 +1,4 @@
-"""Renders coloured triangles off screen: one object under a :class:`core.datasets.light.Light`, on white, antialiased."""
+"""Renders coloured triangles off screen: one object under one light, on white, antialiased."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -46,8 +46,8 @@ void main() {
     flat_normal *= sign(dot(flat_normal, eye - world));
     vec3 n = length(facing) > 0.1 ? normalize(facing) : flat_normal;
     n *= dot(n, flat_normal) < 0.0 ? -1.0 : 1.0;
-    vec3 cosines = max(vec3(dot(n, key), dot(n, fill), dot(n, BACK)), 0.0);
-    float light = mix(sky.x, sky.y, 0.5 + 0.5 * n.z) + powers.x * cosines.x + powers.y * cosines.y + powers.z * cosines.z;
+    vec3 lit = powers * max(vec3(dot(n, key), dot(n, fill), dot(n, BACK)), 0.0);
+    float light = mix(sky.x, sky.y, 0.5 + 0.5 * n.z) + lit.x + lit.y + lit.z;
     float shine = gloss.x * pow(max(dot(n, normalize(key + normalize(eye - world))), 0.0), gloss.y);
     result = vec4(display(min(linear(paint * texel.rgb) * light + shine, 1.0)), 1.0);
 }

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from core.datasets.categories import Split
 from core.datasets.light import DAYLIGHT, sample_light
 from core.datasets.rasteriser import Rasteriser, Surface
-from core.datasets.splits import Split, split_cameras
+from core.datasets.splits import split_cameras
 from core.datasets.srn import ObjectViews, write_manifest, write_object
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 
 _FINETUNE_LR = 0.05
 """Peak learning rates of a network that is already trained, relative to those of a new one. With 0.3 the shipped cars

@@ -12,7 +12,7 @@ from core.benchmarks.model_sizes import Measured, measured
 from core.datasets.srn import Dataset, index_objects, write_manifest, write_object
 from core.evaluation.protocol import Protocol
 from core.fitting.fit import PRESETS, FitSettings
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.training.recipes import RECIPES, TrainSettings
 from core.training.trainer import TrainStep

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from core.datasets.srn import Dataset, ObjectViews
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.training.recipes import RECIPES, TrainSettings
 from core.training.trainer import Trainer, held_out_psnr, hold_out
 from tests.core.training.test_visual_hull import ball
@@ -68,7 +68,7 @@ def test_every_recipe_learns(dataset: Dataset, recipe: str):
     assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.5
 
 
-def test_the_papers_recipe_asks_no_hull(dataset: Dataset):
+def test_the_papers_recipe_uses_no_hull(dataset: Dataset):
     trainer = Trainer(dataset, dataclasses.replace(SETTINGS, whole_image=True))
     assert trainer.ray_dataset.hulls.all()
     *_, mask_class = trainer.ray_dataset.sample(2000, torch.Generator().manual_seed(0))
@@ -89,6 +89,23 @@ def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_pat
     assert next(second.steps()).step == 26
     list(second.steps())
     torch.testing.assert_close(weights_of(second), weights_of(whole), atol=1e-5, rtol=1e-4)
+
+
+def test_a_state_of_an_older_version_is_resumed(dataset: Dataset, tmp_path):
+    """Older states name the setting of its learning rate in each group of parameters."""
+    first = Trainer(dataset, SETTINGS)
+    next(first.steps())
+    first.save_state(tmp_path / "run.state")
+    state = torch.load(tmp_path / "run.state", weights_only=True)
+    for saved, names in zip(state["optimisers"], (("network_rate", "code_rate"), ("matrix_rate",)), strict=True):
+        for group, name in zip(saved["param_groups"], names, strict=True):
+            group["rate"] = name
+    torch.save(state, tmp_path / "old.state")
+    trainers = Trainer(dataset, SETTINGS), Trainer(dataset, SETTINGS)
+    for trainer, name in zip(trainers, ("run", "old"), strict=True):
+        trainer.load_state(tmp_path / f"{name}.state")
+        assert next(trainer.steps()).step == 2
+    assert torch.equal(*map(weights_of, trainers))
 
 
 def test_matrices_go_by_muon_and_in_the_papers_recipe_nothing(dataset: Dataset):

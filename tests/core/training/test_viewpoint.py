@@ -20,15 +20,15 @@ def seen() -> ViewpointDataset:
 
 
 def test_every_picture_comes_with_its_camera(seen: ViewpointDataset):
-    assert seen.pictures.shape == (20, 4, SIDE, SIDE)
-    assert seen.pictures.dtype == torch.uint8
+    assert seen.images.shape == (20, 4, SIDE, SIDE)
+    assert seen.images.dtype == torch.uint8
     assert seen.azimuth[:5].tolist() == pytest.approx([0.7 + 1.3 * turn for turn in range(5)])
 
 
 def test_a_mirrored_object_is_seen_from_the_other_side_of_its_front():
-    pictures = torch.zeros(64, 4, SIDE, SIDE)
-    pictures[:, 3, :, : SIDE // 2] = 1.0
-    found, azimuth = augment(pictures, torch.full((64,), 0.3), torch.Generator().manual_seed(0))
+    images = torch.zeros(64, 4, SIDE, SIDE)
+    images[:, 3, :, : SIDE // 2] = 1.0
+    found, azimuth = augment(images, torch.full((64,), 0.3), torch.Generator().manual_seed(0))
     mirrored = found[:, 3, :, SIDE // 2 :].mean((1, 2)) > found[:, 3, :, : SIDE // 2].mean((1, 2))
     assert 16 < int(mirrored.sum()) < 48
     assert torch.allclose(azimuth, torch.where(mirrored, math.pi - 0.3, torch.tensor(0.3)))
