@@ -60,10 +60,10 @@ def mesh(chosen: argparse.Namespace) -> None:
 
 
 def _load_view(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """The model, codes and camera that the options name: a scene's or an object's, seen from the front unless told."""
+    """The model, codes and camera that the options name."""
     model, codes, camera = _load_selection(chosen)
-    told = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
-    return model, codes, replace(camera, **{name: value for name, value in told.items() if value is not None})
+    given = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
+    return model, codes, replace(camera, **{name: value for name, value in given.items() if value is not None})
 
 
 def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:

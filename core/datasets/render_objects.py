@@ -52,8 +52,8 @@ def render_objects(
 
 def _is_rendered(place: Path, views: int, size: int) -> bool:
     """Whether an object's folder holds this many images of this size."""
-    pictures = list((place / "rgb").glob("*.png"))
-    if len(pictures) != views:
+    paths = list((place / "rgb").glob("*.png"))
+    if len(paths) != views:
         return False
-    with Image.open(pictures[0]) as opened:
+    with Image.open(paths[0]) as opened:
         return opened.size == (size, size)

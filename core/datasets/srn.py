@@ -19,18 +19,18 @@ from PIL import Image
 from core.geometry.camera import Camera
 
 _WHITE_LEVEL = 253
-"""A pixel whose channels are all this bright is ground where no mask says more: resaved pictures waver by 1-2."""
+"""A pixel whose channels are all this bright is background where there is no mask; saving again moves colours by 1-2."""
 
 
 @dataclass(frozen=True)
 class ObjectViews:
-    """One object's pictures and the cameras that took them. Raises ``ValueError`` where they do not belong together."""
+    """One object's images and the cameras that took them. Raises ``ValueError`` where they do not belong together."""
 
     name: str
     shape_id: str
     """objects with the same shape_id have one geometry"""
     texture_id: str
-    """objects with the same texture_id have one look"""
+    """objects with the same texture_id have the same colours"""
     images: UInt8[np.ndarray, "views height width 3"]
     """on white"""
     masks: Bool[np.ndarray, "views height width"]
@@ -51,7 +51,7 @@ class ObjectViews:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Objects of one category, all seen through the same square picture and focal length."""
+    """Objects of one category, all seen through the same square image and focal length."""
 
     objects: tuple[ObjectViews, ...]
     category: str
@@ -76,7 +76,7 @@ class ObjectEntry:
         return self.folder.name
 
     def read(self) -> ObjectViews:
-        """Its pictures. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
+        """Its images. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
         return _read_object(self.folder, (self.shape_id, self.texture_id))
 
 
@@ -141,7 +141,7 @@ def write_object(folder: Path | str, views: ObjectViews) -> None:
 def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
     """Writes ``manifest.json``: the category and, for each object's name, its (shape_id, texture_id).
 
-    It may name objects that are not there yet, so it can be written before the pictures are.
+    It may name objects that are not there yet, so it can be written before the images are.
     """
     objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
     Path(folder).mkdir(parents=True, exist_ok=True)
@@ -185,26 +185,26 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
 
 def _read_object(place: Path, identity: tuple[str, str]) -> ObjectViews:
     """One object's folder."""
-    pictures = sorted((place / "rgb").glob("*.png"))
-    if not pictures:
-        raise ValueError(f"{place / 'rgb'}: no pictures (*.png)")
-    stems = [picture.stem for picture in pictures]
-    poses = {path.stem: path for path in (place / "pose").glob("*.txt")}
+    paths = sorted((place / "rgb").glob("*.png"))
+    if not paths:
+        raise ValueError(f"{place / 'rgb'}: no images (*.png)")
+    stems = [path.stem for path in paths]
+    poses = {pose.stem: pose for pose in (place / "pose").glob("*.txt")}
     if set(poses) != set(stems):
-        raise ValueError(f"{place / 'pose'}: {len(poses)} poses do not match the {len(stems)} pictures by name")
+        raise ValueError(f"{place / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
     focal, made_for = _read_intrinsics(place / "intrinsics.txt")
-    images, masks = zip(*(_read_picture(picture, place / "mask" / picture.name) for picture in pictures), strict=True)
+    images, masks = zip(*(_read_image(path, place / "mask" / path.name) for path in paths), strict=True)
     height, width = images[0].shape[:2]
-    for picture, image in zip(pictures, images, strict=True):
+    for path, image in zip(paths, images, strict=True):
         if image.shape != (height, width, 3):
-            raise ValueError(f"{picture}: its size is not the {width}x{height} of the object's other pictures")
+            raise ValueError(f"{path}: its size is not the {width}x{height} of the object's other images")
     scaled = focal * height / made_for
     cameras = tuple(_read_pose(poses[stem], scaled, width, height) for stem in stems)
     return ObjectViews(place.name, *identity, np.stack(images), np.stack(masks), cameras)
 
 
 def _read_intrinsics(path: Path) -> tuple[float, int]:
-    """Focal length in px and the picture height in px that it belongs to."""
+    """Focal length in px and the image height in px that it belongs to."""
     try:
         lines = [line.split() for line in path.read_text().splitlines() if line.strip()]
         focal, height = float(lines[0][0]), int(lines[-1][0])
@@ -227,10 +227,10 @@ def _read_pose(path: Path, focal: float, width: int, height: int) -> Camera:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _read_picture(
+def _read_image(
     path: Path, mask_path: Path
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
-    """A picture laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
+    """An image laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
     try:
         with Image.open(path) as opened:
             rgba = np.asarray(opened.convert("RGBA"))
@@ -248,7 +248,7 @@ def _read_picture(
     except (OSError, SyntaxError) as error:
         raise ValueError(f"{path}: cannot be read ({error})") from error
     if mask.shape != image.shape[:2]:
-        raise ValueError(f"{mask_path}: its size {mask.shape} is not the picture's {image.shape[:2]}")
+        raise ValueError(f"{mask_path}: its size {mask.shape} is not the image's {image.shape[:2]}")
     return np.ascontiguousarray(image), mask
 
 
@@ -260,7 +260,7 @@ def _check_consistent(objects: Sequence[ObjectViews], categories: set[str]) -> N
         raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
     first, names = objects[0].cameras[0], set[str]()
     if first.width != first.height:
-        raise ValueError(f"{objects[0].name}: pictures must be square, got {first.width}x{first.height}")
+        raise ValueError(f"{objects[0].name}: images must be square, got {first.width}x{first.height}")
     for views in objects:
         if views.name in names:
             raise ValueError(f"{views.name}: two folders hold an object of this name")
@@ -268,6 +268,6 @@ def _check_consistent(objects: Sequence[ObjectViews], categories: set[str]) -> N
         camera = views.cameras[0]
         if (camera.width, camera.height) != (first.width, first.height):
             size = f"{camera.width}x{camera.height}"
-            raise ValueError(f"{views.name}: pictures of {size} among others of {first.width}x{first.height}")
+            raise ValueError(f"{views.name}: images of {size} among others of {first.width}x{first.height}")
         if abs(camera.focal - first.focal) > 1e-3 * first.focal:
             raise ValueError(f"{views.name}: focal length {camera.focal} among others of {first.focal}")

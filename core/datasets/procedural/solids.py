@@ -212,7 +212,7 @@ def warped(solid: Solid, bend: Callable[[Points], Points], mirrors: bool = False
 
 
 def surface(solids: Sequence[Solid], texture: UInt8[np.ndarray, "h w 4"], period: float) -> Surface:
-    """Solids ready to draw: smooth where they are round, creased at edges, a square tile every ``period`` m."""
+    """Solids as one surface: smooth where they are round, creased at edges, a square tile every ``period`` m."""
     vertices = np.concatenate([solid.vertices[solid.faces] for solid in solids]).reshape(-1, 3)
     normals = np.concatenate([_creased_normals(solid) for solid in solids]).reshape(-1, 3)
     uvs = np.concatenate([_painted_at(solid) for solid in solids]).reshape(-1, 2) / period

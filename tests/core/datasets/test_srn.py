@@ -182,7 +182,7 @@ def test_contradictions_are_refused(tmp_path: Path) -> None:
     for folder, category in (("one", "cars"), ("four", "chairs")):
         write_object(tmp_path / folder, views(folder))
         write_manifest(tmp_path / folder, category, {})
-    for second, said in (("two", "b: pictures of 8x8"), ("three", "a: two folders"), ("four", "categories")):
+    for second, said in (("two", "b: images of 8x8"), ("three", "a: two folders"), ("four", "categories")):
         with pytest.raises(ValueError, match=said):
             read_dataset([tmp_path / "one", tmp_path / second])
     with pytest.raises(ValueError, match="nowhere"):

@@ -1,4 +1,4 @@
-"""How the measures of each kind of car are drawn."""
+"""How the dimensions of each kind of car are sampled."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -9,7 +9,7 @@ from core.datasets.procedural.cars.dimensions import CarDimensions
 
 
 def sample_dimensions(g: np.random.Generator, kind: str) -> CarDimensions:
-    """A car's measures. Raises ``KeyError`` for an unknown kind."""
+    """A car's dimensions. Raises ``KeyError`` for an unknown kind."""
     return KINDS[kind][0](g)
 
 
@@ -164,7 +164,7 @@ def _measures(g: np.random.Generator, **given: float) -> dict[str, float]:
     """An ordinary car's measures, with some of them given."""
     length, height = given.get("length", 4.5), given.get("height", 1.45)
     cowl = given.get("cowl_height", height * g.uniform(0.62, 0.67))
-    drawn = {
+    sampled = {
         "length": length,
         "width": g.uniform(1.7, 1.9),
         "height": height,
@@ -185,7 +185,7 @@ def _measures(g: np.random.Generator, **given: float) -> dict[str, float]:
         "narrow": g.uniform(0.06, 0.16),
         "droop": g.uniform(0.0, 0.06),
     }
-    measures = {name: float(value) for name, value in (drawn | given).items()}
+    measures = {name: float(value) for name, value in (sampled | given).items()}
     return measures | {"cowl": cowl, "overhang": length * measures["front"]}
 
 
@@ -260,4 +260,4 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator], CarDimensions], float]] =
     "van": (_van, 0.08),
     "coupe": (_coupe, 0.11),
 }
-"""How each kind's measures are drawn, and how often it comes."""
+"""How each kind's dimensions are sampled, and its probability."""

@@ -1,4 +1,4 @@
-"""Back rests: drawn flat as (x, up, towards the sitter), m, then bent by ``ChairDimensions.upright``."""
+"""Back rests: built flat as (x, up, towards the sitter), m, then bent by ``ChairDimensions.upright``."""
 
 from collections.abc import Sequence
 

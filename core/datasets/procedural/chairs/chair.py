@@ -143,4 +143,4 @@ _KINDS: dict[str, tuple[Callable[[np.random.Generator], list[Part]], float]] = {
     "bar chair": (_bar_chair, 0.07),
     "stool": (_stool, 0.06),
 }
-"""Builders, and how often each is drawn."""
+"""The builder of each kind, and its probability."""

@@ -33,7 +33,7 @@ class ChairDimensions:
         return np.asarray(-self.depth / 2 + 0.02 - self.recline * up + bend)
 
     def upright(self, solid: Solid) -> Solid:
-        """A solid drawn flat as (x, up, towards the sitter), bent onto the back rest."""
+        """A solid built flat as (x, up, towards the sitter), bent onto the back rest."""
 
         def bend(flat: Points) -> Points:
             x, up, out = flat.T
@@ -44,7 +44,7 @@ class ChairDimensions:
 
 def sample_dimensions(g: np.random.Generator, **given: float) -> ChairDimensions:
     """An ordinary chair's measures, with some of them given."""
-    drawn = {
+    sampled = {
         "width": g.uniform(0.4, 0.52),
         "depth": g.uniform(0.4, 0.48),
         "height": g.uniform(0.42, 0.48),
@@ -55,4 +55,4 @@ def sample_dimensions(g: np.random.Generator, **given: float) -> ChairDimensions
         "corner": g.choice((0.01, g.uniform(0.03, 0.12))),
         "taper": g.choice((0.0, g.uniform(0.05, 0.22))),
     }
-    return ChairDimensions(**{name: float(value) for name, value in (drawn | given).items()})
+    return ChairDimensions(**{name: float(value) for name, value in (sampled | given).items()})
