@@ -19,7 +19,7 @@ from PIL import Image
 from core.geometry.camera import Camera
 
 _WHITE_LEVEL = 253
-"""A pixel whose channels are all this bright is background where there is no mask; saving again moves colours by 1-2."""
+"""A pixel whose channels are all this bright is background where there is no mask; saving again changes 1-2 levels."""
 
 
 @dataclass(frozen=True)
