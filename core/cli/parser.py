@@ -9,7 +9,6 @@ from typing import NoReturn
 
 from core.cli.legacy import current_words
 from core.datasets.categories import SPLITS, SRN_DISTANCES
-from core.export.formats import MESH_FORMATS, VIDEO_FORMATS
 from core.fitting.schedule import PRESETS
 from core.training.recipes import RECIPES
 
@@ -114,7 +113,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
         "--out",
         type=Path,
         required=True,
-        metavar="X" + "|".join(VIDEO_FORMATS),
+        metavar="X.mp4|.gif|.webp|.frames",
         help="a video; .frames: a folder of png images",
     )
 
@@ -128,7 +127,7 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         metavar="N",
         help="cells along the longest side (default: by the object's detail)",
     )
-    command.add_argument("--out", type=Path, required=True, metavar="X" + "|".join(MESH_FORMATS))
+    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
 
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:

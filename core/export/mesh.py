@@ -19,7 +19,6 @@ from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 from torch import Tensor
 
-from core.export.formats import MESH_FORMATS
 from core.export.glb import WORLD_FROM_GLTF, glb
 from core.files import whole_file
 from core.models.codes import Codes
@@ -30,6 +29,7 @@ from core.rendering.occupancy import Occupancy
 
 _Found = TypeVar("_Found")
 
+FORMATS = (".glb", ".ply", ".obj")
 MOST = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
 RESOLUTIONS = (96, 128, 192, 256, 384)
@@ -88,8 +88,8 @@ def export_mesh(model: Model, codes: Codes, path: Path, resolution: int | None =
     to cancel, close the generator. Raises ``ValueError`` as :func:`surface` does, and for a name of another format or
     a path that cannot be written.
     """
-    if path.suffix.lower() not in MESH_FORMATS:
-        raise ValueError(f"{path.name}: a mesh is called {', '.join(MESH_FORMATS)}")
+    if path.suffix.lower() not in FORMATS:
+        raise ValueError(f"{path.name}: a mesh is called {', '.join(FORMATS)}")
     with whole_file(path) as partial:
         mesh = yield from surface(model, codes, resolution)
         mesh.save(partial)

@@ -13,13 +13,16 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.export.formats import TRANSPARENT_FORMATS, VIDEO_FORMATS
 from core.export.keyframes import Shot
 from core.files import whole_file, whole_folder
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from core.rendering.progressive import frames as rendered
 
+FORMATS = (".mp4", ".gif", ".webp", ".frames")
+"""The last is a folder of numbered pictures."""
+TRANSPARENT = (".gif", ".webp", ".frames")
+"""Formats that can leave the ground out."""
 _FULL = RenderSettings(stages=(1,))
 
 
@@ -53,10 +56,10 @@ def film(
     cannot be written.
     """
     settings, suffix = settings or VideoSettings(), path.suffix.lower()
-    if suffix not in VIDEO_FORMATS:
-        raise ValueError(f"{path.name}: a video is called {', '.join(VIDEO_FORMATS)}")
-    if settings.transparent and suffix not in TRANSPARENT_FORMATS:
-        raise ValueError(f"{path.name}: only {', '.join(TRANSPARENT_FORMATS)} can have a transparent ground")
+    if suffix not in FORMATS:
+        raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
+    if settings.transparent and suffix not in TRANSPARENT:
+        raise ValueError(f"{path.name}: only {', '.join(TRANSPARENT)} can have a transparent ground")
     whole = whole_folder if suffix == ".frames" else whole_file
     with whole(path) as partial, closing(_SINKS[suffix](partial, settings)) as sink:
         for index, shot in enumerate(shots):

@@ -6,7 +6,8 @@ import sys
 import pytest
 
 from core.cli.legacy import current_words
-from core.cli.parser import parse
+from core.cli.parser import build_parser, parse
+from core.export import mesh, video
 
 TRAIN = "train d --out m.safetensors"
 
@@ -81,3 +82,11 @@ assert "torch" not in sys.modules and "numpy" not in sys.modules
         "ours",
     ):
         assert word not in words
+
+
+def test_the_formats_in_help_are_those_that_can_be_written() -> None:
+    """They are written out in the parser, as the tables hold writers that load torch."""
+    commands = next(iter(build_parser()._subparsers._group_actions)).choices
+    for name, formats in (("turntable", video.FORMATS), ("mesh", mesh.FORMATS)):
+        (out,) = (action for action in commands[name]._actions if action.dest == "out")
+        assert out.metavar == "X" + "|".join(formats)

@@ -9,7 +9,6 @@ import torch
 import trimesh
 
 from core.export import mesh as module
-from core.export.formats import MESH_FORMATS
 from core.export.glb import WORLD_FROM_GLTF
 from core.export.mesh import WITHIN, Mesh, export_mesh, surface
 from core.models.codes import Codes
@@ -109,7 +108,7 @@ def test_the_mesh_stands_where_the_picture_shows_the_object(tiny: Model):
     assert np.median(np.abs(found.colours[facing] - shown)) < 0.08
 
 
-@pytest.mark.parametrize("suffix", MESH_FORMATS)
+@pytest.mark.parametrize("suffix", module.FORMATS)
 def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_path: Path):
     path = tmp_path / f"stool{suffix}"
     shares = list(export_mesh(tiny, tiny.codes[0], path, 32))

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from core.export.formats import TRANSPARENT_FORMATS, VIDEO_FORMATS
 from core.export.keyframes import Key, Shot, Timeline, turntable
-from core.export.video import VideoSettings, cut_out, film
+from core.export.video import FORMATS, TRANSPARENT, VideoSettings, cut_out, film
 from core.models.model import Model
 from core.rendering.progressive import picture
 
@@ -16,7 +15,7 @@ def turn(model: Model, path: Path, frames: int = 5, **about: int):
     return film(model, turntable(model.codes[0], model.camera(0.0, 0.3), frames), path, VideoSettings(**about))
 
 
-@pytest.mark.parametrize("suffix", VIDEO_FORMATS)
+@pytest.mark.parametrize("suffix", FORMATS)
 def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     counts = list(turn(model, path, 5, size=31))
@@ -37,7 +36,7 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("suffix", VIDEO_FORMATS)
+@pytest.mark.parametrize("suffix", FORMATS)
 def test_a_cancelled_film_leaves_nothing_and_keeps_what_was_there(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     if suffix != ".frames":
@@ -57,7 +56,7 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
     assert not list((tmp_path / "turn.frames").iterdir())
 
 
-@pytest.mark.parametrize("suffix", TRANSPARENT_FORMATS)
+@pytest.mark.parametrize("suffix", TRANSPARENT)
 def test_the_ground_can_be_left_out(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     list(turn(model, path, 2, size=32, transparent=True))
