@@ -33,7 +33,8 @@ import torch  # noqa: E402
 from PIL import Image  # noqa: E402
 
 from core.models.codes import CodeBook, Entry  # noqa: E402
-from core.models.field import Field, FieldConfig  # noqa: E402
+from core.models.field import Field  # noqa: E402
+from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
 
 

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from core.datasets.srn import ObjectPlace, ObjectViews
+from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import Mean, compared, drawn_view, fitted, mean_of, photo
 from core.fitting.fit import FitJob
 from core.models.codes import Codes
@@ -33,7 +33,7 @@ _EDIT_SAMPLES = 96
 class Cell:
     """An object of the table of shapes and textures, and the rows of the code book that stand for it."""
 
-    place: ObjectPlace
+    place: ObjectEntry
     shape: int
     texture: int
     trained: bool
@@ -60,7 +60,7 @@ class CellScore:
     """the true view and the drawn one"""
 
 
-def table(model: Model, places: Sequence[ObjectPlace]) -> tuple[Cell, ...]:
+def table(model: Model, places: Sequence[ObjectEntry]) -> tuple[Cell, ...]:
     """The cells that the model has codes for. Raises ``ValueError`` where none of them is held out.
 
     Broken objects lend no codes.
