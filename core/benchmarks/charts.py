@@ -20,8 +20,8 @@ from core.benchmarks.rendering import Interaction, RenderingResults, Timing
 from core.benchmarks.robustness import SUCCESS_DEGREES, Failure, RobustnessResults
 from core.benchmarks.robustness import Trial as RobustnessTrial
 from core.benchmarks.stressors import STRESSORS
-from core.files import write_json
 from core.rendering.progressive import RenderSettings
+from core.training.curve import CurvePoint, draw_curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -321,36 +321,12 @@ def _model_sizes_chart(found: ModelSizeResults) -> "Figure":
 # Training
 
 
-def write_training(curves: dict[str, list[dict[str, float]]], path: Path) -> None:
-    """``path`` as JSON and, where there is matplotlib, beside it as PNG: PSNR against minutes of training.
-
-    Args:
-        curves: by name, points with ``step``, ``seconds`` and ``psnr`` (dB).
-    """
-    write_json(path, curves)
-    try:
-        figure = _training_chart(curves)
-    except ValueError:
-        return
-    figure.savefig(path.with_suffix(".png"), dpi=_DPI)
-
-
 def _draw_training(folder: Path) -> None:
-    curves: dict[str, list[dict[str, float]]] = {}
+    curves: dict[str, list[CurvePoint]] = {}
     for row in read_csv(folder / "training.csv"):
-        point = {name: float(row[name]) for name in ("step", "seconds", "psnr")}
+        point = CurvePoint(int(row["step"]), float(row["seconds"]), float(row["psnr"]))
         curves.setdefault(row["model"], []).append(point)
-    _training_chart(curves).savefig(folder / "training.png", dpi=_DPI)
-
-
-def _training_chart(curves: dict[str, list[dict[str, float]]]) -> "Figure":
-    figure, (axes,) = _figure(1)
-    for name, points in curves.items():
-        axes.plot([point["seconds"] / 60 for point in points], [point["psnr"] for point in points], "o-", label=name)
-    axes.set(xlabel="minutes of training", ylabel="training objects, new views (dB)")
-    axes.grid(alpha=0.3)
-    axes.legend()
-    return figure
+    draw_curves(curves).savefig(folder / "training.png", dpi=_DPI)
 
 
 _REDRAW: dict[str, Callable[[Path], None]] = {

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.datasets.srn import ObjectPlace, ObjectViews
+from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import as_photo
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera
@@ -53,7 +53,7 @@ def training_object_views(model: Model, count: int, generator: torch.Generator) 
         yield HeldOutView(ObjectViews(name, name, name, images, masks, cameras), 0, codes)
 
 
-def dataset_views(model: Model, places: Sequence[ObjectPlace], generator: torch.Generator) -> Iterator[HeldOutView]:
+def dataset_views(model: Model, places: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
     """One random view of every object of a dataset."""
     for place in places:
         views = place.read()

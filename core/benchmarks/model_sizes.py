@@ -19,17 +19,18 @@ import torch
 from core.benchmarks.fits import Trial, fit_view
 from core.benchmarks.held_out_views import dataset_views
 from core.benchmarks.machine import describe_machine
-from core.datasets.srn import Dataset, ObjectPlace, find_objects, read_dataset
+from core.datasets.srn import Dataset, ObjectEntry, index_objects, read_dataset
 from core.evaluation.protocol import Protocol, evaluate
 from core.evaluation.statistics import Mean, mean_of
 from core.files import write_json
 from core.fitting.confidence import RIGHT_DEGREES
 from core.fitting.fit import PRESETS
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.precision import autocast
 from core.photos.view_bank import bank_of
-from core.training.trainer import RECIPES, Trainer, held_out_psnr, hold_out
+from core.training.recipes import RECIPES
+from core.training.trainer import Trainer, held_out_psnr, hold_out
 
 BASELINE = FieldConfig(width=128, shape_blocks=2, shape_latent=64, texture_latent=32, point_octaves=10)
 SWEEP = {
@@ -111,11 +112,11 @@ def sweep() -> tuple[tuple[str, int, FieldConfig], ...]:
         return replace(BASELINE, **change)
 
     others = [(axis, value, varied(**{axis: value})) for axis, values in SWEEP.items() for value in values]
-    return (("baseline", 0, BASELINE), *others, ("default", 0, RECIPES["ours"].field))
+    return (("baseline", 0, BASELINE), *others, ("default", 0, RECIPES["default"].field))
 
 
 def run(
-    folders: Sequence[Path], tests: Sequence[ObjectPlace], steps: int, kept: Path
+    folders: Sequence[Path], tests: Sequence[ObjectEntry], steps: int, kept: Path
 ) -> Iterator[str | ModelSizeResults]:
     """Yields what is being done, and at the end the results.
 
@@ -123,7 +124,7 @@ def run(
         folders: of the dataset to train on, which is read as a whole only where a model is missing.
         kept: where models and their scores are kept; what is there already is not done again.
     """
-    category, places = find_objects(folders)
+    category, places = index_objects(folders)
     training = cache(lambda: hold_out(read_dataset(list(folders)))[0])
     chosen = sweep()
     paths = [kept / f"{category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
@@ -142,21 +143,21 @@ def run(
 
 
 def _train(training: Dataset, config: FieldConfig, steps: int, path: Path) -> Iterator[str]:
-    trainer = Trainer(training, replace(RECIPES["ours"], field=config, steps=steps))
+    trainer = Trainer(training, replace(RECIPES["default"], field=config, steps=steps))
     for step in trainer.steps():
         if step.step % 100 == 0:
             yield f"training, {path.stem}, step {step.step} of {steps}, {step.psnr:.1f} dB"
     trainer.model().save(path)
 
 
-def _new_views(places: Sequence[ObjectPlace], category: str, model: Model) -> Dataset:
+def _new_views(places: Sequence[ObjectEntry], category: str, model: Model) -> Dataset:
     """Of some training objects the view that no model was trained on."""
     some = tuple(place.read() for place in places[:: max(1, len(places) // _NEW_VIEWS)][:_NEW_VIEWS])
     return hold_out(Dataset(some, category, model.image_size, model.focal), _NEW_VIEWS)[1]
 
 
 def _score_model(
-    model: Model, views: Dataset, tests: Sequence[ObjectPlace], path: Path
+    model: Model, views: Dataset, tests: Sequence[ObjectEntry], path: Path
 ) -> Generator[str, None, _Scores]:
     """Yields what is being done; returns the model's scores, from ``path`` where they are known."""
     names = [place.name for place in tests]

@@ -10,8 +10,8 @@ from tqdm import tqdm
 
 from core.benchmarks import ablations, charts, fits, gate, model_sizes, rendering, robustness, tables
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
-from core.cli.progress import require_place
-from core.datasets.srn import ObjectPlace, find_objects
+from core.cli.progress import require_writable
+from core.datasets.srn import ObjectEntry, index_objects
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
@@ -25,16 +25,19 @@ _Found = TypeVar("_Found")
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
-    """``evaluate``: the paper's table on a test set, or with ``--swap`` how well shape and texture are told apart."""
-    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.every)
-    if chosen.swap and protocol != Protocol(seed=chosen.seed):
-        raise ValueError("--swap draws all of a cell from its true cameras: no --inputs, --pose, --preset or --every")
+    """``evaluate``: the paper's table on a test set, or how well shape and texture are separated."""
+    protocol = Protocol(chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride)
+    if chosen.disentanglement and protocol != Protocol(seed=chosen.seed):
+        raise ValueError(
+            "--disentanglement renders all of a pair from its true cameras: "
+            "no --input-views, --pose, --preset or --view-stride"
+        )
     model = load_model(chosen.model, chosen.device)
     places = _places(model, chosen.datasets)
     if chosen.report:
-        require_place(chosen.report)
+        require_writable(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
-    if chosen.swap:
+    if chosen.disentanglement:
         _evaluate_swap(chosen, model, places, about)
         return
     places = _spread(places, chosen.objects)
@@ -68,28 +71,28 @@ def bench_fit(chosen: argparse.Namespace) -> None:
         charts.write_fits(found, chosen.out)
 
 
-def bench_parts(chosen: argparse.Namespace) -> None:
-    """``bench parts``: blind fits without each component of the method, as CSV, table and chart."""
+def bench_ablations(chosen: argparse.Namespace) -> None:
+    """``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
     charts.prepare(chosen.out)
     found = _last_value(ablations.measured(*_held_out_views(chosen)))
     charts.write_ablations(found, chosen.out)
     print(tables.ablations_table(found), flush=True)
 
 
-def bench_stability(chosen: argparse.Namespace) -> None:
-    """``bench stability``: where blind fits fail, as CSV, table and chart."""
+def bench_robustness(chosen: argparse.Namespace) -> None:
+    """``bench robustness``: where blind fits fail, as CSV, table and chart."""
     charts.prepare(chosen.out)
     found = _last_value(robustness.run(load_model(chosen.model, chosen.device), chosen.objects, chosen.seed))
     charts.write_robustness(found, chosen.out)
     print(tables.robustness_table(found), flush=True)
 
 
-def bench_size(chosen: argparse.Namespace) -> None:
-    """``bench size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
+def bench_model_size(chosen: argparse.Namespace) -> None:
+    """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
     charts.prepare(chosen.out)
     if not chosen.models.is_dir():
         raise ValueError(f"there is no folder {chosen.models}")
-    tests = _spread(find_objects(chosen.tests)[1], chosen.objects)
+    tests = _spread(index_objects(chosen.tests)[1], chosen.objects)
     found = _last_value(model_sizes.run(chosen.datasets, tests, chosen.steps, chosen.models))
     charts.write_model_sizes(found, chosen.out)
     print(tables.model_sizes_table(found), flush=True)
@@ -134,7 +137,7 @@ def _last_value(stream: Iterator[str | _Found]) -> _Found:
 
 
 def _evaluate_swap(
-    chosen: argparse.Namespace, model: Model, places: tuple[ObjectPlace, ...], about: dict[str, str]
+    chosen: argparse.Namespace, model: Model, places: tuple[ObjectEntry, ...], about: dict[str, str]
 ) -> None:
     found = pairs(model, places)
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
@@ -145,9 +148,9 @@ def _evaluate_swap(
         write_disentanglement_report(chosen.report, scores, about)
 
 
-def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectPlace, ...]:
+def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
     """The objects of datasets, which must be of the model's category."""
-    category, places = find_objects(datasets)
+    category, places = index_objects(datasets)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
     return places

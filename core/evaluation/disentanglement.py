@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from core.datasets.srn import ObjectPlace, ObjectViews
+from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import as_photo, fit_first_last, render_view, score_view
 from core.evaluation.statistics import Mean, mean_of
 from core.fitting.fit import FitJob
@@ -34,7 +34,7 @@ _EDIT_SAMPLES = 96
 class ShapeTexturePair:
     """A combination of a shape and a texture, and the rows of the code book that stand for them."""
 
-    entry: ObjectPlace
+    entry: ObjectEntry
     shape: int
     texture: int
     trained: bool
@@ -61,7 +61,7 @@ class PairScore:
     """the true view and the rendered one"""
 
 
-def pairs(model: Model, entries: Sequence[ObjectPlace]) -> tuple[ShapeTexturePair, ...]:
+def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePair, ...]:
     """The pairs that the model has codes for. Raises ``ValueError`` where none of them is held out.
 
     Objects whose training collapsed lend no codes.

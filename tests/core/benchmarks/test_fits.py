@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from PIL import Image
 
 from core.benchmarks import fits, held_out_views
 from core.benchmarks.charts import prepare, read_fits, redraw, write_fits
@@ -18,7 +17,7 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.reference import render_exact
-from tests.conftest import random_model
+from tests.conftest import picture_size, random_model
 from tests.core.tiny import tiny_model
 
 QUICK = {
@@ -78,7 +77,7 @@ def test_charts_are_written(found: FitResults, tmp_path: Path):
     prepare(tmp_path / "charts")
     write_fits(found, tmp_path / "charts")
     assert read_fits(tmp_path / "charts/fit.csv") == found
-    assert Image.open(tmp_path / "charts/fit.png").width > 800
+    assert picture_size(tmp_path / "charts/fit.png")[0] > 800
     table = fit_table(found)
     assert (tmp_path / "charts/fit.md").read_text() == table
     assert "| paper |" in table

@@ -9,19 +9,20 @@ from core.benchmarks import model_sizes
 from core.benchmarks.charts import prepare, read_model_sizes, write_model_sizes
 from core.benchmarks.model_sizes import ModelSizeResults, run
 from core.benchmarks.tables import model_sizes_table
-from core.datasets.srn import Dataset, find_objects, write_manifest, write_object
+from core.datasets.srn import Dataset, index_objects, write_manifest, write_object
 from core.evaluation.protocol import Protocol
 from core.fitting.fit import PRESETS, FitSettings
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.models.model import Model
-from core.training.trainer import RECIPES, TrainSettings, TrainStep
+from core.training.recipes import RECIPES, TrainSettings
+from core.training.trainer import TrainStep
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
 
 
 def test_every_model_of_the_sweep_differs_in_one_number() -> None:
     baseline, *others, default = model_sizes.sweep()
-    assert (baseline[2], default[2]) == (model_sizes.BASELINE, RECIPES["ours"].field)
+    assert (baseline[2], default[2]) == (model_sizes.BASELINE, RECIPES["default"].field)
     assert len({config for _, _, config in others}) == len(others)
     for axis, value, config in others:
         assert config == replace(model_sizes.BASELINE, **{axis: value})
@@ -52,7 +53,7 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModelSizeResults:
     for index in range(4):
         write_object(tmp_path / "data", replace(views_of(tiny_model(), index, 3), name=f"stool{index}"))
     write_manifest(tmp_path / "data", "stools", {f"stool{i}": (f"s{i}", f"t{i}") for i in range(4)})
-    folders, places = [tmp_path / "data"], find_objects([tmp_path / "data"])[1]
+    folders, places = [tmp_path / "data"], index_objects([tmp_path / "data"])[1]
     (tmp_path / "models").mkdir()
     monkeypatch.setattr(FakeTrainer, "asked", [], raising=False)
     two = [("baseline", 0, tiny_model().field.config), ("width", 32, tiny_model().field.config)]

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from core.benchmarks import robustness
 from core.benchmarks.charts import read_robustness, write_robustness
@@ -15,6 +14,7 @@ from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
 from core.geometry.camera import Camera
 from core.metrics import rotation_error
 from core.models.model import Model
+from tests.conftest import picture_size
 from tests.core.tiny import tiny_model
 
 QUICK = {
@@ -88,11 +88,11 @@ def test_charts_are_written(found: RobustnessResults, tmp_path: Path, monkeypatc
     monkeypatch.setitem(STRESSORS, "hidden", Stressor("", (1.0,)))
     write_robustness(found, tmp_path)
     assert read_robustness(tmp_path / "robustness.csv").trials == found.trials
-    assert Image.open(tmp_path / "robustness.png").width > 400
+    assert picture_size(tmp_path / "robustness.png")[0] > 400
     table = robustness_table(found)
     assert (tmp_path / "robustness.md").read_text() == table
     assert "| hidden | 1 | normal | stool0 |" in table
     assert "look the same from there: none." in table
     alike = replace(found, trials=tuple(replace(trial, outcome="symmetric") for trial in found.trials))
     assert "look the same from there: stool0." in robustness_table(alike)
-    assert Image.open(tmp_path / "failures.png").width > 400
+    assert picture_size(tmp_path / "failures.png")[0] > 400
