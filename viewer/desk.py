@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.models.pictures import held_scene
+from core.models.pictures import embedded_scene
 from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.exporting import Kind
@@ -106,7 +106,7 @@ class Desk:
         self.session.cutting.close()
         others = []
         for path in map(Path, paths):
-            if path.suffix.lower() == ".json" or held_scene(path):
+            if path.suffix.lower() == ".json" or embedded_scene(path):
                 self.load_scene(path)
             else:
                 others.append(path)

@@ -59,7 +59,7 @@ def ring(radius: float, lines: int = 48) -> Float[np.ndarray, "lines 2 3"]:
 
 
 def _axes(azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Right, up and backward, as :func:`core.geometry.camera.rotation` has them."""
+    """Right, up and backward, as :func:`core.geometry.camera.camera_rotation` has them."""
     sin_a, cos_a, sin_e, cos_e = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
     right = np.array((-sin_a, cos_a, 0.0))
     up = np.array((-sin_e * cos_a, -sin_e * sin_a, cos_e))

@@ -93,8 +93,8 @@ class Excerpt:
         left = min(round(scale * self.left), frame.image.shape[1] - width)
         rows, columns = slice(top, top + height), slice(left, left + width)
         image, depth, opacity = (part[rows, columns] for part in (frame.image, frame.depth, frame.opacity))
-        asked = None if frame.asked is None else frame.asked[rows, columns]
-        return replace(frame, image=image, depth=depth, opacity=opacity, asked=asked)
+        asked = None if frame.evaluations is None else frame.evaluations[rows, columns]
+        return replace(frame, image=image, depth=depth, opacity=opacity, evaluations=asked)
 
 
 def filling(camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)) -> Excerpt:

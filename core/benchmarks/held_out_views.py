@@ -17,7 +17,7 @@ from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 
@@ -65,7 +65,7 @@ def dataset_subjects(model: Model, places: Sequence[ObjectPlace], generator: tor
 
 def spread_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
     """So many of a model's sound objects, evenly spread, with their names."""
-    sound = model.codes.sound
+    sound = model.codes.valid
     some = [sound[index * len(sound) // count] for index in range(min(count, len(sound)))]
     return [(model.codes.objects[index].name, model.codes[index]) for index in some]
 
@@ -94,8 +94,8 @@ def drawn_on_white(
     model: Model, codes: Codes, camera: Camera
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
     """A picture in [0, 1] and where the object is on it."""
-    if model.painted_ground:
+    if model.white_from_network:
         colour = render_exact(model, codes, camera, 64).colour.clamp(0, 1).cpu()
         return colour, (colour < _GROUND).any(-1)
-    seen = marched(model, codes, camera, RenderSettings().samples)
+    seen = render(model, codes, camera, RenderSettings().samples)
     return seen.colour.clamp(0, 1).cpu(), seen.opacity.cpu() > 0.5

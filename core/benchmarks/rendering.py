@@ -25,9 +25,9 @@ from core.models.model import Model
 from core.rendering import fast as march
 from core.rendering import folded_field as folded
 from core.rendering import occupancy
-from core.rendering.folded_field import Tables
-from core.rendering.frame_budget import Pace
-from core.rendering.progressive import RenderJob, RenderSettings, frames
+from core.rendering.folded_field import AxisLookup
+from core.rendering.frame_budget import FrameBudget
+from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
 from core.rendering.reference import render_exact
 
 REFERENCE_SAMPLES = 256
@@ -156,8 +156,8 @@ def _fast(samples: int, changes: tuple[Change, ...] = ()) -> _Recipe:
     """A new view of a known shape: an orbit."""
 
     def draw(model: Model, view: _View) -> Tensor:
-        march.forget_views()
-        return march.marched(model, view.codes, view.camera, samples).colour.clamp(0, 1)
+        march.clear_views()
+        return march.render(model, view.codes, view.camera, samples).colour.clamp(0, 1)
 
     return _Recipe(draw, changes)
 
@@ -193,7 +193,7 @@ def _points(
 
 def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
     if recipe.warm:
-        march.forget()
+        march.clear_cache()
         recipe.draw(model, view)
     began = time.perf_counter()
     picture = recipe.draw(model, view).cpu()  # which waits for a graphics card to be done
@@ -202,15 +202,15 @@ def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
 
 def _looking(**at: float) -> Change:
     """At more of a ray than is worth it."""
-    return Change(march, "overlooked", lambda samples: occupancy.overlooked(samples)._replace(**at))
+    return Change(march, "tolerances", lambda samples: occupancy.tolerances(samples)._replace(**at))
 
 
 _PARTS: dict[str, tuple[Change, ...]] = {
-    "without occupancy": (Change(occupancy, "_EMPTY", -1.0),),
-    "without stopping spent rays": (_looking(spent=math.inf),),
-    "colouring all intervals": (_looking(unseen=-1.0),),
-    "encoding instead of tables": (Change(Tables, "__call__", Tables.exactly),),
-    "in float32": (Change(folded, "linear_dtype", lambda device: torch.float32),),
+    "without occupancy": (Change(occupancy, "_MIN_OPACITY", -1.0),),
+    "without stopping spent rays": (_looking(termination=math.inf),),
+    "colouring all intervals": (_looking(min_weight=-1.0),),
+    "encoding instead of tables": (Change(AxisLookup, "__call__", AxisLookup.evaluate),),
+    "in float32": (Change(folded, "matmul_dtype", lambda device: torch.float32),),
 }
 
 
@@ -226,15 +226,17 @@ def _drags(model: Model, size: int) -> Iterator[Drag]:
 
     for what in ("orbit", "texture", "shape"):
         shares = [(index + 1) / (_DRAGGED + _UNSETTLED) for index in range(_DRAGGED + _UNSETTLED)]
-        whole = [_until(model, at(what, share, RenderSettings(stages=(1,))), last=True) for share in shares]
-        march.forget()
+        whole = [_until(model, at(what, share, RenderSettings(divisors=(1,))), last=True) for share in shares]
+        march.clear_cache()
         _until(model, at(what, 0.0, RenderSettings()), last=True)
-        pace, first = Pace(), []
+        pace, first = FrameBudget(), []
         for share in shares:
-            settings = RenderSettings(stages=pace.stages, across=2)
+            settings = RenderSettings(divisors=pace.divisors, supersampling=2)
             first.append(_until(model, at(what, share, settings), last=False))
-            pace.seen(settings.stages[0], first[-1])
-        ends = [at(what, 1.0 + index, RenderSettings(stages=pace.stages, across=2)) for index in range(_RESTS)]
+            pace.observe(settings.divisors[0], first[-1])
+        ends = [
+            at(what, 1.0 + index, RenderSettings(divisors=pace.divisors, supersampling=2)) for index in range(_RESTS)
+        ]
         rest = sum(_until(model, job, last=True) for job in ends) / len(ends)
         p50, p95, first_p50, first_p95 = *_quantiles(whole), *_quantiles(first)
         yield Drag(what, size, p50, p95, first_p50, first_p95, max(1, size // pace.divisor), rest)
@@ -243,7 +245,7 @@ def _drags(model: Model, size: int) -> Iterator[Drag]:
 def _until(model: Model, job: RenderJob, last: bool) -> float:
     """Seconds until a job's first picture is there, or its last."""
     began = time.perf_counter()
-    for frame in frames(model, job):
+    for frame in render_progressively(model, job):
         if frame and (frame.final or not last):
             break
     return time.perf_counter() - began
@@ -257,6 +259,6 @@ def _quantiles(values: Sequence[float]) -> tuple[float, float]:
 
 def machine(device: torch.device) -> str:
     """What the numbers were taken on."""
-    dtype = str(precision.linear_dtype(device.type)).removeprefix("torch.")
+    dtype = str(precision.matmul_dtype(device.type)).removeprefix("torch.")
     card = f"{torch.cuda.get_device_name(device)}, " if device.type == "cuda" else ""
     return f"{card}{platform.machine()}, {torch.get_num_threads()} threads, {dtype}, torch {torch.__version__}"

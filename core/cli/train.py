@@ -111,7 +111,7 @@ def _taught(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
             bar.update()
     share = 100 * share_recognised(pupil, glimpses(replace(dataset, objects=asked)), _RECOGNISED)
     tqdm.write(f"of objects not looked at, {share:.0f} % of views are told to {math.degrees(_RECOGNISED):.0f} degrees")
-    return replace(model, glance=pupil)
+    return replace(model, viewpoint_classifier=pupil)
 
 
 def _field(chosen: argparse.Namespace, usual: FieldConfig, begin: Model | None) -> FieldConfig:
@@ -131,7 +131,7 @@ def convert(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
     model = load_authors(chosen.checkpoint, chosen.config)
     model.save(chosen.out)
-    lost = ", ".join(str(index) for index in sorted(model.codes.broken))
+    lost = ", ".join(str(index) for index in sorted(model.codes.collapsed))
     print(
         f"{len(model.codes)} {model.category}" + (f"; next to empty, so left out of the mean: {lost}" if lost else "")
     )

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int, UInt8
 
-from core.geometry.camera import Camera, position, rotation
+from core.geometry.camera import Camera, camera_position, camera_rotation
 
 SUPERSAMPLES = 4
 """Samples a pixel along each axis; the mean of the 16 is the pixel."""
@@ -199,14 +199,14 @@ class Rasteriser:
 def _eye(camera: Camera) -> Float[np.ndarray, "3"]:
     """The camera's place in the world."""
     angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], dtype=torch.float64)
-    return position(angles[0], angles[1], angles[2]).numpy()
+    return camera_position(angles[0], angles[1], angles[2]).numpy()
 
 
 def _clip_from_world(camera: Camera) -> Float[np.ndarray, "4 4"]:
     """GL's projection: x, y of the picture in -1..1 (y up), depth between planes that clear the object."""
     angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
     view = np.eye(4)
-    view[:3, :3] = rotation(angles[0], angles[1]).numpy()
+    view[:3, :3] = camera_rotation(angles[0], angles[1]).numpy()
     view[:3, 3] = -view[:3, :3] @ _eye(camera)
     near, far = max(camera.distance - 0.75, 0.02), camera.distance + 0.75
     lens = np.zeros((4, 4))

@@ -17,7 +17,7 @@ from core.evaluation.protocol import Mean, compared, drawn_view, fitted, mean_of
 from core.fitting.fit import FitJob
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.reference import Rendered, render_exact
 
 _VIEWS = 12
@@ -66,7 +66,7 @@ def table(model: Model, places: Sequence[ObjectPlace]) -> tuple[Cell, ...]:
     Broken objects lend no codes.
     """
     book = model.codes
-    known = {book.objects[index].name: book.objects[index] for index in book.sound}
+    known = {book.objects[index].name: book.objects[index] for index in book.valid}
     trained = [place for place in places if place.name in known]
     shapes = {place.shape_id: known[place.name].shape for place in trained}
     textures = {place.texture_id: known[place.name].texture for place in trained}
@@ -95,7 +95,9 @@ def _scored(model: Model, cell: Cell, other_texture: int, seed: int) -> CellScor
     every = range(len(views.cameras))
     drawn = _spread(every, _VIEWS)
     found = (
-        None if model.entangled else _fitted(model, views, [view for view in every if view not in drawn] or drawn, seed)
+        None
+        if model.is_ablation
+        else _fitted(model, views, [view for view in every if view not in drawn] or drawn, seed)
     )
     edited = Codes(codes.shape, book.textures[other_texture])
     before, after = (_seen(model, worn, views) for worn in (codes, edited))
@@ -131,9 +133,9 @@ def _spread(views: Sequence[int], most: int) -> list[int]:
 def _seen(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
     """The first view with its opacity."""
     camera = views.cameras[0]
-    if model.painted_ground or model.entangled:
+    if model.white_from_network or model.is_ablation:
         return render_exact(model, codes, camera, _EDIT_SAMPLES)
-    return marched(model, codes, camera, _EDIT_SAMPLES)
+    return render(model, codes, camera, _EDIT_SAMPLES)
 
 
 # Leaks

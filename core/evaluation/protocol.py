@@ -16,7 +16,7 @@ from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 
@@ -143,9 +143,9 @@ def drawn_view(model: Model, codes: Codes, camera: Camera) -> Float[Tensor, "hei
     """A view as the model shows it, in [0, 1]: marched, or exactly, with the authors' samples, where it is their file
     or an entangled design.
     """
-    if model.painted_ground or model.entangled:
+    if model.white_from_network or model.is_ablation:
         return render_exact(model, codes, camera, _EXACT_SAMPLES).colour.clamp(0, 1).cpu()
-    return marched(model, codes, camera, RenderSettings().samples).colour.clamp(0, 1).cpu()
+    return render(model, codes, camera, RenderSettings().samples).colour.clamp(0, 1).cpu()
 
 
 def _require_lens(model: Model, views: ObjectViews) -> None:

@@ -1,4 +1,4 @@
-"""Writes one coloured mesh as binary glTF 2.0. Its light is in its colours, so viewers are told not to light it."""
+"""Writes one coloured mesh as binary glTF 2.0. Its light is in its colours, so its material is unlit."""
 
 import json
 import struct

@@ -48,19 +48,19 @@ class Camera:
         """The same view at another size: the vertical field of view stays."""
         return replace(self, focal=self.focal * height / self.height, width=width, height=height)
 
-    def placed(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
-        """The paper's R and p: the rotation from world to camera, and the camera's place in the world.
+    def world_to_camera(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
+        """The paper's R and p: the rotation from world to camera, and the camera's position in the world.
 
-        Shared by all who ask: not to be written to.
+        Cached: not to be written to.
         """
-        return _placed(self, device)
+        return _world_to_camera(self, device)
 
     def pose(self) -> Float[Tensor, "4 4"]:
         """Camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
         angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
         matrix = torch.eye(4, dtype=torch.float64)
-        matrix[:3, :3] = rotation(angles[0], angles[1]).T
-        matrix[:3, 3] = position(angles[0], angles[1], angles[2])
+        matrix[:3, :3] = camera_rotation(angles[0], angles[1]).T
+        matrix[:3, 3] = camera_position(angles[0], angles[1], angles[2])
         return matrix @ torch.from_numpy(_OPENCV_FROM_OPENGL)
 
     @classmethod
@@ -90,14 +90,16 @@ class Camera:
 
 
 @lru_cache(maxsize=8)
-def _placed(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
-    with torch.inference_mode(False):  # whoever asks first, others may differentiate
+def _world_to_camera(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
+    with torch.inference_mode(False):  # cached, and others may differentiate
         azimuth, elevation = torch.tensor([camera.azimuth, camera.elevation], device=device)
-        turned = rotation(azimuth, elevation)
-        return turned, camera.distance * turned[2]
+        turn = camera_rotation(azimuth, elevation)
+        return turn, camera.distance * turn[2]
 
 
-def rotation(azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 3 3"]:
+def camera_rotation(
+    azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]
+) -> Float[Tensor, "*batch 3 3"]:
     """World-to-camera rotation, the paper's R: its rows are the camera's right, up and backward axes."""
     sin_a, cos_a, sin_e, cos_e = azimuth.sin(), azimuth.cos(), elevation.sin(), elevation.cos()
     right = -sin_a, cos_a, torch.zeros_like(sin_a)
@@ -106,10 +108,10 @@ def rotation(azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"
     return torch.stack((*right, *up, *backward), -1).unflatten(-1, (3, 3))
 
 
-def position(
+def camera_position(
     azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"], distance: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch 3"]:
-    """The camera's place in the world, the paper's p."""
+    """The camera's position in the world, the paper's p."""
     cos_e = elevation.cos()
     direction = torch.stack((cos_e * azimuth.cos(), cos_e * azimuth.sin(), elevation.sin()), -1)
     return distance[..., None] * direction

@@ -18,14 +18,14 @@ def midpoints(edges: Float[Tensor, "*batch samples_and_one"]) -> Float[Tensor, "
     return (edges[..., 1:] + edges[..., :-1]) / 2
 
 
-def jittered(
+def stratified(
     edges: Float[Tensor, "*batch samples_and_one"], generator: torch.Generator
 ) -> Float[Tensor, "*batch samples"]:
-    """A uniformly drawn place in every interval."""
-    shares = torch.rand(edges[..., 1:].shape, generator=generator, device=edges.device)
-    return torch.lerp(edges[..., :-1], edges[..., 1:], shares)
+    """A uniformly rendered place in every interval."""
+    fractions = torch.rand(edges[..., 1:].shape, generator=generator, device=edges.device)
+    return torch.lerp(edges[..., :-1], edges[..., 1:], fractions)
 
 
-def points_at(rays: Rays, depths: Float[Tensor, "*batch samples"]) -> Float[Tensor, "*batch samples 3"]:
+def ray_points(rays: Rays, depths: Float[Tensor, "*batch samples"]) -> Float[Tensor, "*batch samples 3"]:
     """World points at these distances along the rays."""
     return rays.origins[..., None, :] + depths[..., None] * rays.directions[..., None, :]

@@ -22,31 +22,31 @@ def linear_relu(
     """
     if _fusible(values.device.type, values.dtype):
         return _fused(values, weight, bias)
-    return rectify_(functional.linear(values, weight, bias))
+    return relu_(functional.linear(values, weight, bias))
 
 
-def rectify_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+def relu_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
     """``values.relu_()``, unseen by autograd: what is negative is so as an integer too.
 
-    A NaN may become 0, as in oneDNN's own rectifier: what is not finite is noticed before the field is asked.
+    A NaN may become 0, as in oneDNN's own rectifier: what is not finite is noticed before the field is evaluated.
     """
-    _bits(values).clamp_min_(0)
+    _as_integers(values).clamp_min_(0)
     return values
 
 
-def held_back_(
-    slopes: Float[Tensor, "*batch width"], rectified: Float[Tensor, "*#batch width"]
+def relu_backward_(
+    gradient: Float[Tensor, "*batch width"], activations: Float[Tensor, "*#batch width"]
 ) -> Float[Tensor, "*batch width"]:
-    """Slopes taken back through a rectifier, in place: 0 where what it gave, which is never negative, is 0."""
-    _bits(slopes).bitwise_and_(_bits(rectified).clamp_max(1).neg_())  # -1 has all bits, 0 none
-    return slopes
+    """The gradient taken back through a ReLU, in place: 0 where its output, which is never negative, is 0."""
+    _as_integers(gradient).bitwise_and_(_as_integers(activations).clamp_max(1).neg_())  # -1 has all bits, 0 none
+    return gradient
 
 
-def _bits(values: Tensor) -> Tensor:
+def _as_integers(values: Tensor) -> Tensor:
     return values.view(_INTEGERS[values.element_size()])
 
 
-def filled(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:
+def pad_rows(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:
     """The rows, followed by as many of zeros as make a multiple of 512.
 
     oneDNN compiles a kernel for every count of rows that it has not met, which takes longer than to run it.

@@ -1,4 +1,4 @@
-"""Pictures that hold the scene they show: its JSON is a text of the PNG, so the picture alone brings it back."""
+"""Images that hold the scene they show: its JSON is a text of the PNG, so the image alone brings it back."""
 
 from pathlib import Path
 
@@ -6,30 +6,30 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, PngImagePlugin
 
-from core.files import whole_file
+from core.files import atomic_file
 from core.models.model import Model
 from core.models.scene import Scene
 
-FORMATS = (".png", ".jpg", ".webp")
-"""The endings to offer: pictures that nearly every program opens."""
+IMAGE_FORMATS = (".png", ".jpg", ".webp")
+"""The endings to offer: images that nearly every program opens."""
 _KEY = "CodeNeRF scene"
 
 
-def save_picture(image: UInt8[np.ndarray, "height width 3"], path: Path, scene: Scene) -> None:
-    """Write a picture by the name's ending; a PNG holds model, codes and camera, exact to float32.
+def save_image(image: UInt8[np.ndarray, "height width 3"], path: Path, scene: Scene) -> None:
+    """Write an image by the name's ending; a PNG holds model, codes and camera, exact to float32.
 
-    Raises ``ValueError`` for an ending that no picture has, or a path that cannot be written.
+    Raises ``ValueError`` for an ending that no image has, or a path that cannot be written.
     """
     if path.suffix.lower() not in Image.registered_extensions():
-        raise ValueError(f"cannot write {path}: a picture's name ends in {', '.join(FORMATS)} or the like")
+        raise ValueError(f"cannot write {path}: an image's name ends in {', '.join(IMAGE_FORMATS)} or the like")
     about = PngImagePlugin.PngInfo()
     about.add_text(_KEY, scene.to_json(), zip=True)
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         Image.fromarray(image).save(partial, pnginfo=about)  # which only a PNG takes
 
 
-def held_scene(path: Path) -> str | None:
-    """The scene's JSON that a picture holds; None for any other file."""
+def embedded_scene(path: Path) -> str | None:
+    """The scene's JSON that an image holds; None for any other file."""
     try:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
             text = image.info.get(_KEY)  # ours stands before the pixels; `image.text` would decode them to look behind
@@ -39,11 +39,11 @@ def held_scene(path: Path) -> str | None:
 
 
 def open_scene(path: Path, model: Model) -> Scene:
-    """Read a scene for a model from its JSON file or from a picture that holds it.
+    """Read a scene for a model from its JSON file or from an image that holds it.
 
     Raises ``ValueError`` where it is none, or one of another model.
     """
-    text = held_scene(path)
+    text = embedded_scene(path)
     if text is None:
         return Scene.load(path, model)
     try:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 
-from core.files import whole_file
+from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
@@ -23,7 +23,7 @@ class Scene:
 
     def save(self, path: Path) -> None:
         """Write the scene as JSON, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
-        with whole_file(path) as partial:
+        with atomic_file(path) as partial:
             partial.write_text(self.to_json() + "\n")
 
     def to_json(self) -> str:

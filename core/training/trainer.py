@@ -15,15 +15,15 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from core.datasets.srn import Dataset, ObjectViews
-from core.geometry.rays import Rays, cast
-from core.geometry.sampling import jittered, points_at, uniform_edges
+from core.geometry.rays import Rays, cast_rays
+from core.geometry.sampling import ray_points, stratified, uniform_edges
 from core.metrics import psnr
-from core.models.ablations import field_of
+from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.field import Field, FieldConfig
 from core.models.model import Model
-from core.models.precision import autocast, linear_dtype, require_device
-from core.rendering.compositing import over_white, weights
+from core.models.precision import autocast, matmul_dtype, require_device
+from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.reference import render_exact
 from core.training.visual_hull import grid_centres, shared_extent, visual_hull
 
@@ -99,7 +99,7 @@ RECIPES = {
             shape_blocks=2,
             shape_latent=256,
             texture_latent=256,
-            point_octaves=10,
+            position_frequencies=10,
             density_scale=1.0,
             bounded_colour=False,
         ),
@@ -112,8 +112,8 @@ RECIPES = {
         silhouette=0.0,
         average=0.0,
     ),
-    "M1": TrainSettings(field=FieldConfig(design="M1")),
-    "M2": TrainSettings(field=FieldConfig(design="M2")),
+    "M1": TrainSettings(field=FieldConfig(architecture="M1")),
+    "M2": TrainSettings(field=FieldConfig(architecture="M2")),
 }
 """Ours, the paper's (its network, loss, samples and rates), and ours with the designs of
 :mod:`core.models.ablations`.
@@ -166,7 +166,7 @@ class _RayBank:
         width = self.size[0]
         centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
         azimuth, elevation, distance = self.angles[view].unbind(-1)
-        rays = cast(centres, azimuth, elevation, distance, self.focal, self.size, self.extent)
+        rays = cast_rays(centres, azimuth, elevation, distance, self.focal, self.size, self.extent)
         return rays, self.owner[view], self.images[view, pixel].float() / 255, self.kind[view, pixel]
 
     def _places(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Int[Tensor, "rays"]]:
@@ -225,7 +225,7 @@ class Trainer:
         self.bank = _RayBank(dataset, self.extent, self.device, settings.everywhere)
         self.entries, shapes, textures = _entries(dataset)
         config = settings.field
-        self.field = field_of(config).to(self.device)
+        self.field = build_field(config).to(self.device)
         self.shapes = nn.Parameter(_first_codes(shapes, config.shape_latent).to(self.device))
         self.textures = nn.Parameter(_first_codes(textures, config.texture_latent).to(self.device))
         self.averages = [parameter.detach().clone() for parameter in self._parameters()]
@@ -349,12 +349,12 @@ class Trainer:
         """Eq. 4 with the terms for silhouette and emptiness; and the squared error alone."""
         settings = self.settings
         edges = uniform_edges(rays, settings.samples)
-        depths = jittered(edges, self.generator)
-        points = points_at(rays, depths)
+        depths = stratified(edges, self.generator)
+        points = ray_points(rays, depths)
         hit = self.bank.inside(points, owner[:, None]).flatten().nonzero()[:, 0]
         shape, texture = self.shapes[self.shape_row[owner]], self.textures[self.texture_row[owner]]
         of_rays = self.field.biases(shape, texture)
-        if not settings.everywhere and settings.field.design != "M1":  # whose density depends on the direction
+        if not settings.everywhere and settings.field.architecture != "M1":  # whose density depends on the direction
             hit = self._lit(hit, points, edges, of_rays[0])
         asked = _padded(hit)
         ray = asked // settings.samples
@@ -363,8 +363,8 @@ class Trainer:
         found, seen = self.field.radiance(points.flatten(0, 1)[asked], towards, *biases)
         density = depths.new_zeros(depths.numel()).index_copy(0, hit, found[: len(hit)]).view_as(depths)
         colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, seen[: len(hit)]).view_as(points)
-        shares, left = weights(density, edges)
-        error = functional.mse_loss(over_white(shares, left, colours), truth)
+        shares, left = compositing_weights(density, edges)
+        error = functional.mse_loss(composite_on_white(shares, left, colours), truth)
         sure = kind != 1
         silhouette = ((1 - left - kind.float() / 2) * sure).square().sum() / sure.sum().clamp_min(1)
         prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
@@ -374,7 +374,7 @@ class Trainer:
     @torch.no_grad()
     def _lit(self, hit: Tensor, points: Tensor, edges: Tensor, shape_bias: Tensor) -> Tensor:
         """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
-        density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(linear_dtype(self.device.type))
+        density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(matmul_dtype(self.device.type))
         for part in hit.split(_CHUNK_POINTS):
             asked = _padded(part)
             bias = shape_bias.index_select(0, asked // points.shape[1])

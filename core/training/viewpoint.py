@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import Dataset
-from core.geometry.camera import rotation
+from core.geometry.camera import camera_rotation
 from core.models.viewpoint import Glance, cropped, directions, nearness
 
 _BATCH = 96
@@ -105,6 +105,6 @@ def disguised(
 def share_recognised(glance: Glance, seen: Glimpses, within: float) -> float:
     """The share of pictures whose likeliest direction is within so many rad of the true one, 0..1."""
     likely = torch.cat([glance(part.float() / 255).argmax(1) for part in seen.pictures.split(256)])
-    guess, truth = (rotation(*angles) for angles in ([one[likely] for one in directions()], seen[1:]))
+    guess, truth = (camera_rotation(*angles) for angles in ([one[likely] for one in directions()], seen[1:]))
     cosine = ((guess * truth).sum((-2, -1)) - 1) / 2
     return float((cosine > math.cos(within)).float().mean())

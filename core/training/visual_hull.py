@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import ObjectViews
-from core.geometry.camera import Camera, position, rotation
+from core.geometry.camera import Camera, camera_position, camera_rotation
 
 Extent = tuple[float, float, float]
 
@@ -46,7 +46,7 @@ def visual_hull(
 def project(points: Float[Tensor, "count 3"], camera: Camera) -> Float[Tensor, "count 2"]:
     """Where world points in front of the camera fall in its picture, (x, y) in px from the top left corner."""
     angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance])
-    local = (points - position(*angles)) @ rotation(angles[0], angles[1]).T
+    local = (points - camera_position(*angles)) @ camera_rotation(angles[0], angles[1]).T
     scale = camera.focal / -local[:, 2]
     return torch.stack((camera.width / 2 + local[:, 0] * scale, camera.height / 2 - local[:, 1] * scale), -1)
 

@@ -36,8 +36,8 @@ def test_every_recipe_is_measured_against_the_reference(found: Measured) -> None
 
 def test_leaving_out_a_part_is_undone_afterwards(found: Measured) -> None:
     assert len(found.ablation) == 6
-    assert occupancy._EMPTY > 0
-    assert march.overlooked is occupancy.overlooked
+    assert occupancy._MIN_OPACITY > 0
+    assert march.tolerances is occupancy.tolerances
 
 
 def test_charts_are_written(found: Measured, tmp_path: Path) -> None:

@@ -41,8 +41,8 @@ def test_the_table_takes_codes_from_objects_known_by_name(tiny: Model, factorial
         assert cells[name].trained == name.startswith("stool")
 
 
-def test_broken_objects_lend_no_codes(tiny: Model, factorial):
-    lost = replace(tiny, codes=replace(tiny.codes, broken=frozenset({0})))
+def test_collapsed_objects_lend_no_codes(tiny: Model, factorial):
+    lost = replace(tiny, codes=replace(tiny.codes, collapsed=frozenset({0})))
     assert "new01" not in {cell.place.name for cell in table(lost, factorial)}
 
 

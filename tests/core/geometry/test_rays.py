@@ -3,13 +3,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.geometry.camera import Camera
-from core.geometry.rays import camera_rays, cast, clip_to_box, pixel_centres
+from core.geometry.rays import camera_rays, cast_rays, clip_to_box, pixel_centres
 
 EXTENT = torch.tensor([0.3, 0.5, 0.2])
 
 
 def test_the_middle_of_the_picture_looks_at_the_origin():
-    rays = cast(torch.tensor([16.0, 16.0]), *torch.tensor([0.4, 0.3, 2.0]), 32.0, (32, 32), EXTENT)
+    rays = cast_rays(torch.tensor([16.0, 16.0]), *torch.tensor([0.4, 0.3, 2.0]), 32.0, (32, 32), EXTENT)
     torch.testing.assert_close(rays.directions, torch.nn.functional.normalize(-rays.origins, dim=-1))
 
 
@@ -52,7 +52,7 @@ def test_rays_along_an_axis_are_clipped():
 def test_gradients_reach_the_camera():
     def first(numbers: torch.Tensor) -> torch.Tensor:
         pixels = torch.tensor([[3.0, 4.0], [20.0, 9.0]], dtype=torch.float64)
-        rays = cast(pixels, *numbers, 32.0, (32, 32), EXTENT.double())
+        rays = cast_rays(pixels, *numbers, 32.0, (32, 32), EXTENT.double())
         return torch.cat((rays.origins, rays.directions), -1)
 
     numbers = torch.tensor([0.4, 0.3, 2.0], dtype=torch.float64, requires_grad=True)

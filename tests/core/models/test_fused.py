@@ -3,7 +3,7 @@ import torch
 from torch.nn import functional
 
 from core.models import fused as layers
-from core.models.fused import filled, held_back_, linear_relu, rectify_
+from core.models.fused import linear_relu, pad_rows, relu_, relu_backward_
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
@@ -22,7 +22,7 @@ def test_it_is_a_linear_layer_and_its_rectifier(points: int, dtype: torch.dtype)
 @pytest.mark.parametrize("width", [(), (3,)])
 def test_rows_are_filled_up_with_zeros(count: int, more: int, width: tuple[int, ...]) -> None:
     rows = torch.arange(1, 1 + count).reshape(-1, *[1] * len(width)).expand(count, *width)
-    found = filled(rows)
+    found = pad_rows(rows)
     assert found.shape == (more, *width)
     assert torch.equal(found[:count], rows)
     assert not found[count:].any()
@@ -49,6 +49,6 @@ def test_rectifying_integers_rectifies_floats(dtype: torch.dtype) -> None:
     values = torch.tensor([[-1.5, -0.0, 0.0, 1e-30, 2.5, -1e-30, torch.inf, -torch.inf, torch.nan]], dtype=dtype)
     slopes = torch.randn(3, 9, generator=torch.Generator().manual_seed(0)).to(dtype)
     plain, awake = values.relu(), values > 0
-    torch.testing.assert_close(rectify_(values), plain, rtol=0, atol=0, equal_nan=True)
-    held = held_back_(slopes.clone(), values)
+    torch.testing.assert_close(relu_(values), plain, rtol=0, atol=0, equal_nan=True)
+    held = relu_backward_(slopes.clone(), values)
     torch.testing.assert_close(held[:, :8], (slopes * awake)[:, :8], rtol=0, atol=0)  # of a NaN either will do

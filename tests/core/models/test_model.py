@@ -16,33 +16,33 @@ def test_saving_and_loading_is_exact(model: Model, tmp_path):
     again = Model.load(path)
     assert again.fingerprint == model.fingerprint
     assert again.codes[3] == model.codes[3]
-    assert (again.extent, again.category, again.focal, again.distance, again.painted_ground) == (
+    assert (again.extent, again.category, again.focal, again.distance, again.white_from_network) == (
         model.extent,
         model.category,
         model.focal,
         model.distance,
-        model.painted_ground,
+        model.white_from_network,
     )
     assert again.codes.objects == model.codes.objects
     assert [entry.name for entry in tmp_path.iterdir()] == ["m.safetensors"]
 
 
-def test_a_glance_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
-    looking = replace(model, glance=Glance())
+def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
+    looking = replace(model, viewpoint_classifier=Glance())
     looking.save(tmp_path / "m.safetensors")
     again = Model.load(tmp_path / "m.safetensors")
     assert again.fingerprint == model.fingerprint
-    assert looking.glance is not None
-    assert again.glance is not None
+    assert looking.viewpoint_classifier is not None
+    assert again.viewpoint_classifier is not None
     seen = torch.rand(2, 4, SIDE, SIDE)
-    assert torch.allclose(again.glance(seen), looking.glance(seen), atol=1e-2)
-    assert model.glance is None
+    assert torch.allclose(again.viewpoint_classifier(seen), looking.viewpoint_classifier(seen), atol=1e-2)
+    assert model.viewpoint_classifier is None
 
 
-def test_broken_objects_are_remembered(model: Model, tmp_path):
-    book = replace(model.codes, broken=frozenset({1, 4}))
+def test_collapsed_objects_are_remembered(model: Model, tmp_path):
+    book = replace(model.codes, collapsed=frozenset({1, 4}))
     replace(model, codes=book).save(tmp_path / "m.safetensors")
-    assert Model.load(tmp_path / "m.safetensors").codes.broken == {1, 4}
+    assert Model.load(tmp_path / "m.safetensors").codes.collapsed == {1, 4}
 
 
 def test_another_code_is_another_model(model: Model):
