@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Literal
 from core.export.keyframes import View, turntable
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.pictures import save_image
-from core.models.scene import Scene
+from core.models.scene import Scene, save_image
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.sheet import write_sheet

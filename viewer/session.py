@@ -15,8 +15,7 @@ from core.geometry.camera import Camera
 from core.models.codes import CodeBook, Codes, CodeSpace
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.pictures import open_scene
-from core.models.scene import Scene
+from core.models.scene import Scene, open_scene
 from core.photos.photo import Photo, load_photo
 from core.photos.view_bank import preparing
 from core.rendering.progressive import Frame, RenderJob, render_progressively

@@ -14,7 +14,7 @@ from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.pictures import IMAGE_FORMATS
+from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.history import Pair

@@ -16,8 +16,7 @@ from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.pictures import open_scene, save_image
-from core.models.scene import Scene
+from core.models.scene import Scene, open_scene, save_image
 from core.rendering.progressive import render_frame
 from core.rendering.reference import render_exact
 

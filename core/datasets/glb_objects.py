@@ -15,9 +15,8 @@ from core.datasets.mesh_variants import cells, deformed, recoloured
 from core.datasets.rasteriser import Surface
 from core.datasets.render_objects import Sitter, picture_all
 from core.datasets.splits import Split, held_out
+from core.geometry.camera import WORLD_FROM_GLTF
 
-WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and the front at +z; the world has z up and the front at +y."""
 _TURNED = {
     "quaternius_oct2017_chair": -90,
     "quaternius_oct2017_chaircushioned": -90,

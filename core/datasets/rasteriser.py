@@ -10,10 +10,9 @@ from types import TracebackType
 
 import moderngl
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int, UInt8
 
-from core.geometry.camera import Camera, camera_position, camera_rotation
+from core.geometry.camera import Camera
 
 SUPERSAMPLES = 4
 """Samples a pixel along each axis; the mean of the 16 is the pixel."""
@@ -147,13 +146,16 @@ class Rasteriser:
         """The object's picture on white, and the mask of pixels that it covers by half or more."""
         if (camera.width, camera.height) != (self._size, self._size):
             raise ValueError(f"this rasteriser draws {self._size} px, not {camera.width}x{camera.height}")
+        # Planes that clear the object, whose bounding box has a diagonal of 1.
+        clip_from_world = camera.clip_from_world(max(camera.distance - 0.75, 0.02), camera.distance + 0.75)
+        eye = camera.pose()[:3, 3].numpy().astype(np.float32)
         # Entering makes the context this thread's own: the program's window, or another rasteriser, may have been.
         with self._context as context:
             self._fine.use()
             context.enable_only(moderngl.DEPTH_TEST)
             context.clear(1.0, 1.0, 1.0, 0.0)
-            self._program["clip_from_world"].write(_clip_from_world(camera).T.tobytes())  # type: ignore[union-attr]
-            self._program["eye"].write(_eye(camera).astype(np.float32).tobytes())  # type: ignore[union-attr]
+            self._program["clip_from_world"].write(clip_from_world.T.tobytes())  # type: ignore[union-attr]
+            self._program["eye"].write(eye.tobytes())  # type: ignore[union-attr]
             for array, texture, _ in self._batches:
                 texture.use(0)
                 array.render(moderngl.TRIANGLES)
@@ -194,23 +196,3 @@ class Rasteriser:
             if texture is not self._plain:
                 texture.release()
         self._batches = []
-
-
-def _eye(camera: Camera) -> Float[np.ndarray, "3"]:
-    """The camera's place in the world."""
-    angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], dtype=torch.float64)
-    return camera_position(angles[0], angles[1], angles[2]).numpy()
-
-
-def _clip_from_world(camera: Camera) -> Float[np.ndarray, "4 4"]:
-    """GL's projection: x, y of the picture in -1..1 (y up), depth between planes that clear the object."""
-    angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
-    view = np.eye(4)
-    view[:3, :3] = camera_rotation(angles[0], angles[1]).numpy()
-    view[:3, 3] = -view[:3, :3] @ _eye(camera)
-    near, far = max(camera.distance - 0.75, 0.02), camera.distance + 0.75
-    lens = np.zeros((4, 4))
-    lens[0, 0], lens[1, 1] = 2 * camera.focal / camera.width, 2 * camera.focal / camera.height
-    lens[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
-    lens[3, 2] = -1.0
-    return (lens @ view).astype(np.float32)

@@ -5,22 +5,21 @@ bounded by a slab. Slabs are cut into triangles by marching cubes and welded at 
 """
 
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from skimage.measure import marching_cubes
 from torch import Tensor
 
-from core.export.glb import WORLD_FROM_GLTF, glb
+from core.export.glb import glb
 from core.files import atomic_file
+from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
@@ -29,7 +28,6 @@ from core.rendering.occupancy import Occupancy
 
 _Found = TypeVar("_Found")
 
-FORMATS = (".glb", ".ply", ".obj")
 MAX_RESOLUTION = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
 RESOLUTIONS = (96, 128, 192, 256, 384)
@@ -70,15 +68,36 @@ class Mesh:
     faces: Int[np.ndarray, "faces 3"]
 
     def save(self, path: Path) -> None:
-        """Write the mesh by the name's ending: glTF axes (y up, front +z) in .glb, the world's in .ply and .obj."""
-        if path.suffix.lower() == ".glb":
-            axes = WORLD_FROM_GLTF  # its own inverse's transpose: a row vector times it goes from the world to glTF
-            path.write_bytes(glb(self.vertices @ axes, self.normals @ axes, self.colours, self.faces))
-            return
-        colours = (self.colours * 255 + 0.5).astype(np.uint8)
-        whole = trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
-        whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
-        whole.export(path, vertex_normal=True) if path.suffix.lower() == ".ply" else whole.export(path)
+        """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
+        FORMATS[path.suffix.lower()](self, path)
+
+
+def _write_glb(mesh: Mesh, path: Path) -> None:
+    """glTF axes: y up, front +z."""
+    vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
+    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces))
+
+
+def _write_ply(mesh: Mesh, path: Path) -> None:
+    _trimesh(mesh).export(path, vertex_normal=True)
+
+
+def _write_obj(mesh: Mesh, path: Path) -> None:
+    _trimesh(mesh).export(path)
+
+
+def _trimesh(mesh: Mesh) -> Any:
+    """The mesh in the world's axes as trimesh has it."""
+    import trimesh  # the window lists the formats long before it needs the library
+
+    colours = (mesh.colours * 255 + 0.5).astype(np.uint8)
+    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
+    whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
+    return whole
+
+
+FORMATS: dict[str, Callable[[Mesh, Path], None]] = {".glb": _write_glb, ".ply": _write_ply, ".obj": _write_obj}
+"""The writer of each format, by the name's ending."""
 
 
 def export_mesh(model: Model, codes: Codes, path: Path, resolution: int | None = None) -> Generator[float, None, None]:
@@ -199,6 +218,8 @@ def _pieces(
     folded: FoldedField, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray]]]:
     """Vertices (in steps of the grid) and triangles of every slab that has any; slabs share their last plane."""
+    from skimage.measure import marching_cubes  # takes as long to import as half of torch
+
     pieces = []
     last = grid.counts[0] - 1
     for first in range(0, last, _SLAB):

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-import av
 import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
@@ -16,13 +15,8 @@ from PIL import Image
 from core.export.keyframes import View
 from core.files import atomic_file, atomic_folder
 from core.models.model import Model
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from core.rendering.progressive import render_progressively
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
-FORMATS = (".mp4", ".gif", ".webp", ".frames")
-"""The last is a folder of numbered images."""
-TRANSPARENT = (".gif", ".webp", ".frames")
-"""Formats that can leave the background out."""
 _FULL = RenderSettings(divisors=(1,))
 
 
@@ -58,10 +52,12 @@ def write_video(
     settings, suffix = settings or VideoSettings(), path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
-    if settings.transparent and suffix not in TRANSPARENT:
-        raise ValueError(f"{path.name}: only {', '.join(TRANSPARENT)} can have a transparent background")
-    atomic = atomic_folder if suffix == ".frames" else atomic_file
-    with atomic(path) as partial, closing(_SINKS[suffix](partial, settings)) as sink:
+    chosen = FORMATS[suffix]
+    if settings.transparent and not chosen.transparent:
+        able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
+        raise ValueError(f"{path.name}: only {able} can have a transparent background")
+    atomic = atomic_folder if chosen.folder else atomic_file
+    with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink:
         for index, view in enumerate(views):
             camera = view.camera.resized(settings.size, settings.size)
             for frame in render_progressively(model, RenderJob(view.codes, camera, _FULL)):
@@ -88,7 +84,9 @@ class _Sink(Protocol):
 
 class _Mp4:
     def __init__(self, path: Path, settings: VideoSettings) -> None:
-        self._container = av.open(str(path), "w")
+        import av  # the window lists the formats long before it needs the library
+
+        self._av, self._container = av, av.open(str(path), "w")
         # From nearly lossless (12) at 100 to blocks (40) at 1; 85 is what eyes do not tell from the original.
         crf = f"{40 - 0.28 * settings.quality:.0f}"
         self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
@@ -99,7 +97,7 @@ class _Mp4:
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
-        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+        self._container.mux(self._stream.encode(self._av.VideoFrame.from_ndarray(even, format="rgb24")))
 
     def finish(self) -> None:
         self._container.mux(self._stream.encode())
@@ -162,9 +160,21 @@ class _Frames:
         pass
 
 
-_SINKS: dict[str, Callable[[Path, VideoSettings], _Sink]] = {
-    ".mp4": _Mp4,
-    ".gif": _Gif,
-    ".webp": _Webp,
-    ".frames": _Frames,
+class VideoFormat(NamedTuple):
+    """One way to write a video."""
+
+    label: str
+    sink: Callable[[Path, VideoSettings], _Sink]
+    transparent: bool = True
+    """can leave the background out"""
+    folder: bool = False
+    """a folder of files instead of one"""
+
+
+FORMATS = {
+    ".mp4": VideoFormat("mp4", _Mp4, transparent=False),
+    ".gif": VideoFormat("gif", _Gif),
+    ".webp": VideoFormat("webp", _Webp),
+    ".frames": VideoFormat("png frames", _Frames, folder=True),
 }
+"""By the name's ending."""

@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from scipy.ndimage import distance_transform_edt, label
 from torch import Tensor
 
-from core.geometry.rays import pixel_centres
+from core.geometry.camera import pixel_centres
 from core.models.model import Model
 from core.photos.photo import Photo
 

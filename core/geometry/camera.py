@@ -1,9 +1,9 @@
 """The orbit camera of the paper (section 3.2): azimuth, elevation and distance, always looking at the origin.
 
-This module and :mod:`core.geometry.rays` hold the only words on axes and pixel centres. The world is that of
-ShapeNet-SRN: z up, an object's front at +y (azimuth 90 degrees). Camera axes are x right, y up, looking along
--z, as in the paper's R. Pose files (``pose/*.txt``) hold camera-to-world matrices with OpenCV axes: x right, y
-down, looking along +z.
+This module alone knows axes, pixel centres and projection. The world is that of ShapeNet-SRN: z up, an object's
+front at +y (azimuth 90 degrees). Camera axes are x right, y up, looking along -z, as in the paper's R. Pose files
+(``pose/*.txt``) hold camera-to-world matrices with OpenCV axes: x right, y down, looking along +z. Image points are
+(x, y) in px from the top left corner, x right, y down; pixel (0, 0) has its centre at (0.5, 0.5).
 """
 
 import math
@@ -15,6 +15,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+FRONT_AZIMUTH = math.pi / 2
+"""rad, from where the front of an object is seen"""
+WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+"""glTF has y up and the front at +z. Its own inverse's transpose: a row vector times it goes from the world to glTF."""
 _OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -54,6 +58,29 @@ class Camera:
         Cached: not to be written to.
         """
         return _world_to_camera(self, device)
+
+    def to_camera_axes(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+        """World points in the camera's axes: x right, y up, in front where z is negative."""
+        rotation, origin = self.world_to_camera(points.device)
+        return (points - origin) @ rotation.T
+
+    def project(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 2"]:
+        """The image points of world points in front of the camera.
+
+        Example:
+            >>> Camera(0.3, 0.4, 1.3, 131.25, 128, 96).project(torch.zeros(3)).tolist()
+            [64.0, 48.0]
+        """
+        return project(self.to_camera_axes(points), self.focal, (self.width, self.height))
+
+    def clip_from_world(self, near: float, far: float) -> Float[np.ndarray, "4 4"]:
+        """OpenGL's projection matrix, float32: x, y of the image in -1..1 (y up), depth from ``near`` to ``far``."""
+        projection = np.zeros((4, 4))
+        projection[0, 0], projection[1, 1] = 2 * self.focal / self.width, 2 * self.focal / self.height
+        projection[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
+        projection[3, 2] = -1.0
+        camera_to_world = self.pose().numpy() @ _OPENCV_FROM_OPENGL
+        return (projection @ np.linalg.inv(camera_to_world)).astype(np.float32)
 
     def pose(self) -> Float[Tensor, "4 4"]:
         """Camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
@@ -115,3 +142,31 @@ def camera_position(
     cos_e = elevation.cos()
     direction = torch.stack((cos_e * azimuth.cos(), cos_e * azimuth.sin(), elevation.sin()), -1)
     return distance[..., None] * direction
+
+
+def project(
+    points: Float[Tensor, "*batch 3"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
+) -> Float[Tensor, "*batch 2"]:
+    """The image points of points in camera axes, all in front of the camera; in focal lengths from the middle with a
+    focal length of 1 and size (0, 0).
+    """
+    scale = focal / -points[..., 2]
+    return torch.stack((size[0] / 2 + points[..., 0] * scale, size[1] / 2 - points[..., 1] * scale), -1)
+
+
+def camera_directions(
+    pixels: Float[Tensor, "*batch 2"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
+) -> Float[Tensor, "*batch 3"]:
+    """Unit directions in camera axes through image points: the inverse of :func:`project`."""
+    right = (pixels[..., 0] - size[0] / 2) / focal
+    down = (pixels[..., 1] - size[1] / 2) / focal
+    directions = torch.stack(torch.broadcast_tensors(right, -down, -torch.ones_like(right)), -1)
+    return torch.nn.functional.normalize(directions, dim=-1)
+
+
+def pixel_centres(width: int, height: int, device: torch.device | None = None) -> Float[Tensor, "height width 2"]:
+    """The image points of every pixel's centre."""
+    y, x = torch.meshgrid(
+        torch.arange(height, device=device) + 0.5, torch.arange(width, device=device) + 0.5, indexing="ij"
+    )
+    return torch.stack((x, y), -1)

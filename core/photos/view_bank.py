@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import camera_rotation
+from core.geometry.camera import camera_rotation, project
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.precision import autocast
@@ -274,9 +274,9 @@ def _thrown(
     distance: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """A cloud as seen from every view: masks, lights, sizes and offsets as :class:`Bank` holds them."""
-    x, y, z = (camera_rotation(azimuth, elevation) @ points.T).unbind(1)  # (views, points) each
-    depth = (distance - z).clamp_min(1e-3)
-    places = torch.stack((x, -y), 1) / depth[:, None]
+    local = points @ camera_rotation(azimuth, elevation).mT - torch.tensor([0.0, 0.0, distance])
+    local[..., 2].clamp_max_(-1e-3)
+    depth, places = -local[..., 2], project(local, 1.0, (0, 0)).mT  # (views, points), (views, 2, points)
     low, high = places.amin(2), places.amax(2)
     size, middle = (high - low).amax(-1), (high + low) / 2
     scaled = (places - middle[..., None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2

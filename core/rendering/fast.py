@@ -14,8 +14,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from core.geometry.camera import Camera
-from core.geometry.rays import Rays, pixel_centres, rays_at_pixels
+from core.geometry.camera import Camera, pixel_centres
+from core.geometry.rays import Rays, rays_at_pixels
 from core.models.codes import Codes
 from core.models.fused import pad_rows
 from core.models.model import Model

@@ -8,8 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.geometry.rays import Rays
-from core.geometry.sampling import ray_points
+from core.geometry.rays import Rays, ray_points
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import batch_colour, batch_density

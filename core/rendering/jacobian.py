@@ -14,8 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 from torch.nn.functional import pad
 
-from core.geometry.rays import Rays
-from core.geometry.sampling import ray_points
+from core.geometry.rays import Rays, ray_points
 from core.models.field import encode
 from core.models.fused import linear_relu, relu_, relu_backward_
 from core.models.model import Model

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.fused import pad_rows
 from core.models.model import Model
@@ -130,16 +130,15 @@ class Occupancy:
         """
         cell = self.cell * _COARSE_FACTOR
         centres = self._centres
-        turned, place = camera.world_to_camera(centres.device)
-        local = (centres - place) @ turned.T
+        local = camera.to_camera_axes(centres)
         reach = float(cell.norm()) / 2
         depth = local.norm(dim=-1)
         before = -local[:, 2]
         looks = reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
         tile = max(1.0, looks)
         across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
-        column = (camera.width / 2 + pixel_offset + local[:, 0] / before * camera.focal) * (across / camera.width)
-        row = (camera.height / 2 + pixel_offset - local[:, 1] / before * camera.focal) * (down / camera.height)
+        points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
+        column, row = points[:, 0] * (across / camera.width), points[:, 1] * (down / camera.height)
         # A margin of one all round holds the centres of cells that reach in from outside; one more, all others.
         size = down + 2, across + 2
         x, y = column.floor().long() + 1, row.floor().long() + 1

@@ -7,8 +7,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from core.geometry.camera import Camera
-from core.geometry.rays import Rays, camera_rays
-from core.geometry.sampling import midpoints, ray_points, uniform_edges
+from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights

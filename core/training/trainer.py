@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from core.datasets.srn import Dataset, ObjectViews
-from core.geometry.rays import Rays, cast_rays
-from core.geometry.sampling import ray_points, stratified, uniform_edges
+from core.files import atomic_file
+from core.geometry.rays import Rays, cast_rays, ray_points, stratified, uniform_edges
 from core.metrics import psnr
 from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
@@ -306,9 +306,8 @@ class Trainer:
             "hulls": self.bank.hulls,
             "progress": (self.step, self.seconds),
         }
-        partial = path.with_name(path.name + ".partial")
-        torch.save(state, partial)
-        partial.replace(path)
+        with atomic_file(path) as partial:
+            torch.save(state, partial)
 
     def load_state(self, path: Path) -> None:
         """Go on where a saved run stood. Raises ``ValueError`` where it had another size or other objects."""

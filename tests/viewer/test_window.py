@@ -24,8 +24,7 @@ from core.fitting.fit import FitJob, FitStep
 from core.models.codes import Codes
 from core.models.field import Field
 from core.models.model import Model
-from core.models.pictures import save_image
-from core.models.scene import Scene
+from core.models.scene import Scene, save_image
 from core.photos.photo import Photo
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit, quick_frames, quick_photo

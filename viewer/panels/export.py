@@ -4,7 +4,7 @@ from functools import partial
 
 from imgui_bundle import icons_fontawesome_4, imgui
 
-from core.models.pictures import IMAGE_FORMATS
+from core.models.scene import IMAGE_FORMATS
 from viewer.desk import MESHES, VIDEOS, Desk, button, draw_progress
 from viewer.files import Wish
 from viewer.forms import VideoForm, choose

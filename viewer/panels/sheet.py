@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
 
-from core.models.pictures import IMAGE_FORMATS
+from core.models.scene import IMAGE_FORMATS
 from viewer import faces
 from viewer.desk import Desk, button, draw_progress, tip
 from viewer.files import Wish

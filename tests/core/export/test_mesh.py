@@ -9,8 +9,8 @@ import torch
 import trimesh
 
 from core.export import mesh as module
-from core.export.glb import WORLD_FROM_GLTF
 from core.export.mesh import TOLERANCE, Mesh, export_mesh, extract_mesh
+from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import render_frame
@@ -127,12 +127,6 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     else:
         colours = read.visual.vertex_colors[:, :3] / 255
     np.testing.assert_allclose(colours, found.colours, atol=3e-3)
-
-
-def test_the_axes_are_those_that_meshes_are_read_with():
-    from core.datasets import glb_objects as meshes
-
-    assert np.array_equal(meshes.WORLD_FROM_GLTF, WORLD_FROM_GLTF)
 
 
 def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, tmp_path: Path):

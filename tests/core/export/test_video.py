@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from core.export.keyframes import Keyframe, Timeline, View, turntable
-from core.export.video import FORMATS, TRANSPARENT, VideoSettings, to_rgba, write_video
+from core.export.video import FORMATS, VideoSettings, to_rgba, write_video
 from core.models.model import Model
 from core.rendering.progressive import render_frame
 

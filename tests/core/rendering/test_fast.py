@@ -9,8 +9,7 @@ from torch.nn import functional
 
 from core.benchmarks.patched import Change, changed
 from core.geometry.camera import _world_to_camera as placing
-from core.geometry.rays import camera_rays
-from core.geometry.sampling import midpoints, ray_points, uniform_edges
+from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode

@@ -2,9 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from torch import Tensor
 
 from core.models.codes import Codes
 from core.models.model import Model
+from core.rendering.fast import is_cached
+from core.rendering.folded_field import FoldedField
 from core.rendering.progressive import RenderJob, RenderSettings, render_frame, render_progressively
 from tests.conftest import random_model
 
@@ -52,13 +55,31 @@ def test_a_last_stage_of_finer_pixels_is_joined_to_the_pictures_size():
     assert first.stage == 2
 
 
-def test_a_stream_that_is_left_does_no_more_work(model: Model):
-    stream = render_progressively(model, RenderJob(model.codes[0], model.camera(0.3, 0.2)))
-    next(stream)
+def test_a_stream_that_is_left_does_no_more_work(monkeypatch: pytest.MonkeyPatch):
+    evaluate, calls = FoldedField.density, list[int]()
+
+    def counted(folded: FoldedField, activations: Tensor) -> tuple[Tensor, Tensor]:
+        calls.append(len(activations))
+        return evaluate(folded, activations)
+
+    monkeypatch.setattr(FoldedField, "density", counted)
+    model = random_model()
+    job = RenderJob(model.codes[0], model.camera(0.3, 0.2))
+    stream = render_progressively(model, job)
+    while next(stream) is None:
+        pass
+    begun = len(calls)
     stream.close()
+    assert len(calls) == begun
+    assert next(stream, "over") == "over"
+    assert not is_cached(model, job.codes, job.camera, job.settings.samples)
+    list(render_progressively(model, job))
+    assert len(calls) > begun
 
 
-@pytest.mark.parametrize("settings", [{"samples": 1}, {"divisors": ()}, {"divisors": (0,)}, {"supersampling": 0},
-{"preview_samples": 1}]) def test_settings_that_draw_nothing_are_refused(settings: dict):
+@pytest.mark.parametrize(
+    "settings", [{"samples": 1}, {"divisors": ()}, {"divisors": (0,)}, {"supersampling": 0}, {"preview_samples": 1}]
+)
+def test_settings_that_render_nothing_are_refused(settings: dict):
     with pytest.raises(ValueError, match="at least 2 samples"):
         RenderSettings(**settings)
