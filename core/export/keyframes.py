@@ -206,8 +206,15 @@ def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[View]:
 def _row(view: View) -> Float64[np.ndarray, "numbers"]:
     """A view as numbers between which one can go straight: angles, logarithms of distance and focal length, codes."""
     camera = view.camera
-    places = camera.azimuth, camera.elevation, math.log(camera.distance), math.log(camera.focal / camera.height)
-    return np.concatenate([places, *(code.double().cpu().numpy() for code in (view.codes.shape, view.codes.texture))])
+    angles_and_logs = (
+        camera.azimuth,
+        camera.elevation,
+        math.log(camera.distance),
+        math.log(camera.focal / camera.height),
+    )
+    return np.concatenate(
+        [angles_and_logs, *(code.double().cpu().numpy() for code in (view.codes.shape, view.codes.texture))]
+    )
 
 
 def _comparable_row(view: View) -> Float64[np.ndarray, "numbers"]:

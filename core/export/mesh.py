@@ -312,25 +312,25 @@ def _vertex_colours(
     edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
     colours = []
     parts = [torch.from_numpy(array).split(_BLOCK // _COLOUR_SAMPLES) for array in (vertices, normals)]
-    for done, (places, outward) in enumerate(zip(*parts, strict=True)):
+    for done, (positions, outward) in enumerate(zip(*parts, strict=True)):
         yield done / len(parts[0])
         with torch.inference_mode():
             device = folded.device
             colours.append(
-                _surface_colours(folded, places.to(device), outward.to(device), edges.to(device)).cpu().numpy()
+                _surface_colours(folded, positions.to(device), outward.to(device), edges.to(device)).cpu().numpy()
             )
     return np.concatenate(colours)
 
 
 def _surface_colours(
     folded: FoldedField,
-    places: Float[Tensor, "rays 3"],
+    positions: Float[Tensor, "rays 3"],
     outward: Float[Tensor, "rays 3"],
     edges: Float[Tensor, "edges"],
 ) -> Float[Tensor, "rays 3"]:
     """The mean colour that short rays through these places see of the object."""
     middles = (edges[1:] + edges[:-1]) / 2
-    points = places[:, None] - middles[:, None] * outward[:, None]
+    points = positions[:, None] - middles[:, None] * outward[:, None]
     density, y = folded.density(folded.first_layer(points.flatten(0, 1)))
     weights, _ = compositing_weights(density.reshape(points.shape[:2]), edges.expand(len(points), -1))
     towards = folded.direction_bias(-outward).repeat_interleave(len(middles), 0)

@@ -127,13 +127,13 @@ class _Pillow:
 class _Gif(_Pillow):
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         colours = max(8, round(2.55 * self._settings.quality))
-        picture = Image.fromarray(image)
+        frame = Image.fromarray(image)
         if not self._settings.transparent:
-            self._images.append(picture.quantize(colours))
+            self._images.append(frame.quantize(colours))
             return
         # A pixel of a gif is there or not; index 255 is kept for those that are not.
-        reduced = picture.convert("RGB").quantize(min(255, colours))
-        reduced.paste(255, mask=picture.getchannel("A").point(lambda opacity: 255 * (opacity < 128)))
+        reduced = frame.convert("RGB").quantize(min(255, colours))
+        reduced.paste(255, mask=frame.getchannel("A").point(lambda opacity: 255 * (opacity < 128)))
         self._images.append(reduced)
 
     def finish(self) -> None:

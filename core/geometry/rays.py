@@ -94,7 +94,7 @@ def midpoints(edges: Float[Tensor, "*batch samples_and_one"]) -> Float[Tensor, "
 def stratified(
     edges: Float[Tensor, "*batch samples_and_one"], generator: torch.Generator
 ) -> Float[Tensor, "*batch samples"]:
-    """A uniformly rendered place in every interval."""
+    """A uniformly random depth in every interval (stratified sampling)."""
     fractions = torch.rand(edges[..., 1:].shape, generator=generator, device=edges.device)
     return torch.lerp(edges[..., :-1], edges[..., 1:], fractions)
 

@@ -200,16 +200,16 @@ def _apply_strokes(
     """With the strokes drawn over it, the later over the earlier."""
     import cv2
 
-    drawn = values.astype(np.uint8)
-    height, width = drawn.shape
+    canvas = values.astype(np.uint8)
+    height, width = canvas.shape
     for stroke in strokes:
         points = (np.array(stroke.points) * (width, height)).round().astype(np.int32)
         thickness = max(1, round(2 * stroke.radius * max(width, height)))
         value = adding if stroke.adds else removing
-        cv2.polylines(drawn, [points[:, None]], False, int(value), thickness)
+        cv2.polylines(canvas, [points[:, None]], False, int(value), thickness)
         for x, y in points[[0, -1]].tolist():
-            cv2.circle(drawn, (x, y), thickness // 2, int(value), -1)
-    return drawn
+            cv2.circle(canvas, (x, y), thickness // 2, int(value), -1)
+    return canvas
 
 
 def _in_pixels(box: tuple[float, float, float, float], width: int, height: int) -> tuple[int, int, int, int]:

@@ -52,9 +52,9 @@ class AxisLookup(NamedTuple):
         cls, frequencies: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype
     ) -> "AxisLookup":
         """Tabulate a layer over [-reach, reach]; an entry is exact in its middle."""
-        places = ((torch.arange(_RESOLUTION, device=reach.device) + 0.5) * (2 / _RESOLUTION) - 1)[:, None] * reach
+        positions = ((torch.arange(_RESOLUTION, device=reach.device) + 0.5) * (2 / _RESOLUTION) - 1)[:, None] * reach
         origin = encode(torch.zeros_like(reach), frequencies)
-        along = encode(torch.diag_embed(places).movedim(1, 0), frequencies) - origin  # axes, entries, encoded
+        along = encode(torch.diag_embed(positions).movedim(1, 0), frequencies) - origin  # axes, entries, encoded
         outputs = functional.linear(along, weight)
         outputs[0] += functional.linear(origin, weight, bias)
         first = torch.arange(3.0, device=reach.device) * _RESOLUTION
@@ -147,11 +147,11 @@ def batch_colour(
     dtype = weights.features.dtype
     first = weights.position.evaluate if model.white_from_network else weights.position
     found = []
-    for one, seen, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
+    for one, towards, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
         shape, texture = (bias.unbind(0) for bias in biases)
-        for part, look in zip(one.split(_CHUNK_POINTS), seen.split(_CHUNK_POINTS), strict=True):
+        for part, direction in zip(one.split(_CHUNK_POINTS), towards.split(_CHUNK_POINTS), strict=True):
             y = _features(weights, relu_(first(part)), shape)
-            found.append(_colour(model.field, weights, y, weights.direction(look), texture))
+            found.append(_colour(model.field, weights, y, weights.direction(direction), texture))
     return torch.cat(found).reshape(points.shape)
 
 

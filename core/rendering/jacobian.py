@@ -72,10 +72,10 @@ def render_with_jacobian(
     for some in chunks:
         chosen, owners = top[some], objects[some[0]]
         directions = rays.directions.flatten(1, 2)[owners, ray[some]]
-        passed, colours[some] = _forward(
+        forward, colours[some] = _forward(
             model, points[owners, chosen], directions, shape_bias[some[0]], texture_bias[some[0]]
         )
-        activations.append(passed)
+        activations.append(forward)
     composited = _composite(colours, sample_weights, transmittance, top)
     density_derivative = _softplus_derivative(model, density.flatten(1).gather(1, top))
     # An interval without end is opaque whatever its density.
@@ -84,13 +84,13 @@ def render_with_jacobian(
     depth = depths.flatten(1).gather(1, top)
     numbers = bias_jacobians.shape.shape[-1] + bias_jacobians.texture.shape[-1]
     summed = torch.zeros(transmittance.numel(), 4 * (6 + numbers), device=top.device)
-    place = ray + objects * transmittance[0].numel()
-    for some, passed in zip(chunks, activations, strict=True):
+    row = ray + objects * transmittance[0].numel()
+    for some, forward in zip(chunks, activations, strict=True):
         entered = BiasJacobians(bias_jacobians.shape[some[0]], bias_jacobians.texture[some[0]])
-        slopes = _backward(
-            model, passed, composited.by_colour[some], by_density[some], density_derivative[some], depth[some], entered
+        derivatives = _backward(
+            model, forward, composited.by_colour[some], by_density[some], density_derivative[some], depth[some], entered
         )
-        summed.index_add_(0, place[some].flatten(), slopes.flatten(0, 1).flatten(1))
+        summed.index_add_(0, row[some].flatten(), derivatives.flatten(0, 1).flatten(1))
     summed = summed.reshape(*transmittance.shape, 4, -1)
     return RenderedJacobian(composited.colour, composited.opacity, *summed.split((3, 3, numbers), -1))
 
@@ -155,13 +155,13 @@ def _forward(
     """The activations of some samples, and their colours."""
     config, weights = model.field.config, field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    place, look = encode(points, config.position_frequencies), encode(directions, config.direction_frequencies)
-    y = linear_relu(place.to(dtype), *weights.position.layer)
+    position, direction = encode(points, config.position_frequencies), encode(directions, config.direction_frequencies)
+    y = linear_relu(position.to(dtype), *weights.position.layer)
     shape = [y]
     for weight, bias in zip(weights.shape_blocks, shape_bias.to(dtype).unbind(-2), strict=True):
         y = relu_(functional.linear(y, weight).add_(bias[:, None]))
         shape.append(y)
-    y = functional.linear(y, weights.features).add_(functional.linear(look.to(dtype), *weights.direction.layer))
+    y = functional.linear(y, weights.features).add_(functional.linear(direction.to(dtype), *weights.direction.layer))
     texture = [relu_(y)]
     for weight, bias in zip(weights.texture_blocks, texture_bias.to(dtype).unbind(-2), strict=True):
         y = relu_(functional.linear(y, weight).add_(bias[:, None]))
@@ -169,15 +169,15 @@ def _forward(
     y = linear_relu(y, *weights.hidden)
     texture.append(y)
     colour = functional.linear(y, *weights.rgb).float()
-    steep = torch.ones_like(colour)
+    rgb_derivative = torch.ones_like(colour)
     if config.bounded_colour:
         colour = colour.sigmoid()
-        steep = colour * (1 - colour)
-    turned, looked = (
-        _encoding_derivative(place, config.position_frequencies),
-        _encoding_derivative(look, config.direction_frequencies),
+        rgb_derivative = colour * (1 - colour)
+    position_derivative, direction_derivative = (
+        _encoding_derivative(position, config.position_frequencies),
+        _encoding_derivative(direction, config.direction_frequencies),
     )
-    return _Activations(turned, looked, tuple(shape), tuple(texture), steep), colour
+    return _Activations(position_derivative, direction_derivative, tuple(shape), tuple(texture), rgb_derivative), colour
 
 
 def _encoding_derivative(encoded: Tensor, frequencies: int) -> Tensor:
@@ -206,38 +206,42 @@ def _backward(
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    g = pad((by_colour * activations.rgb_derivative).diag_embed(), (0, 0, 0, 1)).to(dtype) @ weights.rgb[0]
-    g = relu_backward_(g, activations.texture[-1][:, :, None]) @ weights.hidden[0]
-    g, texture = _backward_blocks(g, activations.texture[:-1], weights.texture_blocks, bias_jacobians.texture)
-    looked = _along_axes(g @ weights.direction.layer[0], activations.direction_derivative)
+    gradient = pad((by_colour * activations.rgb_derivative).diag_embed(), (0, 0, 0, 1)).to(dtype) @ weights.rgb[0]
+    gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
+    gradient, texture = _backward_blocks(
+        gradient, activations.texture[:-1], weights.texture_blocks, bias_jacobians.texture
+    )
+    by_direction = _along_axes(gradient @ weights.direction.layer[0], activations.direction_derivative)
     by_logit = (by_density * density_derivative[..., None]).to(dtype).reshape(-1, 1) @ weights.density[0]
-    g = torch.addmm(by_logit, g.flatten(0, 2), weights.features).reshape(g.shape)
-    g, shape = _backward_blocks(g, activations.shape, weights.shape_blocks, bias_jacobians.shape)
-    place = _along_axes(g @ weights.position.layer[0], activations.position_derivative)
-    slopes = torch.empty(*place.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=place.device)
-    parts = place, place * depth[..., None, None] + looked, shape, texture
+    gradient = torch.addmm(by_logit, gradient.flatten(0, 2), weights.features).reshape(gradient.shape)
+    gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
+    by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
+    derivatives = torch.empty(
+        *by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=by_position.device
+    )
+    parts = by_position, by_position * depth[..., None, None] + by_direction, shape, texture
     # torch.cat is slower where formats differ.
-    for part, to in zip(parts, slopes.split([part.shape[-1] for part in parts], -1), strict=True):
+    for part, to in zip(parts, derivatives.split([part.shape[-1] for part in parts], -1), strict=True):
         to.copy_(part)
-    return slopes
+    return derivatives
 
 
 def _backward_blocks(
-    g: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], bias_jacobians: Tensor
+    gradient: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], bias_jacobians: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Gradients taken back through blocks and the ReLU before them, and those along the blocks' parameters."""
-    numbers = torch.zeros((), dtype=g.dtype, device=g.device)
+    numbers = torch.zeros((), dtype=gradient.dtype, device=gradient.device)
     for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(bias_jacobians.unbind(1)), strict=True):
-        g = relu_backward_(g, y[:, :, None])
-        numbers = torch.baddbmm(numbers, g.flatten(1, 2), entry)
-        g = g @ weight
-    return relu_backward_(g, activations[0][:, :, None]), numbers.unflatten(1, g.shape[1:3])
+        gradient = relu_backward_(gradient, y[:, :, None])
+        numbers = torch.baddbmm(numbers, gradient.flatten(1, 2), entry)
+        gradient = gradient @ weight
+    return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, gradient.shape[1:3])
 
 
-def _along_axes(slopes: Tensor, encoded: Tensor) -> Tensor:
+def _along_axes(gradient: Tensor, encoded: Tensor) -> Tensor:
     """From the encoded values to the three axes."""
-    axes = torch.eye(3, device=slopes.device).repeat(slopes.shape[-1] // 3, 1)
-    return (slopes.float() * encoded[:, :, None]) @ axes
+    axes = torch.eye(3, device=gradient.device).repeat(gradient.shape[-1] // 3, 1)
+    return (gradient.float() * encoded[:, :, None]) @ axes
 
 
 def _chunks(objects: int, count: int) -> Iterator[tuple[slice, slice]]:

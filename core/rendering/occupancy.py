@@ -134,13 +134,15 @@ class Occupancy:
         reach = float(cell.norm()) / 2
         depth = local.norm(dim=-1)
         before = -local[:, 2]
-        looks = reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
-        tile = max(1.0, looks)
-        across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
+        cell_pixels = (
+            reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
+        )
+        tile = max(1.0, cell_pixels)
+        tile_columns, tile_rows = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
         points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
-        column, row = points[:, 0] * (across / camera.width), points[:, 1] * (down / camera.height)
+        column, row = points[:, 0] * (tile_columns / camera.width), points[:, 1] * (tile_rows / camera.height)
         # A margin of one all round holds the centres of cells that reach in from outside; one more, all others.
-        size = down + 2, across + 2
+        size = tile_rows + 2, tile_columns + 2
         x, y = column.floor().long() + 1, row.floor().long() + 1
         on = (before > 1e-3) & (x >= 0) & (x < size[1]) & (y >= 0) & (y < size[0])
         at = torch.where(on, y * size[1] + x, size[0] * size[1])
@@ -153,9 +155,9 @@ class Occupancy:
         near, far = -tiles[0].flatten(), tiles[1].flatten()
         rows, columns = (
             ((torch.arange(pixels, device=centres.device) + 0.5) * (count / pixels)).long()
-            for pixels, count in ((camera.height, down), (camera.width, across))
+            for pixels, count in ((camera.height, tile_rows), (camera.width, tile_columns))
         )
-        at = rows[:, None] * across + columns
+        at = rows[:, None] * tile_columns + columns
         return near[at], far[at]
 
 

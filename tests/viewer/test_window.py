@@ -494,7 +494,7 @@ def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Stream
         before = session.history
         window.desk.drop([str(tmp_path / "busy.png")])
         window.wait(lambda: cutting.active and not session.worker.busy())
-        assert "no plain ground" in cutting.problem
+        assert "no plain background" in cutting.problem
         window.press(imgui.Key.f1)
         assert not window.desk.help_open
         assert session.errors == []

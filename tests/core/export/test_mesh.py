@@ -14,7 +14,6 @@ from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import render_frame
-from core.training.visual_hull import project
 from tests.core.tiny import tiny_model
 
 
@@ -97,7 +96,7 @@ def test_the_mesh_stands_where_the_picture_shows_the_object(tiny: Model):
     assert solid(found).is_watertight
     camera = tiny.camera(1.1, 0.4)
     drawn = render_frame(tiny, tiny.codes[1], camera)
-    columns, rows = project(torch.from_numpy(found.vertices), camera).long().T.numpy()
+    columns, rows = camera.project(torch.from_numpy(found.vertices)).long().T.numpy()
     covered = np.zeros((40, 40), bool)
     covered[rows, columns] = True
     opaque = drawn.opacity > 0.5

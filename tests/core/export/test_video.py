@@ -56,7 +56,7 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
     assert not list((tmp_path / "turn.frames").iterdir())
 
 
-@pytest.mark.parametrize("suffix", TRANSPARENT)
+@pytest.mark.parametrize("suffix", [name for name, one in FORMATS.items() if one.transparent])
 def test_the_ground_can_be_left_out(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     list(turn(model, path, 2, size=32, transparent=True))

@@ -249,14 +249,14 @@ def refused(path: Path, model: Model, pose: Path | None = None) -> str:
 def test_what_is_no_picture(tmp_path: Path, tiny: Model):
     text = tmp_path / "text.png"
     text.write_text("not a picture")
-    assert "not a picture" in refused(text, tiny)
-    assert "no such picture" in refused(tmp_path / "missing.png", tiny)
+    assert "not an image" in refused(text, tiny)
+    assert "no such image" in refused(tmp_path / "missing.png", tiny)
     assert "is a folder" in refused(tmp_path, tiny)
     (tmp_path / "empty.png").write_bytes(b"")
-    assert "not a picture" in refused(tmp_path / "empty.png", tiny)
+    assert "not an image" in refused(tmp_path / "empty.png", tiny)
     whole = saved(drawing(), tmp_path / "whole.png").read_bytes()
     (tmp_path / "half.png").write_bytes(whole[: len(whole) // 2])
-    assert "not a picture that can be read" in refused(tmp_path / "half.png", tiny)
+    assert "not an image that can be read" in refused(tmp_path / "half.png", tiny)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 300), (300, 3)])
@@ -280,7 +280,7 @@ def test_nothing_but_clear(tmp_path: Path, tiny: Model):
 
 def test_no_plain_ground(tmp_path: Path, tiny: Model):
     noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
-    assert "no plain ground" in refused(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny)
+    assert "no plain background" in refused(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny)
 
 
 def test_a_pose_that_is_not_there(tmp_path: Path, tiny: Model):
@@ -314,7 +314,7 @@ def test_the_shared_photographs(shared: Path, tiny: Model):
         photo = load_photo(shared / "photos" / name, tiny)
         assert photo.cropped
         assert 0.03 < float(photo.mask.float().mean()) < 0.3
-    assert "no plain ground" in refused(shared / "photos" / "toyota.jpg", tiny)
+    assert "no plain background" in refused(shared / "photos" / "toyota.jpg", tiny)
 
 
 def test_framing_scales_and_moves(tiny: Model, tmp_path: Path):

@@ -137,11 +137,15 @@ def test_views_are_kept_for_a_while_only():
     assert len(marching._visible_cache) <= marching._CACHED_VIEWS
 
 
-def test_an_object_out_of_sight_is_white():
-    camera = MODEL.camera(0.0, 0.0, distance=2.0)
-    nothing = MODEL.codes[0]
-    far = render(MODEL, nothing, camera.resized(3, 3), 8)
-    assert bool(torch.isfinite(far.colour).all())
+@pytest.mark.parametrize("azimuth", [0.0, 2.0])
+def test_what_lies_beside_the_object_is_white(azimuth: float):
+    """With an eighth of the focal length the rays of the corners pass beside the scene's box."""
+    camera = MODEL.camera(azimuth, 0.0, distance=2.0)
+    wide = render(MODEL, MODEL.codes[0], replace(camera, focal=camera.focal / 8), 16)
+    for corner in (wide.colour[0, 0], wide.colour[-1, -1], wide.colour[0, -1]):
+        assert corner.tolist() == [1.0, 1.0, 1.0]
+    assert float(wide.opacity[0, 0]) == float(wide.depth[0, 0]) == 0.0
+    assert float(wide.opacity.max()) > 0.0
 
 
 def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel_corners():
