@@ -17,7 +17,7 @@ from torch import Tensor
 from core.geometry.camera import Camera, pixel_centres
 from core.geometry.rays import Rays, rays_at_pixels
 from core.models.codes import Codes
-from core.models.fused import pad_rows
+from core.models.layers import pad_rows
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, Tolerances, tolerances

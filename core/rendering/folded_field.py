@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from core.models.codes import Codes
 from core.models.field import Field, encode
-from core.models.fused import linear_relu, relu_
+from core.models.layers import linear_relu, relu_
 from core.models.model import Model
 from core.models.precision import matmul_dtype
 

@@ -16,7 +16,7 @@ from torch.nn.functional import pad
 
 from core.geometry.rays import Rays, ray_points
 from core.models.field import encode
-from core.models.fused import linear_relu, relu_, relu_backward_
+from core.models.layers import linear_relu, relu_, relu_backward_
 from core.models.model import Model
 from core.models.precision import matmul_dtype
 from core.rendering.compositing import compositing_weights

@@ -16,7 +16,7 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
-from core.models.fused import pad_rows
+from core.models.layers import pad_rows
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 

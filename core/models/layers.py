@@ -1,8 +1,6 @@
-"""Rectifiers as fast as processors allow: with their linear layer in one pass over memory, and as integers, which
-torch compares and masks several times faster than bfloat16.
+"""Linear layers and ReLUs as fast as processors allow: ReLUs as integers, which torch compares and masks several times
+faster than bfloat16, and numbers of rows for which oneDNN has a kernel already.
 """
-
-from functools import cache
 
 import torch
 from jaxtyping import Float, Num
@@ -16,19 +14,14 @@ _INTEGERS = {2: torch.int16, 4: torch.int32, 8: torch.int64}
 def linear_relu(
     values: Float[Tensor, "*batch inputs"], weight: Float[Tensor, "outputs inputs"], bias: Float[Tensor, "outputs"]
 ) -> Float[Tensor, "*batch outputs"]:
-    """``relu(values @ weight.T + bias)``, not differentiable; about twice as fast as its three steps on a processor.
-
-    oneDNN can do them in one call. torch has that for its compiler only, so it is tried once before it is used.
-    """
-    if _fusible(values.device.type, values.dtype):
-        return _fused(values, weight, bias)
+    """``relu(values @ weight.T + bias)``, not differentiable."""
     return relu_(functional.linear(values, weight, bias))
 
 
 def relu_(values: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
     """``values.relu_()``, unseen by autograd: what is negative is so as an integer too.
 
-    A NaN may become 0, as in oneDNN's own rectifier: what is not finite is noticed before the field is evaluated.
+    A NaN may become 0: what is not finite is noticed before the field is evaluated.
     """
     _as_integers(values).clamp_min_(0)
     return values
@@ -52,21 +45,3 @@ def pad_rows(rows: Num[Tensor, "some *width"]) -> Num[Tensor, "more *width"]:
     oneDNN compiles a kernel for every count of rows that it has not met, which takes longer than to run it.
     """
     return functional.pad(rows, (*(0, 0) * (rows.ndim - 1), 0, -len(rows) % _ROWS)) if len(rows) % _ROWS else rows
-
-
-def _fused(values: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
-    return torch.ops.mkldnn._linear_pointwise(values, weight, bias, "relu", [], "")
-
-
-@cache
-def _fusible(device_type: str, dtype: torch.dtype) -> bool:
-    """Whether the call is there and right."""
-    if device_type != "cpu":
-        return False
-    values, weight, bias = (torch.linspace(-1, 1, n).to(dtype) for n in (96, 80, 5))
-    values, weight = values.reshape(6, 16), weight.reshape(5, 16)
-    try:
-        found = _fused(values, weight, bias)
-    except (AttributeError, NotImplementedError, RuntimeError):
-        return False
-    return torch.allclose(found.float(), functional.linear(values, weight, bias).relu().float(), rtol=0.02, atol=0.02)
