@@ -19,7 +19,8 @@ hypothesis.settings.load_profile("shared machine")
 import torch  # noqa: E402
 
 from core.models.codes import CodeBook, Entry  # noqa: E402
-from core.models.field import Field, FieldConfig  # noqa: E402
+from core.models.field import Field  # noqa: E402
+from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
 
 

@@ -47,25 +47,6 @@ def write_sizes(found: sizes.Measured, folder: Path) -> None:
     _write(folder, "size", found.told(), sizes_table(found), lambda: _sizes_chart(found))
 
 
-def write_training(curves: dict[str, list[dict[str, float]]], path: Path) -> None:
-    """``path`` as JSON and, where there is matplotlib, beside it as PNG: PSNR against minutes of training.
-
-    Args:
-        curves: by name, points with ``step``, ``seconds`` and ``psnr`` (dB).
-    """
-    write_json(path, curves)
-    try:
-        figure, (axes,) = _figure(1)
-    except ValueError:
-        return
-    for name, points in curves.items():
-        axes.plot([point["seconds"] / 60 for point in points], [point["psnr"] for point in points], "o-", label=name)
-    axes.set(xlabel="minutes", ylabel="views not trained on (dB)")
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(path.with_suffix(".png"), dpi=110)
-
-
 def prepare(folder: Path) -> None:
     """Sees to it, before hours are spent on measuring, that charts can be drawn and where they go.
 

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.datasets.srn import ObjectPlace, ObjectViews
+from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import photo
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera
@@ -52,7 +52,7 @@ def own_subjects(model: Model, count: int, generator: torch.Generator) -> Iterat
         )
 
 
-def dataset_subjects(model: Model, places: Sequence[ObjectPlace], generator: torch.Generator) -> Iterator[Subject]:
+def dataset_subjects(model: Model, places: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[Subject]:
     """A view of every object of a dataset, drawn by lot."""
     for place in places:
         views = place.read()
@@ -64,9 +64,9 @@ def dataset_subjects(model: Model, places: Sequence[ObjectPlace], generator: tor
 
 
 def spread_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
-    """So many of a model's sound objects, evenly spread, with their names."""
-    sound = model.codes.valid
-    some = [sound[index * len(sound) // count] for index in range(min(count, len(sound)))]
+    """So many of a model's valid objects, evenly spread, with their names."""
+    valid = model.codes.valid
+    some = [valid[index * len(valid) // count] for index in range(min(count, len(valid)))]
     return [(model.codes.objects[index].name, model.codes[index]) for index in some]
 
 

@@ -19,16 +19,17 @@ import torch
 from core.benchmarks import fits as fitting
 from core.benchmarks.held_out_views import dataset_subjects
 from core.benchmarks.rendering import machine
-from core.datasets.srn import Dataset, ObjectPlace, find_objects, read_dataset
+from core.datasets.srn import Dataset, ObjectEntry, index_objects, read_dataset
 from core.evaluation.protocol import Mean, Protocol, evaluate, mean_of
 from core.files import write_json
 from core.fitting.confidence import RIGHT_DEGREES
 from core.fitting.fit import PRESETS
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.precision import autocast
 from core.photos.view_bank import bank_of
-from core.training.trainer import RECIPES, Trainer, held_out_psnr, hold_out
+from core.training.recipes import RECIPES
+from core.training.trainer import Trainer, held_out_psnr, hold_out
 
 CENTRE = FieldConfig(width=128, shape_blocks=2, shape_latent=64, texture_latent=32, position_frequencies=10)
 AXES = {
@@ -115,17 +116,17 @@ def plan() -> tuple[tuple[str, int, FieldConfig], ...]:
         return replace(CENTRE, **change)
 
     others = [(axis, value, varied(**{axis: value})) for axis, values in AXES.items() for value in values]
-    return (("centre", 0, CENTRE), *others, ("ours", 0, RECIPES["ours"].field))
+    return (("centre", 0, CENTRE), *others, ("ours", 0, RECIPES["default"].field))
 
 
-def measured(folders: Sequence[Path], tests: Sequence[ObjectPlace], steps: int, kept: Path) -> Iterator[str | Measured]:
+def measured(folders: Sequence[Path], tests: Sequence[ObjectEntry], steps: int, kept: Path) -> Iterator[str | Measured]:
     """What is being done now, and in the end all that was found. To stop, ask for no more.
 
     Args:
         folders: of the dataset to train on, which is read as a whole only where a model is missing.
         kept: where models are kept, and what was found of them; what is there already is not done again.
     """
-    category, places = find_objects(folders)
+    category, places = index_objects(folders)
     training = cache(lambda: hold_out(read_dataset(list(folders)))[0])
     chosen = plan()
     paths = [kept / f"{category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
@@ -144,20 +145,20 @@ def measured(folders: Sequence[Path], tests: Sequence[ObjectPlace], steps: int, 
 
 
 def _train(training: Dataset, config: FieldConfig, steps: int, path: Path) -> Iterator[str]:
-    trainer = Trainer(training, replace(RECIPES["ours"], field=config, steps=steps))
+    trainer = Trainer(training, replace(RECIPES["default"], field=config, steps=steps))
     for step in trainer.steps():
         if step.step % 100 == 0:
             yield f"training, {path.stem}, step {step.step} of {steps}, {step.psnr:.1f} dB"
     trainer.model().save(path)
 
 
-def _unseen(places: Sequence[ObjectPlace], category: str, model: Model) -> Dataset:
+def _unseen(places: Sequence[ObjectEntry], category: str, model: Model) -> Dataset:
     """Of some training objects the view that none was trained on."""
     some = tuple(place.read() for place in places[:: max(1, len(places) // _UNSEEN)][:_UNSEEN])
     return hold_out(Dataset(some, category, model.image_size, model.focal), _UNSEEN)[1]
 
 
-def _worth(model: Model, unseen: Dataset, tests: Sequence[ObjectPlace], path: Path) -> Generator[str, None, _Worth]:
+def _worth(model: Model, unseen: Dataset, tests: Sequence[ObjectEntry], path: Path) -> Generator[str, None, _Worth]:
     """What is being done now; returns what the model is worth, from ``path`` where that is known."""
     names = [place.name for place in tests]
     if path.exists():

@@ -14,8 +14,8 @@ from core.benchmarks import fits as fitting
 from core.benchmarks import model_sizes as sizes
 from core.benchmarks import robustness as stability
 from core.benchmarks.held_out_views import Subject, dataset_subjects, own_subjects
-from core.cli.progress import require_place
-from core.datasets.srn import ObjectPlace, find_objects
+from core.cli.progress import require_writable
+from core.datasets.srn import ObjectEntry, index_objects
 from core.evaluation.disentanglement import CellScore, swap, table
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
@@ -29,16 +29,19 @@ _Found = TypeVar("_Found")
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
-    """``evaluate``: the paper's table on a test set, or with ``--swap`` how well shape and texture are told apart."""
-    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.every)
-    if chosen.swap and protocol != Protocol(seed=chosen.seed):
-        raise ValueError("--swap draws all of a cell from its true cameras: no --inputs, --pose, --preset or --every")
+    """``evaluate``: the paper's table on a test set, or how well shape and texture are separated."""
+    protocol = Protocol(chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride)
+    if chosen.disentanglement and protocol != Protocol(seed=chosen.seed):
+        raise ValueError(
+            "--disentanglement renders all of a pair from its true cameras: "
+            "no --input-views, --pose, --preset or --view-stride"
+        )
     model = load_model(chosen.model, chosen.device)
     places = _places(model, chosen.datasets)
     if chosen.report:
-        require_place(chosen.report)
+        require_writable(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
-    if chosen.swap:
+    if chosen.disentanglement:
         _evaluate_swap(chosen, model, places, about)
         return
     places = _spread(places, chosen.objects)
@@ -51,7 +54,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
 def bench_render(chosen: argparse.Namespace) -> None:
     """``bench render``: speed and accuracy of the renderer, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(rendering.measured(load_model(chosen.model, chosen.device), chosen.views))
+    found = _last_value(rendering.measured(load_model(chosen.model, chosen.device), chosen.views))
     charts.write_rendering(found, chosen.out)
     print(charts.rendering_table(found), flush=True)
 
@@ -59,34 +62,34 @@ def bench_render(chosen: argparse.Namespace) -> None:
 def bench_fit(chosen: argparse.Namespace) -> None:
     """``bench fit``: speed and accuracy of blind fits, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(fitting.measured(*_subjects(chosen)))
+    found = _last_value(fitting.measured(*_subjects(chosen)))
     charts.write_fitting(found, chosen.out)
     print(charts.fitting_table(found), flush=True)
 
 
-def bench_parts(chosen: argparse.Namespace) -> None:
-    """``bench parts``: blind fits without each part of the method, as numbers, table and chart."""
+def bench_ablations(chosen: argparse.Namespace) -> None:
+    """``bench ablations``: blind fits without each part of the method, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(parts.measured(*_subjects(chosen)))
+    found = _last_value(parts.measured(*_subjects(chosen)))
     charts.write_parts(found, chosen.out)
     print(charts.parts_table(found), flush=True)
 
 
-def bench_stability(chosen: argparse.Namespace) -> None:
-    """``bench stability``: the atlas of where fits fail, as numbers, table and chart."""
+def bench_robustness(chosen: argparse.Namespace) -> None:
+    """``bench robustness``: where fits fail, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(stability.measured(load_model(chosen.model, chosen.device), chosen.objects, chosen.seed))
+    found = _last_value(stability.measured(load_model(chosen.model, chosen.device), chosen.objects, chosen.seed))
     charts.write_stability(found, chosen.out)
     print(charts.stability_table(found), flush=True)
 
 
-def bench_size(chosen: argparse.Namespace) -> None:
-    """``bench size``: what sizes of network and codes buy, as numbers, table and chart."""
+def bench_model_size(chosen: argparse.Namespace) -> None:
+    """``bench model-size``: the effect of the sizes of network and codes, as numbers, table and chart."""
     charts.prepare(chosen.out)
     if not chosen.models.is_dir():
         raise ValueError(f"there is no folder {chosen.models}")
-    tests = _spread(find_objects(chosen.tests)[1], chosen.objects)
-    found = _watched(sizes.measured(chosen.datasets, tests, chosen.steps, chosen.models))
+    tests = _spread(index_objects(chosen.tests)[1], chosen.objects)
+    found = _last_value(sizes.measured(chosen.datasets, tests, chosen.steps, chosen.models))
     charts.write_sizes(found, chosen.out)
     print(charts.sizes_table(found), flush=True)
 
@@ -100,8 +103,8 @@ def _subjects(chosen: argparse.Namespace) -> tuple[Model, tuple[Subject, ...]]:
     return model, tuple(dataset_subjects(model, places, generator))
 
 
-def _watched(stream: Iterator[str | _Found]) -> _Found:
-    """The last value of a benchmark, whose words until then are shown beside the time."""
+def _last_value(stream: Iterator[str | _Found]) -> _Found:
+    """The last value of a benchmark, whose messages until then are shown beside the time."""
     with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
         for value in stream:
             if not isinstance(value, str):
@@ -111,7 +114,7 @@ def _watched(stream: Iterator[str | _Found]) -> _Found:
 
 
 def _evaluate_swap(
-    chosen: argparse.Namespace, model: Model, places: tuple[ObjectPlace, ...], about: dict[str, str]
+    chosen: argparse.Namespace, model: Model, places: tuple[ObjectEntry, ...], about: dict[str, str]
 ) -> None:
     cells = table(model, places)
     kinds = ([cell for cell in cells if cell.trained == trained] for trained in (False, True))
@@ -122,9 +125,9 @@ def _evaluate_swap(
         write_swap_report(chosen.report, scores, about)
 
 
-def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectPlace, ...]:
+def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
     """The objects of datasets, which must be of the model's category."""
-    category, places = find_objects(datasets)
+    category, places = index_objects(datasets)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
     return places

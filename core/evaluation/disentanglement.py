@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from core.datasets.srn import ObjectPlace, ObjectViews
+from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import Mean, compared, drawn_view, fitted, mean_of, photo
 from core.fitting.fit import FitJob
 from core.models.codes import Codes
@@ -33,7 +33,7 @@ _EDIT_SAMPLES = 96
 class Cell:
     """An object of the table of shapes and textures, and the rows of the code book that stand for it."""
 
-    place: ObjectPlace
+    place: ObjectEntry
     shape: int
     texture: int
     trained: bool
@@ -55,12 +55,12 @@ class CellScore:
     ground_change: float
     """0..1, the largest of a colour beside the object"""
     fitted: Codes | None
-    """found from pictures of the cell alone; None for entangled designs, which are not fitted"""
+    """found from pictures of the cell alone; None for entangled architectures, which are not fitted"""
     pictures: UInt8[np.ndarray, "height two_widths 3"]
     """the true view and the drawn one"""
 
 
-def table(model: Model, places: Sequence[ObjectPlace]) -> tuple[Cell, ...]:
+def table(model: Model, places: Sequence[ObjectEntry]) -> tuple[Cell, ...]:
     """The cells that the model has codes for. Raises ``ValueError`` where none of them is held out.
 
     Broken objects lend no codes.
@@ -182,7 +182,7 @@ class SwapSummary:
     swapped_ssim: Mean
     swapped_cells: int
     direct: Mean
-    """of the same cells and views, with codes fitted to other pictures of each cell; NaN for entangled designs"""
+    """of the same cells and views, with codes fitted to other pictures of each cell; NaN for entangled architectures"""
     direct_ssim: Mean
     trained: Mean
     """of trained cells; flattered where their views were trained on"""
@@ -191,7 +191,7 @@ class SwapSummary:
     opacity_change: float
     ground_change: float
     probes: dict[str, Probe | None]
-    """empty for entangled designs"""
+    """empty for entangled architectures"""
 
 
 def swap_summary(scores: Sequence[CellScore]) -> SwapSummary:

@@ -15,7 +15,8 @@ from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
-from core.models.field import Field, FieldConfig
+from core.models.field import Field
+from core.models.field_config import FieldConfig
 from core.models.viewpoint import Glance
 
 FORMAT = "codenerf-1"

@@ -9,19 +9,20 @@ import pytest
 from core.benchmarks import model_sizes as sizes
 from core.benchmarks.charts import prepare, sizes_table, write_sizes
 from core.benchmarks.model_sizes import Measured, measured
-from core.datasets.srn import Dataset, find_objects, write_manifest, write_object
+from core.datasets.srn import Dataset, index_objects, write_manifest, write_object
 from core.evaluation.protocol import Protocol
 from core.fitting.fit import PRESETS, FitSettings
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.models.model import Model
-from core.training.trainer import RECIPES, TrainSettings, TrainStep
+from core.training.recipes import RECIPES, TrainSettings
+from core.training.trainer import TrainStep
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
 
 
 def test_every_model_of_the_plan_differs_in_one_number() -> None:
     centre, *others, ours = sizes.plan()
-    assert (centre[2], ours[2]) == (sizes.CENTRE, RECIPES["ours"].field)
+    assert (centre[2], ours[2]) == (sizes.CENTRE, RECIPES["default"].field)
     assert len({config for _, _, config in others}) == len(others)
     for axis, value, config in others:
         assert config == replace(sizes.CENTRE, **{axis: value})
@@ -52,7 +53,7 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
     for index in range(4):
         write_object(tmp_path / "data", replace(views_of(tiny_model(), index, 3), name=f"stool{index}"))
     write_manifest(tmp_path / "data", "stools", {f"stool{i}": (f"s{i}", f"t{i}") for i in range(4)})
-    folders, places = [tmp_path / "data"], find_objects([tmp_path / "data"])[1]
+    folders, places = [tmp_path / "data"], index_objects([tmp_path / "data"])[1]
     (tmp_path / "models").mkdir()
     monkeypatch.setattr(Taught, "asked", [], raising=False)
     two = [("centre", 0, tiny_model().field.config), ("width", 32, tiny_model().field.config)]

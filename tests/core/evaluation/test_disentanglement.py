@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from core.datasets.srn import ObjectPlace, find_objects, write_manifest, write_object
+from core.datasets.srn import ObjectEntry, index_objects, write_manifest, write_object
 from core.evaluation import disentanglement as module
 from core.evaluation.disentanglement import probe, swap, swap_summary, table
 from core.evaluation.report import swap_told, write_swap_report
@@ -23,7 +23,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[ObjectPlace, ...]:
+def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[ObjectEntry, ...]:
     """The stools that the model knows, and two of its shapes in textures that they did not wear."""
     folder = tmp_path_factory.mktemp("factorial")
     shapes, textures = tiny.codes.shapes, tiny.codes.textures
@@ -31,7 +31,7 @@ def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[Ob
         book = CodeBook(shapes[[shape]], textures[[texture]], (tiny.codes.objects[0]._replace(shape=0, texture=0),))
         write_object(folder, replace(views_of(replace(tiny, codes=book), 0, 3), name=name))
     write_manifest(folder, "stools", {name: (f"s{shape}", f"t{texture}") for name, (shape, texture) in CELLS.items()})
-    return find_objects([folder])[1]
+    return index_objects([folder])[1]
 
 
 def test_the_table_takes_codes_from_objects_known_by_name(tiny: Model, factorial):
