@@ -61,12 +61,12 @@ def picture_size(path: Path) -> tuple[int, int]:
         return picture.size
 
 
-def random_model(seed: int = 0, painted_ground: bool = False) -> Model:
+def random_model(seed: int = 0, white_from_network: bool = False) -> Model:
     """An untrained model of six objects in six textures: a mist, but a different one for every code."""
     torch.manual_seed(seed)
-    config = FieldConfig(width=16, shape_latent=8, texture_latent=4, point_octaves=4, direction_octaves=2)
+    config = FieldConfig(width=16, shape_latent=8, texture_latent=4, position_frequencies=4, direction_frequencies=2)
     book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
-    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, painted_ground)
+    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, white_from_network)
 
 
 @pytest.fixture

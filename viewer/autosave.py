@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.files import whole_file
+from core.files import atomic_file
 from viewer.saved import Saved
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class Autosave:
         session, self._when = self._session, self._clock()
         self._written = session.state
         try:
-            with whole_file(self._file) as partial:
+            with atomic_file(self._file) as partial:
                 partial.write_text(Saved.of(session.opened, session.state, session.gallery.added).text)
         except ValueError as error:
             self._session.report("Cannot save the session as it goes on", error)

@@ -13,7 +13,7 @@ from PIL import Image
 
 from core.models.model import Model
 from core.photos.decode import read_rgba
-from core.photos.photo import Framing, framed
+from core.photos.photo import Crop, prepare_photo
 from core.photos.segmentation import CutOut, Hints, cut_out
 from viewer.course import Source
 from viewer.messages import explain
@@ -55,7 +55,7 @@ class Cutting:
         self.index = 0
         self.plain: np.ndarray | None = None
         """the photo as it is, on white; None until it has been read"""
-        self.hints, self.framing = Hints(), Framing()
+        self.hints, self.framing = Hints(), Crop()
         self.past: tuple[Hints, ...] = ()
         """what :meth:`undo` goes back to"""
         self.cut: Cut | None = None
@@ -69,7 +69,7 @@ class Cutting:
         self.close()
         source = sources[index]
         self.active, self.sources, self.index = True, sources, index
-        self.hints, self.framing = source.hints or Hints(), source.framing or Framing()
+        self.hints, self.framing = source.hints or Hints(), source.framing or Crop()
 
         def read(image: Image.Image) -> None:
             self._image, self.plain = image, _on_white(image)
@@ -101,7 +101,7 @@ class Cutting:
                 self.point(before)
                 return
 
-    def frame(self, framing: Framing) -> None:
+    def frame(self, framing: Crop) -> None:
         """Move and scale the object in its frame."""
         if framing != self.framing:
             self.framing = framing
@@ -148,8 +148,8 @@ def _cut(image: Image.Image, hints: Hints) -> Cut:
     return Cut(hints, found, (shown * np.where(mask[..., None], 1, _DARK)).astype(np.uint8))
 
 
-def _framed(cut: Cut, model: Model, framing: Framing) -> Cut:
-    photo = framed(cut.cut, model, framing=framing)
+def _framed(cut: Cut, model: Model, framing: Crop) -> Cut:
+    photo = prepare_photo(cut.cut, model, crop=framing)
     return replace(cut, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
 
 

@@ -7,7 +7,8 @@ from typing import Any, Protocol, runtime_checkable
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.models.pictures import held_scene
+from core.export import mesh, video
+from core.models.scene import embedded_scene
 from viewer.autosave import Autosave
 from viewer.canvas import Canvas, Images
 from viewer.exporting import Kind
@@ -18,9 +19,9 @@ from viewer.theme import DARK, LIGHT, Palette
 from viewer.worker import Job
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-VIDEOS = (".mp4", ".gif", ".webp", ".frames")
+VIDEOS = tuple(video.FORMATS)
 SCENES = (".json", ".png")
-MESHES = (".glb", ".ply", ".obj")
+MESHES = tuple(mesh.FORMATS)
 
 
 @dataclass(eq=False)
@@ -106,7 +107,7 @@ class Desk:
         self.session.cutting.close()
         others = []
         for path in map(Path, paths):
-            if path.suffix.lower() == ".json" or held_scene(path):
+            if path.suffix.lower() == ".json" or embedded_scene(path):
                 self.load_scene(path)
             else:
                 others.append(path)

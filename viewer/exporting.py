@@ -8,11 +8,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from core.export.keyframes import Shot, turntable
+from core.export.keyframes import View, turntable
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.pictures import save_picture
-from core.models.scene import Scene
+from core.models.scene import Scene, save_image
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.sheet import write_sheet
@@ -34,10 +33,10 @@ class VideoChoice:
     transparent: bool = False
 
 
-def film(model: Model, shots: Sequence[Shot], path: Path, choice: VideoChoice) -> Iterator[int]:
+def film(model: Model, shots: Sequence[View], path: Path, choice: VideoChoice) -> Iterator[int]:
     """core.export.video.film."""
     from core.export.video import VideoSettings
-    from core.export.video import film as stream
+    from core.export.video import write_video as stream
 
     return stream(model, shots, path, VideoSettings(**asdict(choice)))
 
@@ -84,7 +83,7 @@ class Exporting:
         if self._session.model is None or not self._session.state.timeline.keys:
             return
         timeline, rate = self._session.state.timeline, (choice or VideoChoice()).rate
-        self._film("film", path, lambda _: timeline.shots(rate), timeline.count(rate), choice)
+        self._film("film", path, lambda _: timeline.views(rate), timeline.frame_count(rate), choice)
 
     def mesh(self, path: Path, resolution: int | None = None) -> None:
         """Write the object as a coloured mesh, glb, ply or obj by the file's name.
@@ -122,7 +121,7 @@ class Exporting:
         if self._session.model is None:
             return
         model, scene = self._session.model, self._session.scene
-        job = RenderJob(scene.codes, scene.camera.resized(size, size), RenderSettings(stages=(1,)))
+        job = RenderJob(scene.codes, scene.camera.resized(size, size), RenderSettings(divisors=(1,)))
 
         def ended(error: Exception | None) -> None:
             if error:
@@ -139,7 +138,7 @@ class Exporting:
         self,
         kind: Kind,
         path: Path,
-        shots: Callable[[Scene], list[Shot]],
+        shots: Callable[[Scene], list[View]],
         count: int,
         choice: VideoChoice | None,
     ) -> None:
@@ -172,5 +171,5 @@ class Exporting:
 def _written(stream: Iterator[Frame | None], path: Path, scene: Scene) -> Iterator[None]:
     for frame in stream:
         if frame:
-            save_picture(frame.image, path, scene)
+            save_image(frame.image, path, scene)
         yield None

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from core.export.keyframes import Shot, Timeline
+from core.export.keyframes import Timeline, View
 from core.models.model import Model
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
@@ -23,7 +23,7 @@ _RATE = 12.0
 """pictures a second while it plays: on two cores about as many as can be drawn of shapes that change"""
 _DETAIL = 128
 """px along the shorter side"""
-_SETTINGS = RenderSettings(samples=96, stages=(1,))
+_SETTINGS = RenderSettings(samples=96, divisors=(1,))
 _KEPT = 720
 """pictures: a minute"""
 
@@ -189,7 +189,7 @@ class Film:
         if self._drawn_of != (timeline, place):
             self._drawn_of = timeline, place
             self._pictures.clear()
-        count, now = timeline.count(_RATE), int(self.seconds * _RATE)
+        count, now = timeline.frame_count(_RATE), int(self.seconds * _RATE)
         if count > _KEPT:  # too long to keep all of it: only what comes next
             self._pictures.clear()
         order = [index for index in (*range(now, count), *range(now)) if index not in self._pictures][:_KEPT]
@@ -199,7 +199,7 @@ class Film:
                 shot = timeline.at(index / _RATE)
                 excerpt = orbit.filling(shot.camera, *place)
                 for frame in session.streams.frames(model, RenderJob(shot.codes, excerpt.camera, _SETTINGS)):
-                    yield (index, replace(frame, stages=2), excerpt) if frame else None  # a preview
+                    yield (index, replace(frame, stage_count=2), excerpt) if frame else None  # a preview
 
         session.worker.submit(
             Job("film", lambda: drawn(model), self._keep, self._session.reporting("Cannot draw the film"))
@@ -215,8 +215,8 @@ class Film:
         return *self._session.viewport.panel, _DETAIL, self._session.viewport.pan
 
     @property
-    def _shown(self) -> Shot:
-        return Shot(self._session.scene.codes, self._session.scene.camera)
+    def _shown(self) -> View:
+        return View(self._session.scene.codes, self._session.scene.camera)
 
     def _show(self) -> None:
         shot = self.timeline.at(self.seconds)

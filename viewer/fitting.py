@@ -16,7 +16,7 @@ from PIL import Image
 from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.models.scene import Scene
-from core.photos.segmentation import NoGroundError
+from core.photos.segmentation import NoBackgroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.course import Course, Shot, Source, paired
@@ -35,8 +35,8 @@ _LOOK_EVERY = 0.3
 """s between two pictures of the fit, which take their time from it"""
 _LOOK_STEPS = 4
 """steps between two pictures at the least, for machines on which they are slow"""
-_LIVE = RenderSettings(samples=48, stages=(2,))
-_FINISHED = RenderSettings(stages=(1,))
+_LIVE = RenderSettings(samples=48, divisors=(2,))
+_FINISHED = RenderSettings(divisors=(1,))
 
 
 class Fitting:
@@ -202,7 +202,7 @@ class Fitting:
                 self.course = before
                 self.race.reset(race)
             self._ended(error)
-            if isinstance(error, NoGroundError):
+            if isinstance(error, NoBackgroundError):
                 self._session.cutting.open(course.sources, read)
 
         def stream() -> Iterator[Shot | FitStep | None]:
@@ -263,7 +263,7 @@ class Fitting:
         self.running = False
         self.race.over()
         self._session.viewport.render()
-        if not isinstance(error, NoGroundError):  # for which there is a dialog
+        if not isinstance(error, NoBackgroundError):  # for which there is a dialog
             self._session.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:

@@ -6,11 +6,12 @@ from typing import TypeVar
 
 from imgui_bundle import hello_imgui, imgui
 
+from core.export.video import FORMATS
 from viewer.desk import tip
 from viewer.exporting import VideoChoice
 
 T = TypeVar("T")
-_FORMATS = {".mp4": "mp4", ".gif": "gif", ".webp": "webp", ".frames": "png frames"}
+_FORMATS = {suffix: one.label for suffix, one in FORMATS.items()}
 _SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
 _RATES = {rate: f"{rate} fps" for rate in (12, 24, 30, 60)}
 
@@ -37,7 +38,7 @@ class VideoForm:
     @property
     def choice(self) -> VideoChoice:
         """What was chosen, as far as the format has it."""
-        return replace(self._choice, transparent=self._choice.transparent and self.suffix != ".mp4")
+        return replace(self._choice, transparent=self._choice.transparent and FORMATS[self.suffix].transparent)
 
     def draw(self) -> None:
         """Two lines."""
@@ -48,7 +49,7 @@ class VideoForm:
         size = choose("video size", choice.size, _SIZES, "Width and height of the film")
         imgui.same_line()
         rate = choose("rate", choice.rate, _RATES, "Pictures a second", 5.5)
-        imgui.begin_disabled(self.suffix == ".frames")
+        imgui.begin_disabled(FORMATS[self.suffix].folder)
         imgui.set_next_item_width(hello_imgui.em_size(7))
         _, quality = imgui.slider_int(
             "##quality", choice.quality, 1, 100, "Quality %d", imgui.SliderFlags_.always_clamp
@@ -56,9 +57,9 @@ class VideoForm:
         imgui.end_disabled()
         tip("More is sharper, and a larger file; png frames lose nothing")
         imgui.same_line()
-        imgui.begin_disabled(self.suffix == ".mp4")
+        imgui.begin_disabled(not FORMATS[self.suffix].transparent)
         _, clear = imgui.checkbox("No ground###transparent", self.choice.transparent)
         imgui.end_disabled()
         tip("Leave the ground out, so that what is behind shines through (gif, webp, png frames)")
-        clear = choice.transparent if self.suffix == ".mp4" else clear
+        clear = choice.transparent if not FORMATS[self.suffix].transparent else clear
         self._choice = VideoChoice(size, rate, quality, clear)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _SIZE = 64
 """px"""
-_SETTINGS = RenderSettings(samples=40, stages=(1,))
+_SETTINGS = RenderSettings(samples=40, divisors=(1,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class Gallery:
         """Hold the objects of a model but its broken ones, and nothing else."""
         self._session.worker.cancel("thumbnails")
         self._things, self._pictures, self._asked, self._waiting = {}, {}, set(), deque()
-        for index in model.codes.sound:
+        for index in model.codes.valid:
             self._keep(Thing(model.codes.objects[index].name, model.codes[index]))
         if not self._things:
             self._keep(Thing("mean", model.codes.mean))

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from core.export.keyframes import Key, Shot, Timeline
+from core.export.keyframes import Keyframe, Timeline, View
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.photo import Photo
@@ -39,7 +39,7 @@ class Saved:
             "scene": _told(scene),
             "mix": asdict(mix),
             "timeline": {
-                "keys": [(key.seconds, _told(Scene(scene.model, *key.shot))) for key in timeline.keys],
+                "keys": [(key.seconds, _told(Scene(scene.model, *key.view))) for key in timeline.keys],
                 **{name: getattr(timeline, name) for name in ("length", "loop", "turns", "smooth")},
             },
             "things": [
@@ -63,7 +63,7 @@ class Saved:
         about = json.loads(self.text)
         try:
             scene, mix, film = _scene(about["scene"], model), about["mix"], about["timeline"]
-            keys = [Key(float(seconds), _shot(_scene(told, model))) for seconds, told in film.pop("keys")]
+            keys = [Keyframe(float(seconds), _shot(_scene(told, model))) for seconds, told in film.pop("keys")]
             things = tuple(
                 Thing(one["name"], _scene(one["scene"], model).codes, one["photo"] and _unpacked(one["photo"]))
                 for one in about["things"]
@@ -82,8 +82,8 @@ def _scene(told: dict, model: Model) -> Scene:
     return Scene.from_json(json.dumps(told), model)
 
 
-def _shot(scene: Scene) -> Shot:
-    return Shot(scene.codes, scene.camera)
+def _shot(scene: Scene) -> View:
+    return View(scene.codes, scene.camera)
 
 
 def _packed(photo: Photo) -> str:

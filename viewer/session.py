@@ -15,11 +15,10 @@ from core.geometry.camera import Camera
 from core.models.codes import CodeBook, Codes, CodeSpace
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.pictures import open_scene
-from core.models.scene import Scene
+from core.models.scene import Scene, open_scene
 from core.photos.photo import Photo, load_photo
 from core.photos.view_bank import preparing
-from core.rendering.progressive import Frame, RenderJob, frames
+from core.rendering.progressive import Frame, RenderJob, render_progressively
 from viewer import orbit
 from viewer.clipboard import Clipboard
 from viewer.cutting import Cutting
@@ -49,7 +48,7 @@ class Streams:
 
     load_model: Callable[[str], Model] = load_model
     load_photo: Callable[..., Photo] = load_photo
-    frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
+    frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     preparing: Callable[[Model], Iterator[None]] = preparing
     film: Callable[..., Iterator[int]] = film
@@ -131,7 +130,7 @@ class Session:
 
     def nearest(self, part: Part) -> tuple[str, float] | None:
         """The trained object whose code of one kind is nearest, and how far it is (standard deviations)."""
-        if self.model is None or not self.model.codes.sound:
+        if self.model is None or not self.model.codes.valid:
             return None
         code, known = self.code(part), self._nearest.get(part)
         if known is None or known[0] is not code:  # panels ask in every frame, and an edit makes another tensor
@@ -223,7 +222,7 @@ class Session:
 
     def move_along(self, part: Part, direction: int, to: float, gesture: str = "") -> None:
         """Set one coordinate of a code, in standard deviations along a principal direction."""
-        self.set_code(part, self.space(part).moved(self.code(part), direction, to), gesture)
+        self.set_code(part, self.space(part).with_coordinate(self.code(part), direction, to), gesture)
 
     def pull(self, part: Part, to: float, gesture: str = "") -> None:
         """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
@@ -242,12 +241,12 @@ class Session:
     def randomise(self, part: Part) -> None:
         """A code drawn from the cloud of the trained ones, taken as normal."""
         assert self.model is not None, "no model yet"
-        self.set_code(part, getattr(self.model.codes.drawn(self._random), part))
+        self.set_code(part, getattr(self.model.codes.sample(self._random), part))
 
     def randomise_all(self) -> None:
         """Shape and texture drawn at random; what is locked stays."""
         assert self.model is not None, "no model yet"
-        self._recode(self.model.codes.drawn(self._random), self.state.mix)
+        self._recode(self.model.codes.sample(self._random), self.state.mix)
 
     def show(self, name: str) -> None:
         """Make an object current; it becomes A, and both sliders go to A."""

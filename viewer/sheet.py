@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from core.files import whole_file
+from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.pictures import FORMATS
+from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.history import Pair
@@ -27,8 +27,8 @@ MOST = 8
 """objects: 64 pictures are as many as a panel can show"""
 _SIZE = 96
 """px"""
-_QUICK = RenderSettings(samples=64, stages=(1,))
-_FULL = RenderSettings(stages=(1,))
+_QUICK = RenderSettings(samples=64, divisors=(1,))
+_FULL = RenderSettings(divisors=(1,))
 
 
 class Sheet:
@@ -97,11 +97,11 @@ def write_sheet(
     Args:
         camera: of every cell, at the size of a cell.
     """
-    if path.suffix.lower() not in FORMATS:
-        raise ValueError(f"{path.name}: a sheet is called {', '.join(FORMATS)}")
+    if path.suffix.lower() not in IMAGE_FORMATS:
+        raise ValueError(f"{path.name}: a sheet is called {', '.join(IMAGE_FORMATS)}")
     across, down, height, width = len(rows[0]), len(rows), camera.height, camera.width
     whole = np.empty((down * height, across * width, 3), np.uint8)
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         for row, column in product(range(down), range(across)):
             for frame in draw(RenderJob(rows[row][column], camera, _FULL)):
                 if frame:

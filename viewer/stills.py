@@ -15,7 +15,7 @@ from viewer.worker import Job
 if TYPE_CHECKING:
     from viewer.session import Session
 
-_SETTINGS = RenderSettings(samples=40, stages=(1,))
+_SETTINGS = RenderSettings(samples=40, divisors=(1,))
 _KEPT = 600
 """pictures: of 64 px they take 45 kB each"""
 _AT_ONCE = 6

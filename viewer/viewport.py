@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from core.rendering.frame_budget import Pace
+from core.rendering.frame_budget import FrameBudget
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.quality import QUALITIES, USUAL, Quality
@@ -33,7 +33,7 @@ class Viewport:
         self.quality = QUALITIES[USUAL]
         self.times: tuple[tuple[tuple[int, int], float], ...] = ()
         """of the picture on screen: size (px) of each stage so far, and s from the wish to it"""
-        self.pace = Pace()
+        self.pace = FrameBudget()
 
     def clear(self) -> None:
         """Nothing is on screen: another model is open."""
@@ -66,8 +66,8 @@ class Viewport:
         if self.frame and self.frame is session.fitting.live and session.fitting.followed:
             return
         excerpt = orbit.filling(session.scene.camera, *self.panel, self.quality.detail, self.pan)
-        stages = self.pace.stages
-        settings = RenderSettings(self.quality.samples, stages, across=_ACROSS)
+        stages = self.pace.divisors
+        settings = RenderSettings(self.quality.samples, stages, supersampling=_ACROSS)
         job = RenderJob(session.scene.codes, excerpt.camera, settings)
 
         def drawn(frame: Frame) -> None:
@@ -75,7 +75,7 @@ class Viewport:
             self.times = (*earlier, (frame.resolution, frame.seconds))
             self.put(frame, excerpt)
             if frame.stage == 0:
-                self.pace.seen(stages[0], frame.seconds)
+                self.pace.observe(stages[0], frame.seconds)
 
         ended = session.reporting("Cannot draw the object")
         session.worker.submit(Job("view", lambda: session.streams.frames(model, job), drawn, ended, urgent=True))

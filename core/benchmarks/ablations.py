@@ -135,6 +135,6 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "without the silhouette": (_USUAL, _everywhere("SILHOUETTE", 0.0, hypotheses, newton)),
     "in float32": (
         _USUAL,
-        _everywhere("linear_dtype", lambda device: torch.float32, folded, newton, precision, slopes),
+        _everywhere("matmul_dtype", lambda device: torch.float32, folded, newton, precision, slopes),
     ),
 }

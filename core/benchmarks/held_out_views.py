@@ -16,7 +16,7 @@ from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 
@@ -65,8 +65,8 @@ def dataset_views(model: Model, places: Sequence[ObjectEntry], generator: torch.
 
 def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
     """Names and codes of ``count`` objects of the model, evenly spaced, without those whose training collapsed."""
-    sound = model.codes.sound
-    some = [sound[index * len(sound) // count] for index in range(min(count, len(sound)))]
+    valid = model.codes.valid
+    some = [valid[index * len(valid) // count] for index in range(min(count, len(valid)))]
     return [(model.codes.objects[index].name, model.codes[index]) for index in some]
 
 
@@ -94,8 +94,8 @@ def render_on_white(
     model: Model, codes: Codes, camera: Camera
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
     """An image in [0, 1] and the object's mask."""
-    if model.painted_ground:
+    if model.white_from_network:
         colour = render_exact(model, codes, camera, _EXACT_SAMPLES).colour.clamp(0, 1).cpu()
         return colour, (colour < _BACKGROUND).any(-1)
-    rendered = marched(model, codes, camera, RenderSettings().samples)
+    rendered = render(model, codes, camera, RenderSettings().samples)
     return rendered.colour.clamp(0, 1).cpu(), rendered.opacity.cpu() > 0.5

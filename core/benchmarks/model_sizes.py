@@ -32,13 +32,13 @@ from core.photos.view_bank import bank_of
 from core.training.recipes import RECIPES
 from core.training.trainer import Trainer, held_out_psnr, hold_out
 
-BASELINE = FieldConfig(width=128, shape_blocks=2, shape_latent=64, texture_latent=32, point_octaves=10)
+BASELINE = FieldConfig(width=128, shape_blocks=2, shape_latent=64, texture_latent=32, position_frequencies=10)
 SWEEP = {
     "width": (32, 64, 96, 256),
     "shape_latent": (8, 16, 32, 128),
     "texture_latent": (8, 16, 64),
     "shape_blocks": (1, 3),
-    "point_octaves": (4, 6, 8),
+    "position_frequencies": (4, 6, 8),
 }
 _ROUNDS = 7
 _POINTS = 100_000

@@ -19,10 +19,10 @@ from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering import fast as march
-from core.rendering.frame_budget import Pace
-from core.rendering.occupancy import Overlooked, overlooked
-from core.rendering.progressive import RenderJob, RenderSettings, frames
+from core.rendering import fast
+from core.rendering.frame_budget import FrameBudget
+from core.rendering.occupancy import Tolerances, tolerances
+from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
 from core.rendering.reference import render_exact
 
 FULL = "full renderer"
@@ -151,12 +151,12 @@ def _naive(samples: int) -> _Recipe:
     return _Recipe(lambda model, view: _exact(model, view, samples), warm=False)
 
 
-def _fast(samples: int, cutoff: Overlooked | None = None) -> _Recipe:
+def _fast(samples: int, cutoff: Tolerances | None = None) -> _Recipe:
     """A new view of a known shape."""
 
     def render(model: Model, view: _View) -> Tensor:
-        march.forget_views()
-        return march.marched(model, view.codes, view.camera, samples, cutoff=cutoff).colour.clamp(0, 1)
+        fast.clear_views()
+        return fast.render(model, view.codes, view.camera, samples, cutoff=cutoff).colour.clamp(0, 1)
 
     return _Recipe(render)
 
@@ -189,20 +189,20 @@ def _time_all(
 
 def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
     if recipe.warm:
-        march.forget()
+        fast.clear_cache()
         recipe.render(model, view)
     began = time.perf_counter()
     image = recipe.render(model, view).cpu()  # which waits for a graphics card to be done
     return image, time.perf_counter() - began
 
 
-def _ablations(samples: int) -> dict[str, Overlooked]:
+def _ablations(samples: int) -> dict[str, Tolerances]:
     """The fast renderer, and without each of what it leaves out of a ray."""
-    cutoff = overlooked(samples)
+    cutoff = tolerances(samples)
     return {
         FULL: cutoff,
-        "without early ray termination": cutoff._replace(spent=math.inf),
-        "colouring all intervals": cutoff._replace(unseen=-1.0),
+        "without early ray termination": cutoff._replace(termination=math.inf),
+        "colouring all intervals": cutoff._replace(min_weight=-1.0),
     }
 
 
@@ -221,15 +221,18 @@ def _interactions(model: Model, size: int) -> Iterator[Interaction]:
             (index + 1) / (_INTERACTION_FRAMES + _WARMUP_FRAMES)
             for index in range(_INTERACTION_FRAMES + _WARMUP_FRAMES)
         ]
-        whole = [_seconds_until(model, at(what, share, RenderSettings(stages=(1,))), last=True) for share in shares]
-        march.forget()
+        whole = [_seconds_until(model, at(what, share, RenderSettings(divisors=(1,))), last=True) for share in shares]
+        fast.clear_cache()
         _seconds_until(model, at(what, 0.0, RenderSettings()), last=True)
-        budget, previews = Pace(), []
+        budget, previews = FrameBudget(), []
         for share in shares:
-            settings = RenderSettings(stages=budget.stages, across=2)
+            settings = RenderSettings(divisors=budget.divisors, supersampling=2)
             previews.append(_seconds_until(model, at(what, share, settings), last=False))
-            budget.seen(settings.stages[0], previews[-1])
-        ends = [at(what, 1.0 + index, RenderSettings(stages=budget.stages, across=2)) for index in range(_SETTLES)]
+            budget.observe(settings.divisors[0], previews[-1])
+        ends = [
+            at(what, 1.0 + index, RenderSettings(divisors=budget.divisors, supersampling=2))
+            for index in range(_SETTLES)
+        ]
         settle = sum(_seconds_until(model, job, last=True) for job in ends) / len(ends)
         preview_size = max(1, size // budget.divisor)
         yield Interaction(what, size, *_quantiles(whole), *_quantiles(previews), preview_size, settle)
@@ -238,7 +241,7 @@ def _interactions(model: Model, size: int) -> Iterator[Interaction]:
 def _seconds_until(model: Model, job: RenderJob, last: bool) -> float:
     """Seconds until a job's first image is there, or its last."""
     began = time.perf_counter()
-    for frame in frames(model, job):
+    for frame in render_progressively(model, job):
         if frame and (frame.final or not last):
             break
     return time.perf_counter() - began

@@ -19,7 +19,7 @@ from core.models.library import load_model
 from core.models.scene import Scene
 from core.photos.decode import upright_size
 from core.photos.photo import load_photo
-from core.photos.segmentation import Hints, NoGroundError
+from core.photos.segmentation import Hints, NoBackgroundError
 
 
 def fit(chosen: argparse.Namespace) -> None:
@@ -41,7 +41,7 @@ def fit(chosen: argparse.Namespace) -> None:
     each = zip(chosen.images, poses, hints, strict=True)
     try:
         photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
-    except NoGroundError as error:
+    except NoBackgroundError as error:
         raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
@@ -58,7 +58,7 @@ def fit(chosen: argparse.Namespace) -> None:
     if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
     book = model.codes
-    (shape, texture), shapes, textures = last.directions, len(book.shape_space.spread), len(book.texture_space.spread)
+    (shape, texture), shapes, textures = last.directions, len(book.shape_space.std), len(book.texture_space.std)
     spent = {"shape_directions": [shape, shapes], "texture_directions": [texture, textures]}
     print(json.dumps(_told(last) | (spent if chosen.preset != "paper" else {})), flush=True)
 

@@ -9,16 +9,15 @@ from tqdm import tqdm
 
 from core.cli.progress import require_writable, run_with_progress
 from core.export import keyframes as timeline
-from core.export.keyframes import Key, Shot, Timeline
+from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import export_mesh
-from core.export.video import VideoSettings, film
+from core.export.video import VideoSettings, write_video
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.pictures import open_scene, save_picture
-from core.models.scene import Scene
-from core.rendering.progressive import picture
+from core.models.scene import Scene, open_scene, save_image
+from core.rendering.progressive import render_frame
 from core.rendering.reference import render_exact
 
 
@@ -31,8 +30,8 @@ def render(chosen: argparse.Namespace) -> None:
         colour = render_exact(model, codes, camera).colour.clamp(0, 1)
         image = (colour * 255 + 0.5).byte().cpu().numpy()
     else:
-        image = picture(model, codes, camera).image
-    save_picture(image, chosen.out, Scene(model.fingerprint, codes, camera))
+        image = render_frame(model, codes, camera).image
+    save_image(image, chosen.out, Scene(model.fingerprint, codes, camera))
 
 
 def turntable(chosen: argparse.Namespace) -> None:
@@ -41,10 +40,10 @@ def turntable(chosen: argparse.Namespace) -> None:
     settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, chosen.transparent)
     shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
-        there, length = Shot(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
-        keys = Key(0.0, Shot(codes, camera)), Key(length / 2, there)
-        shots = Timeline(keys, length, turns=1).shots(chosen.fps)
-    written = film(model, shots, chosen.out, settings)
+        there, length = View(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
+        keys = Keyframe(0.0, View(codes, camera)), Keyframe(length / 2, there)
+        shots = Timeline(keys, length, turns=1).views(chosen.fps)
+    written = write_video(model, shots, chosen.out, settings)
     run_with_progress(
         (count for before, count in pairwise(chain((0,), written)) if count > before), len(shots), "frame"
     )

@@ -116,7 +116,7 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     tqdm.write(
         f"viewpoint: {share:.0f} % of held-out objects' views within {math.degrees(_VALIDATION_ANGLE):.0f} degrees"
     )
-    return replace(model, glance=classifier)
+    return replace(model, viewpoint_classifier=classifier)
 
 
 def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:
@@ -136,5 +136,5 @@ def convert(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
     model = load_authors(chosen.checkpoint, chosen.config)
     model.save(chosen.out)
-    lost = ", ".join(str(index) for index in sorted(model.codes.broken))
+    lost = ", ".join(str(index) for index in sorted(model.codes.collapsed))
     print(f"{len(model.codes)} {model.category}" + (f"; nearly empty, so left out of the mean: {lost}" if lost else ""))

@@ -16,9 +16,8 @@ from core.datasets.mesh_variants import deformed, pairs, recoloured
 from core.datasets.rasteriser import Surface
 from core.datasets.render_objects import RenderTask, render_objects
 from core.datasets.splits import held_out_meshes
+from core.geometry.camera import WORLD_FROM_GLTF
 
-WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and the front at +z; the world has z up and the front at +y."""
 _TURN_TO_FRONT = {
     "quaternius_oct2017_chair": -90,
     "quaternius_oct2017_chaircushioned": -90,

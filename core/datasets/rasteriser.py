@@ -6,11 +6,10 @@ from types import TracebackType
 
 import moderngl
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int, UInt8
 
 from core.datasets.light import DAYLIGHT, Light
-from core.geometry.camera import Camera, position, rotation
+from core.geometry.camera import Camera
 
 SUPERSAMPLES = 4
 """Samples a pixel along each axis; the mean of the 16 is the pixel."""
@@ -163,13 +162,16 @@ class Rasteriser:
         """
         if (camera.width, camera.height) != (self._size, self._size):
             raise ValueError(f"this rasteriser renders {self._size} px, not {camera.width}x{camera.height}")
+        # Planes that clear the object, whose bounding box has a diagonal of 1.
+        clip_from_world = camera.clip_from_world(max(camera.distance - 0.75, 0.02), camera.distance + 0.75)
+        eye = camera.pose()[:3, 3].numpy().astype(np.float32)
         # Entering makes the context this thread's own: the program's window, or another rasteriser, may have been.
         with self._context as context:
             self._fine.use()
             context.enable_only(moderngl.DEPTH_TEST)
             context.clear(1.0, 1.0, 1.0, 0.0)
-            self._program["clip_from_world"].write(_clip_from_world(camera).T.tobytes())  # type: ignore[union-attr]
-            self._program["eye"].write(_eye(camera).astype(np.float32).tobytes())  # type: ignore[union-attr]
+            self._program["clip_from_world"].write(clip_from_world.T.tobytes())  # type: ignore[union-attr]
+            self._program["eye"].write(eye.tobytes())  # type: ignore[union-attr]
             for array, texture, _ in self._batches:
                 texture.use(0)
                 array.render(moderngl.TRIANGLES)
@@ -210,23 +212,3 @@ class Rasteriser:
             if texture is not self._plain:
                 texture.release()
         self._batches = []
-
-
-def _eye(camera: Camera) -> Float[np.ndarray, "3"]:
-    """The camera's position in the world."""
-    angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], dtype=torch.float64)
-    return position(angles[0], angles[1], angles[2]).numpy()
-
-
-def _clip_from_world(camera: Camera) -> Float[np.ndarray, "4 4"]:
-    """GL's projection: x, y of the image in -1..1 (y up), depth between planes that clear the object."""
-    angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
-    view = np.eye(4)
-    view[:3, :3] = rotation(angles[0], angles[1]).numpy()
-    view[:3, 3] = -view[:3, :3] @ _eye(camera)
-    near, far = max(camera.distance - 0.75, 0.02), camera.distance + 0.75
-    projection = np.zeros((4, 4))
-    projection[0, 0], projection[1, 1] = 2 * camera.focal / camera.width, 2 * camera.focal / camera.height
-    projection[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
-    projection[3, 2] = -1.0
-    return (projection @ view).astype(np.float32)

@@ -18,7 +18,7 @@ from core.evaluation.statistics import Mean, mean_of
 from core.fitting.fit import FitJob
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.reference import Rendered, render_exact
 
 _RENDERED_VIEWS = 12
@@ -67,7 +67,7 @@ def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePai
     Objects whose training collapsed lend no codes.
     """
     book = model.codes
-    known = {book.objects[index].name: book.objects[index] for index in book.sound}
+    known = {book.objects[index].name: book.objects[index] for index in book.valid}
     trained = [entry for entry in entries if entry.name in known]
     shapes = {entry.shape_id: known[entry.name].shape for entry in trained}
     textures = {entry.texture_id: known[entry.name].texture for entry in trained}
@@ -96,7 +96,7 @@ def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: 
     indices = range(len(views.cameras))
     rendered = _evenly_spaced(indices, _RENDERED_VIEWS)
     rest = [view for view in indices if view not in rendered] or rendered
-    fitted = None if model.entangled else _fit_codes(model, views, rest, seed)
+    fitted = None if model.is_ablation else _fit_codes(model, views, rest, seed)
     edited = Codes(codes.shape, book.textures[other_texture])
     before, after = (_render_first_view(model, either, views) for either in (codes, edited))
     background = before.opacity < _BACKGROUND_OPACITY
@@ -130,9 +130,9 @@ def _evenly_spaced(views: Sequence[int], most: int) -> list[int]:
 
 def _render_first_view(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
     camera = views.cameras[0]
-    if model.painted_ground or model.entangled:
+    if model.white_from_network or model.is_ablation:
         return render_exact(model, codes, camera, _EDIT_SAMPLES)
-    return marched(model, codes, camera, _EDIT_SAMPLES)
+    return render(model, codes, camera, _EDIT_SAMPLES)
 
 
 # Leaks
@@ -188,7 +188,7 @@ class DisentanglementSummary:
     opacity_change: float
     background_change: float
     probes: dict[str, Probe | None]
-    """empty for entangled designs"""
+    """empty for entangled architectures"""
 
 
 def summarise_pairs(scores: Sequence[PairScore]) -> DisentanglementSummary:

@@ -16,7 +16,7 @@ from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 
@@ -143,9 +143,9 @@ def render_view(model: Model, codes: Codes, camera: Camera) -> Float[Tensor, "he
 
     The authors' checkpoints and the entangled ablations are rendered exactly, with the paper's number of samples.
     """
-    if model.painted_ground or model.entangled:
+    if model.white_from_network or model.is_ablation:
         return render_exact(model, codes, camera, _EXACT_SAMPLES).colour.clamp(0, 1).cpu()
-    return marched(model, codes, camera, RenderSettings().samples).colour.clamp(0, 1).cpu()
+    return render(model, codes, camera, RenderSettings().samples).colour.clamp(0, 1).cpu()
 
 
 def _require_views(views: ObjectViews, protocol: Protocol, rest: Sequence[int]) -> None:

@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import Dataset
-from core.geometry.rays import Rays, cast
+from core.geometry.rays import Rays, cast_rays
 from core.models.field import Field
 from core.models.precision import autocast
 from core.training.visual_hull import grid_centres, visual_hull
@@ -69,7 +69,7 @@ class RayDataset:
         width = self.size[0]
         centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
         azimuth, elevation, distance = self.angles[view].unbind(-1)
-        rays = cast(centres, azimuth, elevation, distance, self.focal, self.size, self.extent)
+        rays = cast_rays(centres, azimuth, elevation, distance, self.focal, self.size, self.extent)
         return RayBatch(rays, self.owner[view], self.images[view, pixel].float() / 255, self.mask_class[view, pixel])
 
     def _sample_pixels(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Int[Tensor, "rays"]]:

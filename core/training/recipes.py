@@ -57,7 +57,7 @@ RECIPES = {
             shape_blocks=2,
             shape_latent=256,
             texture_latent=256,
-            point_octaves=10,
+            position_frequencies=10,
             density_scale=1.0,
             bounded_colour=False,
         ),
@@ -70,8 +70,8 @@ RECIPES = {
         mask_weight=0.0,
         ema_decay=0.0,
     ),
-    "M1": TrainSettings(field=FieldConfig(design="M1")),
-    "M2": TrainSettings(field=FieldConfig(design="M2")),
+    "M1": TrainSettings(field=FieldConfig(architecture="M1")),
+    "M2": TrainSettings(field=FieldConfig(architecture="M2")),
 }
 """The default, the paper's (its network, loss, samples and rates), and the default with the architectures of
 :mod:`core.models.ablations`.

@@ -15,14 +15,14 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from core.datasets.srn import Dataset, ObjectViews
-from core.files import whole_file
-from core.geometry.sampling import jittered, points_at, uniform_edges
+from core.files import atomic_file
+from core.geometry.rays import ray_points, stratified, uniform_edges
 from core.metrics import psnr
-from core.models.ablations import field_of
+from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
-from core.models.precision import autocast, linear_dtype, require_device
-from core.rendering.compositing import over_white, weights
+from core.models.precision import autocast, matmul_dtype, require_device
+from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.reference import render_exact
 from core.training.ray_dataset import RayBatch, RayDataset
 from core.training.recipes import TrainSettings
@@ -72,7 +72,7 @@ class Trainer:
         self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image)
         self.entries, shapes, textures = _build_entries(dataset)
         config = settings.field
-        self.field = field_of(config).to(self.device)
+        self.field = build_field(config).to(self.device)
         self.shapes = nn.Parameter(_initial_codes(shapes, config.shape_latent).to(self.device))
         self.textures = nn.Parameter(_initial_codes(textures, config.texture_latent).to(self.device))
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
@@ -159,7 +159,7 @@ class Trainer:
             "hulls": self.ray_dataset.hulls,
             "progress": (self.step, self.seconds),
         }
-        with whole_file(path) as partial:
+        with atomic_file(path) as partial:
             torch.save(state, partial)
 
     def load_state(self, path: Path) -> None:
@@ -204,8 +204,8 @@ class Trainer:
         shape, texture = self.shapes[self.shape_row[batch.owner]], self.textures[self.texture_row[batch.owner]]
         edges = uniform_edges(batch.rays, settings.samples)
         density, colours = self._radiance(batch, edges, shape, texture)
-        shares, left = weights(density, edges)
-        error = functional.mse_loss(over_white(shares, left, colours), batch.colours)
+        shares, left = compositing_weights(density, edges)
+        error = functional.mse_loss(composite_on_white(shares, left, colours), batch.colours)
         certain = batch.mask_class != 1
         opacity_error = (1 - left - batch.mask_class.float() / 2) * certain
         mask_loss = opacity_error.square().sum() / certain.sum().clamp_min(1)
@@ -224,11 +224,11 @@ class Trainer:
     ) -> tuple[Float[Tensor, "rays samples"], Float[Tensor, "rays samples 3"]]:
         """Density and colour of one random sample per interval; zero where nothing needs to be evaluated."""
         settings = self.settings
-        depths = jittered(edges, self.generator)
-        points = points_at(batch.rays, depths)
+        depths = stratified(edges, self.generator)
+        points = ray_points(batch.rays, depths)
         hit = self.ray_dataset.inside_hull(points, batch.owner[:, None]).flatten().nonzero()[:, 0]
         ray_biases = self.field.biases(shape, texture)
-        if not settings.whole_image and settings.field.design != "M1":  # M1's density depends on the direction
+        if not settings.whole_image and settings.field.architecture != "M1":  # M1's density depends on the direction
             hit = self._reached_by_light(hit, points, edges, ray_biases[0])
         padded = _pad_to_multiple(hit)
         ray = padded // settings.samples
@@ -244,7 +244,7 @@ class Trainer:
         self, hit: Int[Tensor, "hits"], points: Tensor, edges: Tensor, shape_bias: Tensor
     ) -> Int[Tensor, "lit"]:
         """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
-        density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(linear_dtype(self.device.type))
+        density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(matmul_dtype(self.device.type))
         for part in hit.split(_CHUNK_POINTS):
             padded = _pad_to_multiple(part)
             bias = shape_bias.index_select(0, padded // points.shape[1])

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import Dataset
-from core.geometry.camera import rotation
+from core.geometry.camera import camera_rotation
 from core.models.viewpoint import Glance, cropped, directions, nearness
 
 _BATCH_SIZE = 96
@@ -110,6 +110,6 @@ def augment(
 def accuracy_within(classifier: Glance, dataset: ViewpointDataset, within: float) -> float:
     """The fraction of images whose likeliest direction is within so many rad of the true one, 0..1."""
     likeliest = torch.cat([classifier(part.float() / 255).argmax(1) for part in dataset.images.split(256)])
-    predicted, true = (rotation(*angles) for angles in ([one[likeliest] for one in directions()], dataset[1:]))
+    predicted, true = (camera_rotation(*angles) for angles in ([one[likeliest] for one in directions()], dataset[1:]))
     cosine = ((predicted * true).sum((-2, -1)) - 1) / 2
     return float((cosine > math.cos(within)).float().mean())

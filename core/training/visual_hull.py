@@ -8,7 +8,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import ObjectViews
-from core.geometry.camera import Camera, position, rotation
 
 Extent = tuple[float, float, float]
 
@@ -34,21 +33,13 @@ def visual_hull(
         nearest = max(camera.distance - 0.5, 0.5 * camera.distance)
         reach = int(torch.ceil(cell / 2 * camera.focal / nearest))
         dilated = functional.max_pool2d(torch.from_numpy(mask)[None].float(), 2 * reach + 1, 1, reach)[0] > 0
-        columns, rows = project(centres[remaining], camera).floor().long().unbind(-1)
+        columns, rows = camera.project(centres[remaining]).floor().long().unbind(-1)
         shown = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
         inside = dilated[rows.clamp(0, camera.height - 1), columns.clamp(0, camera.width - 1)]
         remaining = remaining[inside | ~shown]
     hull = torch.zeros(len(centres), dtype=torch.bool)
     hull[remaining] = True
     return hull.reshape(resolution, resolution, resolution)
-
-
-def project(points: Float[Tensor, "count 3"], camera: Camera) -> Float[Tensor, "count 2"]:
-    """Project world points in front of the camera to its image, (x, y) in px from the top left corner."""
-    angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance])
-    local = (points - position(*angles)) @ rotation(angles[0], angles[1]).T
-    scale = camera.focal / -local[:, 2]
-    return torch.stack((camera.width / 2 + local[:, 0] * scale, camera.height / 2 - local[:, 1] * scale), -1)
 
 
 def shared_extent(objects: Sequence[ObjectViews], resolution: int = 32) -> Extent:

@@ -13,7 +13,7 @@ from PIL import Image
 from core.fitting.fit import FitJob, FitStep
 from core.models.codes import CodeBook, Codes
 from core.models.model import Model
-from core.photos.photo import Framing
+from core.photos.photo import Crop
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import broken_fit, deliver, endless_fit, finish, quick_frames
 from viewer import orbit
@@ -401,7 +401,7 @@ def test_a_picture_that_is_cut_out_by_hand_must_be_one(session: Session, bad_fil
     for path in bad_files.values():
         session.messages.clear()
         session.cutting.open((Source(path),), 0)
-        session.cutting.frame(Framing(0.8))
+        session.cutting.frame(Crop(0.8))
         finish(session)
         assert session.history is before
         assert session.errors or session.cutting.problem, path.name

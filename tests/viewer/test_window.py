@@ -18,14 +18,13 @@ from imgui_bundle import hello_imgui, imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
-from core.export.keyframes import Shot
-from core.files import whole_file
+from core.export.keyframes import View
+from core.files import atomic_file
 from core.fitting.fit import FitJob, FitStep
 from core.models.codes import Codes
 from core.models.field import Field
 from core.models.model import Model
-from core.models.pictures import save_picture
-from core.models.scene import Scene
+from core.models.scene import Scene, save_image
 from core.photos.photo import Photo
 from tests.conftest import picture_size
 from tests.core.tiny import tiny_model
@@ -496,7 +495,7 @@ def test_a_photo_on_busy_ground_is_cut_out_by_hand(drive: Drive, streams: Stream
         before = session.history
         window.desk.drop([str(tmp_path / "busy.png")])
         window.wait(lambda: cutting.active and not session.worker.busy())
-        assert "no plain ground" in cutting.problem
+        assert "no plain background" in cutting.problem
         window.press(imgui.Key.f1)
         assert not window.desk.help_open
         assert session.errors == []
@@ -779,7 +778,7 @@ def test_an_export_is_cancelled_and_leaves_nothing(
     drive: Drive, tmp_path: Path, streams: Streams, kind: str, name: str
 ) -> None:
     def slow(*_: object) -> Iterator[float]:
-        with whole_file(tmp_path / name):
+        with atomic_file(tmp_path / name):
             for number in range(1000):
                 time.sleep(0.01)
                 yield number / 1000
@@ -833,7 +832,7 @@ def test_a_dropped_picture_of_this_program_restores_its_scene(
     drive: Drive, tmp_path: Path, model: Model, photo: Path
 ) -> None:
     other = Scene("another model", model.codes[0], model.camera(0, 0))
-    save_picture(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
+    save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
 
     def act(window: Driver) -> None:
         session = window.session
@@ -865,7 +864,7 @@ def test_a_dropped_picture_of_this_program_restores_its_scene(
 
 
 def test_a_film_is_made_and_exported(drive: Drive, streams: Streams, tmp_path: Path) -> None:
-    def small(model: Model, shots: list[Shot], path: Path, choice: VideoChoice) -> Iterator[int]:
+    def small(model: Model, shots: list[View], path: Path, choice: VideoChoice) -> Iterator[int]:
         return film(model, shots, path, replace(choice, size=choice.size // 16))
 
     def act(window: Driver) -> None:

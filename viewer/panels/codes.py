@@ -66,7 +66,7 @@ class CodesPanel:
                     imgui.table_next_column()
                     self._draw_part(desk, part)
                 imgui.end_table()
-            most = max(len(session.space(part).spread) for part in PARTS)
+            most = max(len(session.space(part).std) for part in PARTS)
             if most > _FIRST:
                 _, self._all = imgui.checkbox(f"All {most} directions###all", self._all)
                 tip("Those that explain less, too")
@@ -97,7 +97,7 @@ class CodesPanel:
         space = session.space(part)
         values = space.coordinates(session.code(part)).tolist()
         for index, value in enumerate(values if self._all else values[:_FIRST]):
-            self._draw_slider(desk, part, index, value, float(space.explained[index]))
+            self._draw_slider(desk, part, index, value, float(space.explained_variance[index]))
             if self._strips:
                 self._draw_strip(desk, part, index)
         imgui.end_disabled()
@@ -123,7 +123,7 @@ class CodesPanel:
         session = desk.session
         camera = session.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         space, code = session.space(part), session.code(part)
-        ends = (space.moved(code, index, value + step) for step in (-1.0, 1.0))
+        ends = (space.with_coordinate(code, index, value + step) for step in (-1.0, 1.0))
         codes = (replace(session.scene.codes, **{part: end}) for end in ends)
         low, high = (session.stills.picture(one, camera, soon=True) for one in codes)
         if low is None or high is None:
@@ -157,7 +157,7 @@ class CodesPanel:
         model, basis, place = desk.session.model, self._basis, (part, index, to)
         assert model is not None and basis is not None
         if place not in self._led:
-            code = desk.session.space(part).moved(getattr(basis, part), index, float(to))
+            code = desk.session.space(part).with_coordinate(getattr(basis, part), index, float(to))
             self._led[place] = replace(basis, **{part: code}), orbit.home(model).resized(_STILL, _STILL)
         found = desk.session.stills.picture(*self._led[place])
         if found:

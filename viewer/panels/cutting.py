@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.photos.photo import Framing
+from core.photos.photo import Crop
 from core.photos.segmentation import Hints, Stroke
 from viewer.cutting import Cutting
 from viewer.desk import Desk, button, chord, tip
@@ -147,10 +147,10 @@ def _draw_frame(desk: Desk, cutting: Cutting) -> None:
     imgui.set_next_item_width(width)
     scale = imgui.slider_float("##scale", framing.scale, 0.5, 1.5, "Size %.2f", _WITHIN)[1]
     imgui.set_next_item_width(width)
-    across = imgui.slider_float("##across", framing.across, -0.3, 0.3, "Across %.2f", _WITHIN)[1]
+    across = imgui.slider_float("##across", framing.right, -0.3, 0.3, "Across %.2f", _WITHIN)[1]
     imgui.set_next_item_width(width)
     down = imgui.slider_float("##down", framing.down, -0.3, 0.3, "Down %.2f", _WITHIN)[1]
-    cutting.frame(Framing(scale, across, down))
+    cutting.frame(Crop(scale, across, down))
 
 
 def _draw_end(desk: Desk, cutting: Cutting) -> None:

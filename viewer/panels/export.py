@@ -4,7 +4,7 @@ from functools import partial
 
 from imgui_bundle import icons_fontawesome_4, imgui
 
-from core.models.pictures import FORMATS
+from core.models.scene import IMAGE_FORMATS
 from viewer.desk import MESHES, VIDEOS, Desk, button, draw_progress
 from viewer.files import Wish
 from viewer.forms import VideoForm, choose
@@ -50,7 +50,7 @@ class Export:
             _PICTURE_HELP,
         ):
             save = partial(desk.session.exporting.picture, size=self._picture)
-            desk.files.ask(Wish("Save the picture as", save, FORMATS, True, "picture.png"))
+            desk.files.ask(Wish("Save the picture as", save, IMAGE_FORMATS, True, "picture.png"))
         imgui.separator_text("Scene")
         if button("Save scene…###save scene", "Codes and camera, exact, as a small file (Ctrl+S)"):
             desk.save_scene()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui
 
-from core.models.library import samples, shipped_models
+from core.models.library import sample_images, shipped_models
 from viewer.desk import Desk, chord, tip
 from viewer.preferences import LARGEST, SMALLEST
 
@@ -113,7 +113,7 @@ def _draw_models(desk: Desk) -> None:
 def _draw_samples(desk: Desk, enabled: bool) -> None:
     model = desk.session.model
     if imgui.begin_menu("Fit a sample", enabled):
-        for path in samples(model.category) if model else ():
+        for path in sample_images(model.category) if model else ():
             _item(path.stem, "", partial(desk.fit, path))
         imgui.end_menu()
 

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
 
-from core.models.pictures import FORMATS
+from core.models.scene import IMAGE_FORMATS
 from viewer import faces
 from viewer.desk import Desk, button, draw_progress, tip
 from viewer.files import Wish
@@ -53,7 +53,7 @@ class SheetPanel:
         if draw_progress(desk, "sheet"):
             return
         if button("Export sheet…###export sheet", "All pairs as one picture", enabled=not exporting.running):
-            desk.files.ask(Wish("Export the sheet as", exporting.sheet, FORMATS, True, "sheet.png"))
+            desk.files.ask(Wish("Export the sheet as", exporting.sheet, IMAGE_FORMATS, True, "sheet.png"))
         imgui.same_line()
         if button("Clear###clear sheet", "An empty sheet"):
             sheet.clear()

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.export.keyframes import Key
+from core.export.keyframes import Keyframe
 from viewer import faces
 from viewer.desk import VIDEOS, Desk, button, draw_progress, flow, tip
 from viewer.files import Wish
@@ -108,7 +108,7 @@ class TimelinePanel:
         if not timeline.keys:
             return
         if self._seam[0] is not timeline and not imgui.is_mouse_down(imgui.MouseButton_.left):
-            self._seam = timeline, timeline.seam()
+            self._seam = timeline, timeline.loop_error()
         seam = self._seam[1]
         told = "Loops without a jump" if seam < _LOOPS else f"Jumps at the end ({seam:.0f} steps)"
         flow(told)
@@ -140,7 +140,7 @@ def _draw_line(desk: Desk, film: Film) -> None:
     imgui.get_window_draw_list().add_line((x, corner.y), (x, corner.y + ruler + side), line, 2.0)
 
 
-def _draw_key(desk: Desk, film: Film, index: int, key: Key, corner: ImVec2, side: float, width: float) -> None:
+def _draw_key(desk: Desk, film: Film, index: int, key: Keyframe, corner: ImVec2, side: float, width: float) -> None:
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
     moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until it is let go, and in that frame still
@@ -158,7 +158,7 @@ def _draw_key(desk: Desk, film: Film, index: int, key: Key, corner: ImVec2, side
         if imgui.menu_item_simple("Remove"):
             film.remove_key(index)
         imgui.end_popup()
-    picture = desk.session.stills.picture(key.shot.codes, key.shot.camera.resized(_STILL, _STILL), soon=True)
+    picture = desk.session.stills.picture(key.view.codes, key.view.camera.resized(_STILL, _STILL), soon=True)
     faces.paint_frame(desk, picture, corner, side)
     chosen = film.key == index
     faces.frame(corner, side, desk.palette.accent if chosen else mixed(desk.palette.panel, desk.palette.text, 0.4))

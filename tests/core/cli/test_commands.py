@@ -194,8 +194,8 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     run("train-viewpoint", tmp_path / "d", "--model", out, "--steps", 1, "--out", tmp_path / "looks.safetensors")
     looks, before = load_model(str(tmp_path / "looks.safetensors")), load_model(str(out))
     assert looks.fingerprint == before.fingerprint
-    assert looks.glance is not None
-    assert before.glance is not None
+    assert looks.viewpoint_classifier is not None
+    assert before.viewpoint_classifier is not None
     shutil.rmtree(tmp_path / "d")
 
 

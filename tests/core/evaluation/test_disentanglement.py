@@ -42,7 +42,7 @@ def test_pairs_take_codes_from_objects_known_by_name(tiny: Model, factorial):
 
 
 def test_collapsed_objects_lend_no_codes(tiny: Model, factorial):
-    lost = replace(tiny, codes=replace(tiny.codes, broken=frozenset({0})))
+    lost = replace(tiny, codes=replace(tiny.codes, collapsed=frozenset({0})))
     assert "new01" not in {pair.entry.name for pair in pairs(lost, factorial)}
 
 

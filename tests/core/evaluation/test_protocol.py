@@ -91,8 +91,8 @@ def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
     assert read == [0, 1]
 
 
-def test_a_painted_ground_is_drawn_as_its_authors_did():
-    model = random_model(1, painted_ground=True)
+def test_a_white_from_network_is_drawn_as_its_authors_did():
+    model = random_model(1, white_from_network=True)
     camera = model.camera(0.4, 0.3)
     expected = render_exact(model, model.codes[0], camera, 64).colour.clamp(0, 1)
     assert torch.equal(module.render_view(model, model.codes[0], camera), expected)

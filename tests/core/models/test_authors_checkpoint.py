@@ -11,7 +11,7 @@ from core.metrics import psnr
 from core.models.authors_checkpoint import load_authors
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.progressive import picture
+from core.rendering.progressive import render_frame
 from core.rendering.reference import render_exact
 from tests.core.models.authors_reference import FOCAL, GOLDEN, SAMPLES, SIDE, evaluate, read_weights, render
 
@@ -28,21 +28,21 @@ def converted(cars: Model, tmp_path_factory: pytest.TempPathFactory) -> Model:
     return Model.load(path)
 
 
-def test_the_broken_codes_are_found_and_kept_by_their_index(cars: Model):
+def test_the_collapsed_codes_are_found_and_kept_by_their_index(cars: Model):
     """196 is a mist too, which the shared data's list leaves out; no whole car is among them."""
-    assert cars.codes.broken == {24, 142, 149, 185, 250, 329} | {196}
+    assert cars.codes.collapsed == {24, 142, 149, 185, 250, 329} | {196}
     assert len(cars.codes) == 500
     assert torch.equal(cars.codes[24].shape, cars.codes.shapes[24])
-    sound = torch.tensor(cars.codes.sound)
+    sound = torch.tensor(cars.codes.valid)
     torch.testing.assert_close(cars.codes.mean.shape, cars.codes.shapes[sound].mean(0))
     torch.testing.assert_close(cars.codes.mean.texture, cars.codes.textures[sound].mean(0))
 
 
 def test_the_converted_file_knows_all_that_the_checkpoint_says(cars: Model, converted: Model):
     assert converted.fingerprint == cars.fingerprint
-    assert converted.codes.broken == cars.codes.broken
+    assert converted.codes.collapsed == cars.codes.collapsed
     assert converted.codes.mean == cars.codes.mean
-    assert (converted.painted_ground, converted.category, converted.distance) == (True, "cars", 1.3)
+    assert (converted.white_from_network, converted.category, converted.distance) == (True, "cars", 1.3)
 
 
 @pytest.mark.parametrize("index", range(4))
@@ -112,7 +112,7 @@ def test_the_renderer_is_the_authors(index: int, golden: Model, golden_expected:
 def test_the_viewers_renderer_draws_them_too(converted: Model) -> None:
     codes, camera = converted.codes[1], converted.camera(0.7, 0.4).resized(64, 64)
     exact = render_exact(converted, codes, camera, 96).colour.clamp(0, 1)
-    fast = torch.from_numpy(picture(converted, codes, camera).image).float() / 255
+    fast = torch.from_numpy(render_frame(converted, codes, camera).image).float() / 255
     assert psnr(fast, exact) > 45
 
 

@@ -10,7 +10,7 @@ from core.training.trainer import Trainer, held_out_psnr, hold_out
 from tests.core.training.test_visual_hull import ball
 
 SETTINGS = TrainSettings(
-    FieldConfig(width=16, shape_latent=4, texture_latent=4, point_octaves=3, direction_octaves=1),
+    FieldConfig(width=16, shape_latent=4, texture_latent=4, position_frequencies=3, direction_frequencies=1),
     steps=60,
     rays=128,
     samples=24,
@@ -60,7 +60,7 @@ def test_objects_of_one_texture_share_its_code(dataset: Dataset):
 @pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
 def test_every_recipe_learns(dataset: Dataset, recipe: str):
     sizes = {name: getattr(SETTINGS.field, name) for name in ("width", "shape_latent", "texture_latent")}
-    octaves = {"point_octaves": 3, "direction_octaves": 1}
+    octaves = {"position_frequencies": 3, "direction_frequencies": 1}
     pace = {"steps": 200, "rays": 128, "samples": 24, "network_lr": 1e-2, "code_lr": 1e-2}
     chosen = RECIPES[recipe]
     settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **octaves), **pace)

@@ -2,8 +2,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from core.models import fused as layers
-from core.models.fused import filled, held_back_, linear_relu, rectify_
+from core.models.layers import linear_relu, pad_rows, relu_, relu_backward_
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
@@ -22,33 +21,17 @@ def test_it_is_a_linear_layer_and_its_rectifier(points: int, dtype: torch.dtype)
 @pytest.mark.parametrize("width", [(), (3,)])
 def test_rows_are_filled_up_with_zeros(count: int, more: int, width: tuple[int, ...]) -> None:
     rows = torch.arange(1, 1 + count).reshape(-1, *[1] * len(width)).expand(count, *width)
-    found = filled(rows)
+    found = pad_rows(rows)
     assert found.shape == (more, *width)
     assert torch.equal(found[:count], rows)
     assert not found[count:].any()
 
 
-def test_where_it_cannot_be_fused_the_result_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    values, weight, bias = torch.randn(8, 4), torch.randn(3, 4), torch.randn(3)
-    found = linear_relu(values, weight, bias)
-    monkeypatch.setattr(layers, "_fusible", lambda device, dtype: False)
-    torch.testing.assert_close(linear_relu(values, weight, bias), found)
-
-
-def test_a_processor_without_the_call_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    def missing(*values: torch.Tensor) -> torch.Tensor:
-        raise AttributeError("no such operator")
-
-    monkeypatch.setattr(layers, "_fused", missing)
-    assert not layers._fusible.__wrapped__("cpu", torch.float32)
-    assert not layers._fusible.__wrapped__("cuda", torch.float32)
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16, torch.float64])
 def test_rectifying_integers_rectifies_floats(dtype: torch.dtype) -> None:
     values = torch.tensor([[-1.5, -0.0, 0.0, 1e-30, 2.5, -1e-30, torch.inf, -torch.inf, torch.nan]], dtype=dtype)
-    slopes = torch.randn(3, 9, generator=torch.Generator().manual_seed(0)).to(dtype)
-    plain, awake = values.relu(), values > 0
-    torch.testing.assert_close(rectify_(values), plain, rtol=0, atol=0, equal_nan=True)
-    held = held_back_(slopes.clone(), values)
-    torch.testing.assert_close(held[:, :8], (slopes * awake)[:, :8], rtol=0, atol=0)  # of a NaN either will do
+    gradient = torch.randn(3, 9, generator=torch.Generator().manual_seed(0)).to(dtype)
+    plain, active = values.relu(), values > 0
+    torch.testing.assert_close(relu_(values), plain, rtol=0, atol=0, equal_nan=True)
+    held = relu_backward_(gradient.clone(), values)
+    torch.testing.assert_close(held[:, :8], (gradient * active)[:, :8], rtol=0, atol=0)  # of a NaN either will do
