@@ -18,7 +18,7 @@ from core.models.model import Model
 from core.models.pictures import open_scene
 from core.models.scene import Scene
 from core.photos.photo import Photo, load_photo
-from core.photos.view_bank import preparing
+from core.photos.view_bank import build_view_bank
 from core.rendering.progressive import Frame, RenderJob, frames
 from viewer import orbit
 from viewer.clipboard import Clipboard
@@ -51,7 +51,7 @@ class Streams:
     load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = frames
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
-    preparing: Callable[[Model], Iterator[None]] = preparing
+    preparing: Callable[[Model], Iterator[None]] = build_view_bank
     film: Callable[..., Iterator[int]] = film
     mesh: Callable[..., Iterator[float]] = mesh
 

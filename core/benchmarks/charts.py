@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from PIL import Image, ImageDraw
 
-from core.benchmarks import ablations as parts
+from core.benchmarks import ablations
 from core.benchmarks import fits as fitting
 from core.benchmarks import model_sizes as sizes
 from core.benchmarks import robustness as stability
@@ -37,9 +37,9 @@ def write_stability(found: stability.Atlas, folder: Path) -> None:
     _failures_sheet(ours).save(folder / "failures.png", optimize=True)
 
 
-def write_parts(found: parts.Measured, folder: Path) -> None:
-    """``parts.json``, ``parts.md`` and ``parts.png``."""
-    _write(folder, "parts", found.told(), parts_table(found), lambda: _parts_chart(found))
+def write_ablations(found: ablations.AblationResults, folder: Path) -> None:
+    """``ablations.json``, ``ablations.md`` and ``ablations.png``."""
+    _write(folder, "ablations", found.to_dict(), ablations_table(found), lambda: _ablations_chart(found))
 
 
 def write_sizes(found: sizes.Measured, folder: Path) -> None:
@@ -219,25 +219,25 @@ def _stability_chart(found: stability.Atlas) -> "Figure":
     return figure
 
 
-def parts_table(found: parts.Measured) -> str:
-    """Markdown: the preset as it is, then without each part."""
-    fits = found.parts[0].summary.fits
+def ablations_table(found: ablations.AblationResults) -> str:
+    """Markdown: the preset as it is, then without each component."""
+    fits = found.ablations[0].summary.fits
     lines = [f"{found.machine}; {fits} views, cameras unknown; with 95 % intervals.", ""]
-    head = "normal preset | time | rotation (median) | within 5° | within 10° | other views (dB)"
+    head = "without | time | rotation (median) | within 5° | within 10° | other views (dB)"
     lines += [f"| {head} | against the first (dB) |", "|" + "---|" * 7]
-    for part in found.parts:
-        one = part.summary
+    for ablation in found.ablations:
+        one = ablation.summary
         shares = " | ".join(map(_share, (one.within_5_degrees, one.within_10_degrees)))
-        times = f"{one.preset} | {part.time:.2f} | {one.rotation:.2f}°"
-        lines.append(f"| {times} | {shares} | {one.held_out.mean:.1f} | {_gain(part.gain)} |")
+        times = f"{one.preset} | {ablation.time:.2f} | {one.rotation:.2f}°"
+        lines.append(f"| {times} | {shares} | {one.held_out.mean:.1f} | {_gain(ablation.gain)} |")
     return "\n".join(lines) + "\n"
 
 
-def _parts_chart(found: parts.Measured) -> "Figure":
+def _ablations_chart(found: ablations.AblationResults) -> "Figure":
     figure, (left, right) = _figure(2)
-    whole, *others = found.parts
-    names, gains = [part.summary.preset for part in others], [part.gain for part in others]
-    left.barh(names, [part.time for part in others])
+    whole, *others = found.ablations
+    names, gains = [one.summary.preset for one in others], [one.gain for one in others]
+    left.barh(names, [one.time for one in others])
     left.axvline(1.0, color="black", linewidth=0.8)
     left.set(xlabel="time (of the whole preset's)")
     around = [[one.mean - one.low for one in gains], [one.high - one.mean for one in gains]]

@@ -16,9 +16,10 @@ from core.benchmarks.rendering import machine
 from core.evaluation.protocol import Mean, compared, mean_of, photo
 from core.fitting.confidence import RIGHT_DEGREES, Calibration, calibrated, separation
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
-from core.photos.view_bank import bank_of
+from core.photos.view_bank import view_bank
 
 _FAR = 20.0
 """degrees: a camera that is further off may be another right one"""
@@ -48,7 +49,7 @@ class Trial:
     """dB, mean over some other views, from their true cameras"""
     margin: float | None
     """over the alternative; None where there is none"""
-    spread: float | None
+    uncertainty: float | None
     """degrees, as in :class:`core.fitting.fit.FitStep`"""
     confidence: float | None
     trace: tuple[float, ...]
@@ -106,8 +107,8 @@ def measured(
     model: Model, subjects: Sequence[Subject], presets: dict[str, FitSettings] = PRESETS
 ) -> Iterator[str | Measured]:
     """What is being measured now, and in the end all that was found. To stop, ask for no more."""
-    yield "bank of views"
-    bank_of(model)
+    yield "view bank"
+    view_bank(model)
     trials = list[Trial]()
     for number, subject in enumerate(subjects):
         for name, settings in presets.items():
@@ -117,10 +118,17 @@ def measured(
     yield Measured(machine(model.device), tuple(trials), summaries, _calibration(trials))
 
 
-def trial(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
+def trial(
+    model: Model,
+    subject: Subject,
+    preset: str,
+    settings: FitSettings,
+    seed: int,
+    components: Components = ALL_COMPONENTS,
+) -> Trial:
     """Fit a subject's view without its camera. ``preset`` is only a name."""
     views, index = subject.views, subject.view
-    steps = list(fit(model, FitJob((photo(views, index, False),), settings, seed)))
+    steps = list(fit(model, FitJob((photo(views, index, False),), settings, seed, components=components)))
     last, errors = steps[-1], [rotation_error(step.cameras[0], subject.camera) for step in steps]
     rest = [other for other in range(len(views.cameras)) if other != index]
     some = rest[:: max(1, len(rest) // OTHERS)][:OTHERS]
@@ -129,7 +137,7 @@ def trial(model: Model, subject: Subject, preset: str, settings: FitSettings, se
     quality = last.psnr, float(np.mean(held_out)) if held_out else math.nan
     trace = tuple(errors[_reached(steps, time)] for time in TIMES)
     symmetric = errors[-1] > _FAR and looks_alike(model, subject.codes, last.cameras[0], subject.camera, _ALIKE)
-    turned, trust = (errors[0], errors[-1]), (last.margin, last.spread, last.confidence)
+    turned, trust = (errors[0], errors[-1]), (last.margin, last.uncertainty, last.confidence)
     return Trial(preset, views.name, index, last.seconds, *turned, away, *quality, *trust, trace, symmetric)
 
 
@@ -177,4 +185,4 @@ def _calibration(trials: Sequence[Trial]) -> Calibration | None:
     right = [trial.off <= RIGHT_DEGREES for trial in told]
     if len(set(right)) < 2:
         return None
-    return calibrated([trial.margin or 0.0 for trial in told], [trial.spread or 0.0 for trial in told], right)
+    return calibrated([trial.margin or 0.0 for trial in told], [trial.uncertainty or 0.0 for trial in told], right)

@@ -27,7 +27,7 @@ from core.fitting.fit import PRESETS
 from core.models.field import FieldConfig
 from core.models.model import Model
 from core.models.precision import autocast
-from core.photos.view_bank import bank_of
+from core.photos.view_bank import view_bank
 from core.training.trainer import RECIPES, Trainer, held_out_psnr, hold_out
 
 CENTRE = FieldConfig(width=128, shape_blocks=2, shape_latent=64, texture_latent=32, point_octaves=10)
@@ -166,7 +166,7 @@ def _worth(model: Model, unseen: Dataset, tests: Sequence[ObjectPlace], path: Pa
             return _Worth(**kept)
     yield f"views of its own objects, {path.stem}"
     own = held_out_psnr(model, unseen)
-    bank_of(model)  # made before the first fit is timed
+    view_bank(model)  # made before the first fit is timed
     psnrs, blind = list[float](), list[fitting.Trial]()
     for number, place in enumerate(tests):
         yield f"fits, {path.stem}, {place.name}"

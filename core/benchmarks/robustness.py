@@ -19,6 +19,7 @@ from core.benchmarks.held_out_views import anywhere, drawn_on_white, looks_alike
 from core.benchmarks.rendering import machine
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitSettings, Hypothesis, fit
+from core.fitting.settings import PaperSettings
 from core.geometry.camera import Camera
 from core.metrics import rotation_error
 from core.models.codes import Codes
@@ -118,7 +119,9 @@ def measured(
                 picture = _picture(model, codes, truth, stressor, level, seed + number)
                 for preset, settings in presets.items():
                     trial = Trial(what, level, preset, name, None, None, "")
-                    begin = stressor.begun(truth, level) if stressor.begun and settings.paper else None
+                    begin = (
+                        stressor.begun(truth, level) if stressor.begun and isinstance(settings, PaperSettings) else None
+                    )
                     job = _Job(picture, settings, seed + number, begin)
                     trials.append(_tried(model, codes, job, truth, trial, stressor.absent))
     yield Atlas(machine(model.device), len(seen), tuple(trials))

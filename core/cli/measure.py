@@ -8,8 +8,7 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
-from core.benchmarks import ablations as parts
-from core.benchmarks import charts, rendering
+from core.benchmarks import ablations, charts, rendering
 from core.benchmarks import fits as fitting
 from core.benchmarks import model_sizes as sizes
 from core.benchmarks import robustness as stability
@@ -67,9 +66,9 @@ def bench_fit(chosen: argparse.Namespace) -> None:
 def bench_parts(chosen: argparse.Namespace) -> None:
     """``bench parts``: blind fits without each part of the method, as numbers, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(parts.measured(*_subjects(chosen)))
-    charts.write_parts(found, chosen.out)
-    print(charts.parts_table(found), flush=True)
+    found = _watched(ablations.run(*_subjects(chosen)))
+    charts.write_ablations(found, chosen.out)
+    print(charts.ablations_table(found), flush=True)
 
 
 def bench_stability(chosen: argparse.Namespace) -> None:

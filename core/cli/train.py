@@ -19,7 +19,7 @@ from core.models.authors_checkpoint import load_authors
 from core.models.field import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.viewpoint import Glance
+from core.models.viewpoint import ViewpointClassifier
 from core.training.trainer import RECIPES, Trainer, held_out_psnr, hold_out
 from core.training.viewpoint import glimpses, share_recognised, taught
 
@@ -105,7 +105,7 @@ def _taught(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
     shown = [views for index, views in enumerate(dataset.objects) if index % _ASKED] or asked
     seen = glimpses(replace(dataset, objects=tuple(shown)))
     torch.manual_seed(seed)
-    pupil = Glance()
+    pupil = ViewpointClassifier()
     with tqdm(total=steps, desc="glance", unit="step", disable=None) as bar:
         for _ in taught(pupil, seen, steps, seed):
             bar.update()

@@ -15,7 +15,7 @@ from core.geometry.camera import Camera
 from core.models.ablations import field_of
 from core.models.codes import CodeBook, Entry
 from core.models.field import Field, FieldConfig
-from core.models.viewpoint import Glance
+from core.models.viewpoint import ViewpointClassifier
 
 FORMAT = "codenerf-1"
 
@@ -37,7 +37,7 @@ class Model:
     """scene units, from which the training pictures were taken"""
     painted_ground: bool = False
     """The network itself paints the white ground (the authors' checkpoints): light never passes the last sample."""
-    glance: Glance | None = None
+    glance: ViewpointClassifier | None = None
     """tells from where a picture is probably taken; on the processor"""
 
     def __post_init__(self) -> None:
@@ -118,7 +118,7 @@ class Model:
     def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
         field = field_of(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
-        glance = Glance() if any(name.startswith("glance.") for name in tensors) else None
+        glance = ViewpointClassifier() if any(name.startswith("glance.") for name in tensors) else None
         if glance:
             names = [name for name in tensors if name.startswith("glance.")]
             glance.load_state_dict({name.removeprefix("glance."): tensors.pop(name).float() for name in names})

@@ -13,8 +13,9 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.decode import read_rgba
+from core.photos.ranking import ObjectImage, offset_from_expected
 from core.photos.segmentation import CutOut, Hints, NoGroundError, cut_out
-from core.photos.view_bank import Apparent, apparent, astray, bank_of
+from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
 _ASTRAY = 0.02
 """focal lengths: an object that lies further from where it should was moved in its picture"""
@@ -114,16 +115,16 @@ def framed(
         across = max(1, round(size * width / height))
         pixels, mask = _resampled(cut, (0, 0, width, height), (across, size))
         return Photo(pixels, mask, Camera.from_pose(pose, model.focal, across, size))
-    usual, framing = apparent(model), framing or Framing()
+    usual, framing = apparent_size(model), framing or Framing()
     if framing == Framing() and _like_training(cut, usual):
         pixels, mask = _resampled(cut, (0, 0, width, width), (size, size))
         if not bool(mask.any()):
             raise ValueError(f"the object is too thin to be seen at {size} px")
-        if astray(bank_of(model), pixels, mask, model.focal) < _ASTRAY:
+        if offset_from_expected(view_bank(model), ObjectImage(pixels, mask, model.focal)) < _ASTRAY:
             return Photo(pixels, mask)
         half = width / 2  # only moved: of its size, which is right, the perspective is a part
     else:
-        half = _half(cut, usual.typical * framing.scale)
+        half = _half(cut, usual.median * framing.scale)
     square = _square(cut, half, framing)
     pixels, mask = _resampled(cut, square, (size, size))
     if not bool(mask.any()):
@@ -157,14 +158,14 @@ def _box(mask: Bool[np.ndarray, "height width"]) -> tuple[int, int, int, int]:
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
-def _like_training(cut: CutOut, usual: Apparent) -> bool:
+def _like_training(cut: CutOut, usual: SizeRange) -> bool:
     """A square picture on white whose object is as large as a training picture shows it."""
     height, width = cut.mask.shape
     if not cut.white or width != height:
         return False
     left, top, right, bottom = _box(cut.mask)
     size = max(right - left, bottom - top) / width
-    return 0.6 * usual.least < size < min(1.4 * usual.most, 0.9)
+    return 0.6 * usual.min < size < min(1.4 * usual.max, 0.9)
 
 
 def _half(cut: CutOut, share: float) -> float:

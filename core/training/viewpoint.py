@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from core.datasets.srn import Dataset
 from core.geometry.camera import rotation
-from core.models.viewpoint import Glance, cropped, directions, nearness
+from core.models.viewpoint import ViewpointClassifier, crop_to_object, direction_weights, directions
 
 _BATCH = 96
 _RATE = 2e-3
@@ -48,7 +48,7 @@ def glimpses(dataset: Dataset) -> Glimpses:
     for views in dataset.objects:
         for image, mask, camera in zip(views.images, views.masks, views.cameras, strict=True):
             if mask.any():
-                seen = cropped(torch.from_numpy(image).float() / 255, torch.from_numpy(mask))
+                seen = crop_to_object(torch.from_numpy(image).float() / 255, torch.from_numpy(mask))
                 pictures.append((255 * seen + 0.5).to(torch.uint8))
                 angles.append((camera.azimuth, camera.elevation))
     if not pictures:
@@ -56,7 +56,7 @@ def glimpses(dataset: Dataset) -> Glimpses:
     return Glimpses(torch.stack(pictures), *torch.tensor(angles).unbind(1))
 
 
-def taught(glance: Glance, seen: Glimpses, steps: int, seed: int = 0) -> Iterator[GlanceStep]:
+def taught(glance: ViewpointClassifier, seen: Glimpses, steps: int, seed: int = 0) -> Iterator[GlanceStep]:
     """Train a network, one step per value; to stop, ask for no more."""
     dice = torch.Generator().manual_seed(seed)
     optimiser = torch.optim.AdamW(glance.parameters(), _RATE, weight_decay=1e-2)
@@ -65,7 +65,7 @@ def taught(glance: Glance, seen: Glimpses, steps: int, seed: int = 0) -> Iterato
         optimiser.param_groups[0]["lr"] = _RATE * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
         chosen = torch.randint(len(seen.pictures), (_BATCH,), generator=dice)
         pictures, azimuth = disguised(seen.pictures[chosen].float() / 255, seen.azimuth[chosen], dice)
-        right = nearness(azimuth, seen.elevation[chosen], _BLUR)
+        right = direction_weights(azimuth, seen.elevation[chosen], _BLUR)
         loss = functional.cross_entropy(glance(pictures), right)
         optimiser.zero_grad()
         loss.backward()
@@ -102,7 +102,7 @@ def disguised(
     return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, math.pi - azimuth, azimuth)
 
 
-def share_recognised(glance: Glance, seen: Glimpses, within: float) -> float:
+def share_recognised(glance: ViewpointClassifier, seen: Glimpses, within: float) -> float:
     """The share of pictures whose likeliest direction is within so many rad of the true one, 0..1."""
     likely = torch.cat([glance(part.float() / 255).argmax(1) for part in seen.pictures.split(256)])
     guess, truth = (rotation(*angles) for angles in ([one[likely] for one in directions()], seen[1:]))

@@ -7,7 +7,7 @@ from safetensors.torch import save_file
 
 from core.models.codes import CodeBook
 from core.models.model import Model
-from core.models.viewpoint import SIDE, Glance
+from core.models.viewpoint import SIDE, ViewpointClassifier
 
 
 def test_saving_and_loading_is_exact(model: Model, tmp_path):
@@ -28,7 +28,7 @@ def test_saving_and_loading_is_exact(model: Model, tmp_path):
 
 
 def test_a_glance_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
-    looking = replace(model, glance=Glance())
+    looking = replace(model, glance=ViewpointClassifier())
     looking.save(tmp_path / "m.safetensors")
     again = Model.load(tmp_path / "m.safetensors")
     assert again.fingerprint == model.fingerprint

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from core.models.model import Model
 from core.photos.photo import Framing, Photo, load_photo, photo_from_array
 from core.photos.segmentation import Hints, NoGroundError
-from core.photos.view_bank import apparent
+from core.photos.view_bank import apparent_size
 from core.rendering.reference import render_exact
 from tests.core.tiny import SIDE
 
@@ -36,7 +36,7 @@ def check_found(photo: Photo, model: Model) -> None:
     assert photo.framed
     assert photo.camera is None
     rows, columns = photo.mask.any(1).nonzero()[:, 0], photo.mask.any(0).nonzero()[:, 0]
-    side = apparent(model).typical * SIDE
+    side = apparent_size(model).median * SIDE
     assert len(rows) == pytest.approx(side, abs=1.5)
     assert len(columns) == pytest.approx(side, abs=1.5)
     assert float(rows.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)

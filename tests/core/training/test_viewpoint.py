@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from core.datasets.srn import Dataset
-from core.models.viewpoint import SIDE, Glance
+from core.models.viewpoint import SIDE, ViewpointClassifier
 from core.training.viewpoint import Glimpses, disguised, glimpses, share_recognised, taught
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
@@ -36,7 +36,7 @@ def test_a_mirrored_object_is_seen_from_the_other_side_of_its_front():
 
 def test_it_learns_where_from_a_picture_is_taken(seen: Glimpses):
     torch.manual_seed(0)
-    glance = Glance()
+    glance = ViewpointClassifier()
     steps = list(taught(glance, seen, 150))
     assert [step.step for step in steps] == list(range(1, 151))
     assert steps[-1].loss < steps[0].loss
