@@ -5,8 +5,11 @@ view: views differ by far more than components do.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from statistics import median
+
+import torch
 
 from core.benchmarks.fits import Summary, Trial, summary, trial
 from core.benchmarks.held_out_views import Subject
@@ -14,9 +17,10 @@ from core.benchmarks.rendering import machine
 from core.evaluation.protocol import Mean, mean_of
 from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
 from core.models.model import Model
+from core.models.precision import use_dtype
 from core.photos.view_bank import view_bank
 
-FULL = "full"
+FULL, _HALF_PRECISION = "full", "bfloat16"
 _USUAL = PRESETS["normal"]
 ABLATIONS: dict[str, tuple[FitSettings, Components]] = {
     FULL: (_USUAL, ALL_COMPONENTS),
@@ -33,6 +37,7 @@ ABLATIONS: dict[str, tuple[FitSettings, Components]] = {
     "camera prior": (_USUAL, Components(camera_prior=False)),
     "robust loss": (_USUAL, Components(robust_loss=False)),
     "mask loss": (_USUAL, Components(mask_loss=False)),
+    _HALF_PRECISION: (_USUAL, ALL_COMPONENTS),
 }
 """By what each leaves out of :data:`FULL`."""
 
@@ -69,7 +74,8 @@ def run(model: Model, subjects: Sequence[Subject]) -> Iterator[str | AblationRes
     for number, subject in enumerate(subjects):
         for name, (settings, components) in ABLATIONS.items():
             yield f"{subject.views.name}, without {name}" if name != FULL else f"{subject.views.name}, {name}"
-            trials[name].append(trial(model, subject, name, settings, number, components))
+            with use_dtype(torch.float32) if name == _HALF_PRECISION else nullcontext():
+                trials[name].append(trial(model, subject, name, settings, number, components))
     yield AblationResults(
         machine(model.device), tuple(_ablation(name, trials[name], trials[FULL]) for name in ABLATIONS)
     )

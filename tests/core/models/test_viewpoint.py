@@ -23,7 +23,7 @@ def picture(left: int, top: int, size: int) -> tuple[torch.Tensor, torch.Tensor]
     return pixels, mask
 
 
-def test_a_picture_looks_the_same_wherever_and_however_large_the_object_is():
+def test_an_image_looks_the_same_wherever_and_however_large_the_object_is():
     small, large = crop_to_object(*picture(5, 7, 24)), crop_to_object(*picture(30, 4, 48))
     assert small.shape == (4, SIDE, SIDE)
     assert float((small - large).abs().mean()) < 0.02
@@ -51,7 +51,7 @@ def test_probabilities_add_up_and_none_is_lost():
     assert float(found.min()) > 1e-4
 
 
-def test_a_likely_camera_is_no_surprise_and_its_twin_is():
+def test_the_likeliest_camera_has_no_nll_and_its_opposite_has():
     azimuth, elevation = directions()
     probability = torch.full_like(azimuth, 1e-4)
     probability[30] = 1.0
