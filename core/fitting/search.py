@@ -36,7 +36,7 @@ _WINDOW = 4
 """Steps of the refinement whose mean is scored: a single one follows its own pixels."""
 _MIN_IMPROVEMENT = 0.01
 """The refinement ends where two such means in a row are not better by this share than all that were scored before."""
-_RESTART_BELOW = 0.92
+RESTART_BELOW = 0.92
 """A camera of less confidence is searched for once more; goes with :data:`core.fitting.confidence.CALIBRATION`."""
 
 
@@ -150,7 +150,7 @@ def assess(problem: Problem, selected: SearchResult, refined: HypothesisBatch, f
 
 def is_doubtful(result: SearchResult) -> bool:
     """Whether the one unknown camera deserves another search."""
-    return result.uncertainty is not None and confidence(result.margin, result.uncertainty) < _RESTART_BELOW
+    return result.uncertainty is not None and confidence(result.margin, result.uncertainty) < RESTART_BELOW
 
 
 def better_of(problem: Problem, first: SearchResult, second: SearchResult) -> SearchResult:

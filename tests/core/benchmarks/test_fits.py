@@ -23,7 +23,7 @@ from tests.conftest import random_model
 from tests.core.tiny import tiny_model
 
 QUICK = {
-    "normal": FitSettings(starts=6, steps=40, rays=96, samples=20),
+    "normal": FitSettings(hypotheses=6, steps=40, rays=96, samples=20),
     "paper": replace(PRESETS["paper"], steps=20, rays=64, samples=16),
 }
 
@@ -65,11 +65,11 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measur
         assert trial.trace[-1] in (trial.first_rotation, trial.rotation) or trial.seconds > fitting.TIMES[-1]
         assert trial.held_out > 5
         if trial.preset == "paper":
-            assert trial.margin is trial.spread is trial.confidence is None
+            assert trial.margin is trial.uncertainty is trial.confidence is None
         else:
             assert trial.margin is not None
-            assert trial.spread is not None
-            assert trial.confidence == confidence(trial.margin, trial.spread)
+            assert trial.uncertainty is not None
+            assert trial.confidence == confidence(trial.margin, trial.uncertainty)
     assert [summary.preset for summary in found.summaries] == list(QUICK)
     assert {summary.fits for summary in found.summaries} == {2}
     assert all(one.separation is None or 0 <= one.separation <= 1 for one in found.summaries)

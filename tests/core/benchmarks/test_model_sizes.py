@@ -46,7 +46,7 @@ class Taught:
 @pytest.fixture
 def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Measured:
     for preset in ("draft", "normal"):
-        monkeypatch.setitem(PRESETS, preset, FitSettings(starts=2, steps=5, rays=32, samples=8))
+        monkeypatch.setitem(PRESETS, preset, FitSettings(hypotheses=2, steps=5, rays=32, samples=8))
     monkeypatch.setattr(sizes, "Trainer", Taught)
     monkeypatch.setattr(sizes, "Protocol", lambda every: Protocol(inputs=(0,)))
     for index in range(4):

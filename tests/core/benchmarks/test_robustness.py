@@ -17,7 +17,7 @@ from core.models.model import Model
 from tests.core.tiny import tiny_model
 
 QUICK = {
-    "normal": FitSettings(starts=8, steps=60, rays=128, samples=24),
+    "normal": FitSettings(hypotheses=8, steps=60, rays=128, samples=24),
     "paper": replace(PRESETS["paper"], steps=10, rays=64, samples=16),
 }
 
@@ -67,7 +67,7 @@ def test_only_the_paper_is_told_where_to_begin(monkeypatch: pytest.MonkeyPatch):
     began, fit = list[Camera | None](), stability.fit
 
     def watched(model: Model, job: FitJob) -> Iterator[FitStep]:
-        began.append(job.begin.cameras[0] if job.begin else None)
+        began.append(job.resume_from.cameras[0] if job.resume_from else None)
         return fit(model, job)
 
     monkeypatch.setattr(stability, "fit", watched)
