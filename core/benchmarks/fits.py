@@ -14,7 +14,7 @@ import numpy as np
 from core.benchmarks.held_out_views import OTHERS, Subject, looks_alike
 from core.benchmarks.rendering import machine
 from core.evaluation.protocol import Mean, compared, mean_of, photo
-from core.fitting.confidence import RIGHT_DEGREES, Calibration, calibrated, separation
+from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
@@ -177,7 +177,7 @@ def summary(preset: str, trials: Sequence[Trial]) -> Summary:
 def _separation(trials: Sequence[Trial]) -> float | None:
     told = [(trial.confidence, trial.off <= RIGHT_DEGREES) for trial in trials if trial.confidence is not None]
     right = [one for _, one in told]
-    return separation([one for one, _ in told], right) if len(set(right)) == 2 else None
+    return auroc([one for one, _ in told], right) if len(set(right)) == 2 else None
 
 
 def _calibration(trials: Sequence[Trial]) -> Calibration | None:
@@ -185,4 +185,4 @@ def _calibration(trials: Sequence[Trial]) -> Calibration | None:
     right = [trial.off <= RIGHT_DEGREES for trial in told]
     if len(set(right)) < 2:
         return None
-    return calibrated([trial.margin or 0.0 for trial in told], [trial.uncertainty or 0.0 for trial in told], right)
+    return fit_calibration([trial.margin or 0.0 for trial in told], [trial.uncertainty or 0.0 for trial in told], right)

@@ -41,11 +41,11 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     cameras = list(problem.cameras)
     for step, state in enumerate(_search(problem, schedule, job, generator), 1):
         steps = step + schedule.steps if state.restart_follows else steps
-        told = state.to_step(step, steps, time.perf_counter() - began)
-        for view, camera in zip(state.views, told.cameras, strict=True):
+        shown = state.to_step(step, steps, time.perf_counter() - began)
+        for view, camera in zip(state.views, shown.cameras, strict=True):
             cameras[view] = camera
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
-        yield replace(told, cameras=tuple(cameras), margin=None if job.resume_from else told.margin)
+        yield replace(shown, cameras=tuple(cameras), margin=None if job.resume_from else shown.margin)
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:

@@ -101,7 +101,7 @@ class SearchState(NamedTuple):
         leading = self.result.winner if self.result else self.batch.best
         hypotheses = self._ranked()
         first, runner_up = hypotheses[0], self.result and self.result.runner_up
-        told = FitStep(
+        shown = FitStep(
             step,
             steps,
             first.origin,
@@ -115,10 +115,10 @@ class SearchState(NamedTuple):
             hypotheses=hypotheses,
         )
         if not (self.result and runner_up and math.isfinite(self.result.margin) and self.problem.unknown.sum() == 1):
-            return told
+            return shown
         cameras = to_cameras(self.problem.model, runner_up.parameters, 0, self.problem.cameras)
         other = RunnerUp(cameras, float(runner_up.loss))
-        return replace(told, runner_up=other, margin=self.result.margin, uncertainty=self.result.uncertainty)
+        return replace(shown, runner_up=other, margin=self.result.margin, uncertainty=self.result.uncertainty)
 
     def _ranked(self) -> tuple[Hypothesis, ...]:
         """The leader, then the others."""
