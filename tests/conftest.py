@@ -1,6 +1,7 @@
 """Shapes and types are checked at run time, and what core and viewer tests share is made here."""
 
 import os
+import sys
 from pathlib import Path
 from typing import NoReturn
 
@@ -10,16 +11,30 @@ from jaxtyping import install_import_hook
 
 import tests.checked  # noqa: F401  (the hook finds it by name)
 
-# Before anything of core is.
-install_import_hook("core", "tests.checked.checked")
+# Before torch is imported, here and in the processes that tests start: threads that share a processor with another busy
+# process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+# Cuts pictures out wherever it is installed; what a machine happens to have is not tested.
+sys.modules["rembg"] = None  # type: ignore[assignment]
 
-hypothesis.settings.register_profile("shared machine", deadline=None, derandomize=True, max_examples=50)
+# Before anything of core or viewer is.
+install_import_hook(("core", "viewer"), "tests.checked.checked")
+
+hypothesis.settings.register_profile(
+    "shared machine",
+    deadline=None,  # no clock: another process may hold the processor at any moment
+    suppress_health_check=(hypothesis.HealthCheck.too_slow,),
+    derandomize=True,
+    max_examples=50,
+)
 hypothesis.settings.load_profile("shared machine")
 
 import torch  # noqa: E402
+from PIL import Image  # noqa: E402
 
 from core.models.codes import CodeBook, Entry  # noqa: E402
-from core.models.field import Field, FieldConfig  # noqa: E402
+from core.models.field import Field  # noqa: E402
+from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
 
 
@@ -38,6 +53,12 @@ def no_opengl(error: Exception) -> NoReturn:
     if os.environ.get("CI", "").lower() == "true":
         pytest.fail(said)
     pytest.skip(said)
+
+
+def picture_size(path: Path) -> tuple[int, int]:
+    """Width and height in px of a picture file, which is closed again."""
+    with Image.open(path) as picture:
+        return picture.size
 
 
 def random_model(seed: int = 0, painted_ground: bool = False) -> Model:

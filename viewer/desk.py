@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -118,6 +118,7 @@ class Desk:
             self.likes = self.likes.opened(path)
 
 
+@runtime_checkable
 class Panel(Protocol):
     """A dockable window, one subject each."""
 

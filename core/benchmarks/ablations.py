@@ -11,35 +11,35 @@ from statistics import median
 
 import torch
 
-from core.benchmarks.fits import Summary, Trial, summary, trial
-from core.benchmarks.held_out_views import Subject
-from core.benchmarks.rendering import machine
-from core.evaluation.protocol import Mean, mean_of
+from core.benchmarks.fits import Summary, Trial, fit_view, summarise
+from core.benchmarks.held_out_views import HeldOutView
+from core.benchmarks.machine import describe_machine
+from core.evaluation.statistics import Mean, mean_of
 from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
 from core.models.model import Model
 from core.models.precision import use_dtype
 from core.photos.view_bank import view_bank
 
-FULL, _HALF_PRECISION = "full", "bfloat16"
+FULL, _FLOAT32 = "full", "in float32"
 _USUAL = PRESETS["normal"]
 ABLATIONS: dict[str, tuple[FitSettings, Components]] = {
     FULL: (_USUAL, ALL_COMPONENTS),
-    "view bank": (_USUAL, Components(view_bank=False, prototype_shapes=False)),
-    "viewpoint classifier": (_USUAL, Components(viewpoint_classifier=False)),
-    "fresh codes for the local search": (_USUAL, Components(fresh_codes=False)),
-    "multi-start: the best start alone": (replace(_USUAL, hypotheses=1, max_restarts=0), ALL_COMPONENTS),
-    "restart where in doubt": (replace(_USUAL, max_restarts=0), ALL_COMPONENTS),
-    "prototype shapes": (_USUAL, Components(prototype_shapes=False)),
-    "distinct basins": (_USUAL, Components(distinct_basins=False)),
-    "growing ranks of the codes": (_USUAL, Components(growing_ranks=False)),
-    "early stopping": (_USUAL, Components(early_stopping=False)),
-    "code prior": (replace(_USUAL, code_prior=0.0), ALL_COMPONENTS),
-    "camera prior": (_USUAL, Components(camera_prior=False)),
-    "robust loss": (_USUAL, Components(robust_loss=False)),
-    "mask loss": (_USUAL, Components(mask_loss=False)),
-    _HALF_PRECISION: (_USUAL, ALL_COMPONENTS),
+    "without the view bank": (_USUAL, Components(view_bank=False, prototype_shapes=False)),
+    "without the viewpoint classifier": (_USUAL, Components(viewpoint_classifier=False)),
+    "without fresh codes for the local search": (_USUAL, Components(fresh_codes=False)),
+    "without multi-start": (replace(_USUAL, hypotheses=1, max_restarts=0), ALL_COMPONENTS),
+    "without a restart where in doubt": (replace(_USUAL, max_restarts=0), ALL_COMPONENTS),
+    "without prototype shapes": (_USUAL, Components(prototype_shapes=False)),
+    "without distinct basins": (_USUAL, Components(distinct_basins=False)),
+    "without growing ranks of the codes": (_USUAL, Components(growing_ranks=False)),
+    "without early stopping": (_USUAL, Components(early_stopping=False)),
+    "without the code prior": (replace(_USUAL, code_prior=0.0), ALL_COMPONENTS),
+    "without the camera prior": (_USUAL, Components(camera_prior=False)),
+    "without the robust loss": (_USUAL, Components(robust_loss=False)),
+    "without the mask loss": (_USUAL, Components(mask_loss=False)),
+    _FLOAT32: (_USUAL, ALL_COMPONENTS),
 }
-"""By what each leaves out of :data:`FULL`."""
+"""All but the first leave something out."""
 
 
 @dataclass(frozen=True)
@@ -66,22 +66,22 @@ class AblationResults:
         return asdict(self)
 
 
-def run(model: Model, subjects: Sequence[Subject]) -> Iterator[str | AblationResults]:
-    """What is being measured now, and in the end all that was found. To stop, ask for no more."""
+def run(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | AblationResults]:
+    """Yields what is being measured, and at the end the results."""
     yield "view bank"
     view_bank(model)
     trials: dict[str, list[Trial]] = {name: [] for name in ABLATIONS}
-    for number, subject in enumerate(subjects):
+    for number, target in enumerate(targets):
         for name, (settings, components) in ABLATIONS.items():
-            yield f"{subject.views.name}, without {name}" if name != FULL else f"{subject.views.name}, {name}"
-            with use_dtype(torch.float32) if name == _HALF_PRECISION else nullcontext():
-                trials[name].append(trial(model, subject, name, settings, number, components))
+            yield f"{target.views.name}, {name}"
+            with use_dtype(torch.float32) if name == _FLOAT32 else nullcontext():
+                trials[name].append(fit_view(model, target, name, settings, number, components))
     yield AblationResults(
-        machine(model.device), tuple(_ablation(name, trials[name], trials[FULL]) for name in ABLATIONS)
+        describe_machine(model.device), tuple(_ablation(name, trials[name], trials[FULL]) for name in ABLATIONS)
     )
 
 
 def _ablation(name: str, trials: Sequence[Trial], full: Sequence[Trial]) -> Ablation:
     pairs = list(zip(trials, full, strict=True))
     gain = mean_of([one.held_out - other.held_out for one, other in pairs])
-    return Ablation(summary(name, trials), gain, median(one.seconds / other.seconds for one, other in pairs))
+    return Ablation(summarise(name, trials), gain, median(one.seconds / other.seconds for one, other in pairs))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from core.cli.progress import require_place
+from core.cli.progress import require_writable
 from core.fitting import fit as fits
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -28,13 +28,13 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     if chosen.box and len(chosen.box) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
-    if chosen.lens and chosen.pose:
-        raise ValueError("--lens searches for the focal length of unknown cameras, and --pose gives them")
+    if chosen.estimate_focal and chosen.pose:
+        raise ValueError("--estimate-focal searches for the focal length of unknown cameras, and --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
     for path in filter(None, (chosen.out, chosen.log)):
-        require_place(path)
-    settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.lens)
+        require_writable(path)
+    settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
     hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))

@@ -9,7 +9,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from core.models.field import Field, FieldConfig, encode, folded_biases
+from core.models.field import Field, encode, folded_biases
+from core.models.field_config import FieldConfig
 
 
 def field_of(config: FieldConfig) -> Field:

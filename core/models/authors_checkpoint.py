@@ -10,7 +10,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.models.codes import CodeBook, Entry
-from core.models.field import Field, FieldConfig
+from core.models.field import Field
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 
 _LAYERS = {

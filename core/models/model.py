@@ -14,7 +14,8 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.models.ablations import field_of
 from core.models.codes import CodeBook, Entry
-from core.models.field import Field, FieldConfig
+from core.models.field import Field
+from core.models.field_config import FieldConfig
 from core.models.viewpoint import ViewpointClassifier
 
 FORMAT = "codenerf-1"

@@ -36,7 +36,7 @@ _BLOCK = 8192
 
 
 def march(
-    model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True
+    model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True, cutoff: Overlooked | None = None
 ) -> Generator[None, None, Rendered]:
     """What :func:`core.rendering.reference.render_exact` draws, many times faster; returned after a chunk for every
     value.
@@ -48,10 +48,11 @@ def march(
             the last occupied cell behind its pixel.
         whole: otherwise the shape is looked for around the one drawn last, if they are similar: meant for a shape on
             the move.
+        cutoff: what of a ray is neither evaluated nor coloured; :func:`overlooked` of the samples where it is None.
     """
     with torch.inference_mode():
         folded = _folded(model, codes)
-    kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples, whole))
+    kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples, whole, cutoff))
     parts = []
     for chunk in kept:
         with torch.inference_mode():
@@ -60,9 +61,11 @@ def march(
     return _picture(camera, kept, parts, model.device)
 
 
-def marched(model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True) -> Rendered:
+def marched(
+    model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True, cutoff: Overlooked | None = None
+) -> Rendered:
     """What :func:`march` returns, at once."""
-    stream = march(model, codes, camera, samples, whole)
+    stream = march(model, codes, camera, samples, whole, cutoff)
     while True:
         try:
             next(stream)
@@ -96,6 +99,7 @@ class View(NamedTuple):
     camera: Camera
     samples: int
     whole: bool
+    cutoff: Overlooked | None = None
 
 
 _kept: OrderedDict[View, list[Chunk]] = OrderedDict()
@@ -138,7 +142,8 @@ def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:
         near = torch.maximum(rays.near, first.flatten().index_select(0, pixel))
         far = torch.minimum(rays.far, last.flatten().index_select(0, pixel))
         rays = replace(rays, near=near, far=torch.maximum(near, far))
-        step, beyond = 2 * float(occupancy.extent.max()) / view.samples, overlooked(view.samples)
+        step = 2 * float(occupancy.extent.max()) / view.samples
+        beyond = view.cutoff or overlooked(view.samples)
     chunks = []
     for start in range(0, len(rays.near), _CHUNK_RAYS):
         with torch.inference_mode():

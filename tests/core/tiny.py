@@ -6,7 +6,8 @@ import torch
 
 from core.geometry.camera import Camera
 from core.models.codes import CodeBook, Codes, Entry
-from core.models.field import Field, FieldConfig
+from core.models.field import Field
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.rendering.reference import render_exact

@@ -27,6 +27,7 @@ from core.models.model import Model
 from core.models.pictures import save_picture
 from core.models.scene import Scene
 from core.photos.photo import Photo
+from tests.conftest import picture_size
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
 from viewer import app, orbit
@@ -811,7 +812,7 @@ def test_scenes_and_pictures_are_saved_and_opened(drive: Drive, tmp_path: Path) 
         export._picture = 128  # too late: what stood there at the click counts
         window.type(str(tmp_path / "mine"))
         window.wait()
-        assert Image.open(tmp_path / "mine.png").size == (512, 512)
+        assert picture_size(tmp_path / "mine.png") == (512, 512)
         window.click("View/###home")
         assert session.scene != scene
         window.press(imgui.Key.mod_ctrl, imgui.Key.o)

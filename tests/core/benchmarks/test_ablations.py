@@ -4,9 +4,9 @@ import pytest
 
 from core.benchmarks import ablations
 from core.benchmarks.ablations import ABLATIONS, FULL, AblationResults, run
-from core.benchmarks.charts import ablations_table
 from core.benchmarks.fits import TIMES, Trial
-from core.benchmarks.held_out_views import Subject
+from core.benchmarks.held_out_views import HeldOutView
+from core.benchmarks.tables import ablations_table
 from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
 from core.models.model import Model
 from core.models.precision import linear_dtype
@@ -20,8 +20,8 @@ USED: dict[str, tuple] = {}
 def found(monkeypatch: pytest.MonkeyPatch) -> AblationResults:
     """Three objects, each 10 dB harder than the one before; with a single hypothesis a fit is 1 dB worse."""
 
-    def tried(
-        model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int, components: Components
+    def fit_view(
+        model: Model, target: HeldOutView, preset: str, settings: FitSettings, seed: int, components: Components
     ) -> Trial:
         USED[preset] = settings, components, linear_dtype("cpu")
         many = settings.hypotheses > 1
@@ -29,10 +29,10 @@ def found(monkeypatch: pytest.MonkeyPatch) -> AblationResults:
         errors = (3.0, 2.0, 0.01)
         return Trial(preset, "a", 0, seconds, *errors, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False)
 
-    monkeypatch.setattr(ablations, "trial", tried)
+    monkeypatch.setattr(ablations, "fit_view", fit_view)
     model = tiny_model()
-    subjects = [Subject(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
-    *_, last = run(model, subjects)
+    views = [HeldOutView(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
+    *_, last = run(model, views)
     assert isinstance(last, AblationResults)
     return last
 
@@ -40,14 +40,14 @@ def found(monkeypatch: pytest.MonkeyPatch) -> AblationResults:
 def test_each_ablation_is_compared_with_the_full_fit_of_the_same_view(found: AblationResults) -> None:
     full, *others = found.ablations
     assert (full.summary.preset, full.gain, full.time) == (FULL, (0.0, 0.0, 0.0), 1.0)
-    (single,) = (one for one in others if "best start" in one.summary.preset)
+    (single,) = (one for one in others if "multi-start" in one.summary.preset)
     assert (single.gain, single.time) == ((-1.0, -1.0, -1.0), 0.25)
     assert all(one.gain.mean == 0.0 for one in others if one is not single)
 
 
 def test_every_ablation_leaves_something_out_and_no_two_the_same(found: AblationResults) -> None:
     assert USED[FULL][:2] == (PRESETS["normal"], ALL_COMPONENTS)
-    assert len(set(USED.values())) >= len(ABLATIONS) - (USED["bfloat16"] == USED[FULL])
+    assert len(set(USED.values())) >= len(ABLATIONS) - (USED["in float32"] == USED[FULL])
 
 
 def test_the_table_has_a_row_for_every_ablation(found: AblationResults) -> None:

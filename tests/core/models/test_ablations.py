@@ -5,7 +5,8 @@ import torch
 
 from core.models.ablations import field_of
 from core.models.codes import CodeBook, Codes, Entry
-from core.models.field import Field, FieldConfig, encode
+from core.models.field import Field, encode
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.rendering.fast import marched
 from core.rendering.reference import render_exact

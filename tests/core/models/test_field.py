@@ -3,7 +3,8 @@ import pytest
 import torch
 
 from core.models.authors_checkpoint import load_authors
-from core.models.field import Field, FieldConfig, encode
+from core.models.field import Field, encode
+from core.models.field_config import FieldConfig
 
 
 def plain(field: Field, point, direction, shape, texture):

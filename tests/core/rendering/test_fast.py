@@ -160,7 +160,7 @@ def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel
 def test_a_shape_on_the_move_is_found_around_the_last_one():
     model = tiny_model()
     start, end = model.codes[0].shape, model.codes[2].shape
-    steps = [Codes(torch.lerp(start, end, share / 20), model.codes[0].texture) for share in range(21)]
+    steps = [Codes(torch.lerp(start, end, share / 20), model.codes[0].texture) for share in range(9)]
     occupancy = Occupancy(model, Folded(model, steps[0]))
     for codes in steps[1:]:
         occupancy = Occupancy(model, Folded(model, codes), occupancy)
