@@ -116,7 +116,7 @@ class Fitting:
     def going_on(self) -> Hypothesis | None:
         """From where the step that is looked at can go on; None where it cannot yet."""
         step = self.course.step
-        leader = step.race[0] if step and step.race else None
+        leader = step.hypotheses[0] if step and step.hypotheses else None
         return leader if leader and self.can_prefer(leader) else None
 
     def can_prefer(self, hypothesis: Hypothesis) -> bool:
@@ -146,7 +146,7 @@ class Fitting:
     @property
     def alternative(self) -> Camera | None:
         """The next best camera, mostly from the object's other side, at the same size; None where none was found."""
-        other = self.course.step and self.course.step.alternative
+        other = self.course.step and self.course.step.runner_up
         return self._resized(other.cameras[self.course.view]) if other else None
 
     def scrub(self, index: int | None, gesture: str = "") -> None:
@@ -192,7 +192,7 @@ class Fitting:
         self.course, self.running = course, True
         self.race.reset(race if begin else ())
         self._untouched = self._session.scene
-        settings = replace(PRESETS[self.effort], lens=self.lens)
+        settings = replace(PRESETS[self.effort], estimate_focal=self.lens)
         if begin:
             settings = replace(settings, steps=max(1, settings.steps // _GOING_ON))
 
@@ -214,7 +214,7 @@ class Fitting:
                 photos.append(self._session.streams.load_photo(source.path, model, *source[1:]))
                 yield Shot.of(source, photos[-1])
             past = course.steps[-1].seconds if course.steps else 0.0
-            for step in self._session.streams.fit(model, FitJob(tuple(photos), settings, begin=begin)):
+            for step in self._session.streams.fit(model, FitJob(tuple(photos), settings, resume_from=begin)):
                 yield replace(step, seconds=past + step.seconds)
 
         self._session.worker.submit(Job("fit", stream, self._value, ended))

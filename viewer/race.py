@@ -48,7 +48,7 @@ def raced(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
     """The tiles after a step: those in the race by their loss, then the losers, the latest first."""
     alive = [tile for tile in tiles if tile.lost is None]
     racing, fresh = list[Tile](), count(len(tiles))
-    for hypothesis in step.race:
+    for hypothesis in step.hypotheses:
         tile = min(alive, key=lambda tile: _apart(tile, hypothesis), default=None)
         if tile is None or _apart(tile, hypothesis) > _NEAR:
             tile = Tile(next(fresh), hypothesis)
@@ -62,7 +62,7 @@ def raced(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
 def _apart(tile: Tile, hypothesis: Hypothesis) -> float:
     """Degrees by which the farthest camera has moved; infinite for hypotheses of different starts or pictures."""
     before, now = tile.hypothesis, hypothesis
-    if before.start != now.start or len(before.cameras) != len(now.cameras):
+    if before.origin != now.origin or len(before.cameras) != len(now.cameras):
         return math.inf
     return max(map(_moved, before.cameras, now.cameras))
 

@@ -17,7 +17,7 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene, open_scene
 from core.photos.photo import Photo, load_photo
-from core.photos.view_bank import preparing
+from core.photos.view_bank import build_view_bank
 from core.rendering.progressive import Frame, RenderJob, render_progressively
 from viewer import orbit
 from viewer.clipboard import Clipboard
@@ -50,7 +50,7 @@ class Streams:
     load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
-    preparing: Callable[[Model], Iterator[None]] = preparing
+    preparing: Callable[[Model], Iterator[None]] = build_view_bank
     film: Callable[..., Iterator[int]] = film
     mesh: Callable[..., Iterator[float]] = mesh
 

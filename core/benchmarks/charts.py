@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 from PIL import Image, ImageDraw
 
 from core.benchmarks import tables
-from core.benchmarks.ablations import Measured as AblationResults
-from core.benchmarks.ablations import Part
+from core.benchmarks.ablations import Ablation, AblationResults
 from core.benchmarks.csv_files import from_row, read_csv, to_row, write_csv
 from core.benchmarks.fits import FitResults
 from core.benchmarks.fits import Trial as FitTrial
@@ -238,14 +237,14 @@ def _failures_sheet(failures: Sequence[Failure]) -> Image.Image:
 
 def write_ablations(found: AblationResults, folder: Path) -> None:
     """``ablations.csv``, ``ablations.md`` and ``ablations.png``."""
-    write_csv(folder / "ablations.csv", [{"machine": found.machine} | to_row(part) for part in found.parts])
+    write_csv(folder / "ablations.csv", [{"machine": found.machine} | to_row(one) for one in found.ablations])
     _draw_ablations(folder)
 
 
 def read_ablations(path: Path) -> AblationResults:
     """Reads ``ablations.csv``. Raises ``ValueError`` where it is none."""
     rows = read_csv(path)
-    return AblationResults(rows[0]["machine"], tuple(from_row(Part, row) for row in rows))
+    return AblationResults(rows[0]["machine"], tuple(from_row(Ablation, row) for row in rows))
 
 
 def _draw_ablations(folder: Path) -> None:
@@ -255,7 +254,7 @@ def _draw_ablations(folder: Path) -> None:
 
 def _ablations_chart(found: AblationResults) -> "Figure":
     figure, (left, right) = _figure(2)
-    full, *others = found.parts
+    full, *others = found.ablations
     names, gains = [part.summary.preset for part in others], [part.gain for part in others]
     left.barh(names, [part.time for part in others])
     left.axvline(1.0, color="black", linewidth=0.8)

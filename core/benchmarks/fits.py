@@ -15,11 +15,12 @@ from core.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symme
 from core.benchmarks.machine import describe_machine
 from core.evaluation.protocol import as_photo, score_view
 from core.evaluation.statistics import Mean, mean_of, share_within
-from core.fitting.confidence import RIGHT_DEGREES, Calibration, calibrated, separation
+from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
-from core.photos.view_bank import bank_of
+from core.photos.view_bank import view_bank
 
 _FAR = 20.0
 """degrees: a camera that is further off than this may be right by symmetry"""
@@ -110,7 +111,7 @@ class FitResults:
         if len(set(right)) < 2:
             return None
         margins = [trial.margin or 0.0 for trial in trials]
-        return calibrated(margins, [trial.uncertainty or 0.0 for trial in trials], right)
+        return fit_calibration(margins, [trial.uncertainty or 0.0 for trial in trials], right)
 
 
 def run(
@@ -118,7 +119,7 @@ def run(
 ) -> Iterator[str | FitResults]:
     """Yields what is being measured, and at the end the results."""
     yield "view bank"
-    bank_of(model)
+    view_bank(model)
     trials = list[Trial]()
     for number, target in enumerate(targets):
         for name, settings in presets.items():
@@ -127,10 +128,17 @@ def run(
     yield FitResults(describe_machine(model.device), tuple(trials))
 
 
-def fit_view(model: Model, target: HeldOutView, preset: str, settings: FitSettings, seed: int) -> Trial:
+def fit_view(
+    model: Model,
+    target: HeldOutView,
+    preset: str,
+    settings: FitSettings,
+    seed: int,
+    components: Components = ALL_COMPONENTS,
+) -> Trial:
     """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
-    steps = list(fit(model, FitJob((as_photo(views, index, False),), settings, seed)))
+    steps = list(fit(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     rest = [other for other in range(len(views.cameras)) if other != index]
     compared = rest[:: max(1, len(rest) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
@@ -149,7 +157,7 @@ def fit_view(model: Model, target: HeldOutView, preset: str, settings: FitSettin
         psnr=last.psnr,
         held_out=float(np.mean(held_out)) if held_out else math.nan,
         margin=last.margin,
-        uncertainty=last.spread,
+        uncertainty=last.uncertainty,
         confidence=last.confidence,
         rotation_curve=tuple(errors[_step_at(steps, time)] for time in TIMES),
         symmetric=symmetric,
@@ -188,4 +196,4 @@ def summarise(preset: str, trials: Sequence[Trial]) -> Summary:
 def _confidence_auroc(trials: Sequence[Trial]) -> float | None:
     pairs = [(one.confidence, one.effective_rotation <= RIGHT_DEGREES) for one in trials if one.confidence is not None]
     right = [correct for _, correct in pairs]
-    return separation([confidence for confidence, _ in pairs], right) if len(set(right)) == 2 else None
+    return auroc([confidence for confidence, _ in pairs], right) if len(set(right)) == 2 else None

@@ -28,7 +28,7 @@ from core.fitting.fit import PRESETS
 from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.precision import autocast
-from core.photos.view_bank import bank_of
+from core.photos.view_bank import view_bank
 from core.training.recipes import RECIPES
 from core.training.trainer import Trainer, held_out_psnr, hold_out
 
@@ -168,7 +168,7 @@ def _score_model(
             return _Scores(**kept)
     yield f"new views of training objects, {path.stem}"
     new_views = held_out_psnr(model, views)
-    bank_of(model)  # built before the first fit is timed
+    view_bank(model)  # built before the first fit is timed
     psnrs, trials = list[float](), list[Trial]()
     for number, place in enumerate(tests):
         yield f"fits, {path.stem}, {place.name}"

@@ -18,6 +18,7 @@ from core.benchmarks.machine import describe_machine
 from core.benchmarks.stressors import STRESSORS, Stressor
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis, fit
+from core.fitting.settings import PaperSettings
 from core.geometry.camera import Camera
 from core.metrics import rotation_error
 from core.models.codes import Codes
@@ -98,7 +99,8 @@ def run(
                 truth = stressor.camera(camera, level)
                 image = _corrupted(model, codes, truth, stressor, level, seed + number)
                 for preset, settings in presets.items():
-                    init = stressor.init(truth, level) if stressor.init and settings.paper else None
+                    told = stressor.init if isinstance(settings, PaperSettings) else None
+                    init = told(truth, level) if told else None
                     attempt = _Attempt(image, codes, truth, settings, seed + number, init, stressor.no_object)
                     trial, failure = _fit(model, attempt, Trial(name, level, preset, object_name))
                     trials.append(trial)

@@ -1,6 +1,6 @@
 """What the benchmarks measured as Markdown tables."""
 
-from core.benchmarks.ablations import Measured as AblationResults
+from core.benchmarks.ablations import AblationResults
 from core.benchmarks.fits import FitResults
 from core.benchmarks.model_sizes import ModelSizeResults
 from core.benchmarks.rendering import RenderingResults
@@ -83,11 +83,11 @@ def robustness_table(found: RobustnessResults) -> str:
 
 def ablations_table(found: AblationResults) -> str:
     """The full method, then without each component."""
-    fits = found.parts[0].summary.fits
+    fits = found.ablations[0].summary.fits
     lines = [f"{found.machine}; {fits} views, cameras unknown; with 95 % intervals.", ""]
     head = "normal preset | time | rotation error (median) | within 5° | within 10° | other views (dB)"
     lines += [f"| {head} | difference to the full method (dB) |", "|" + "---|" * 7]
-    for part in found.parts:
+    for part in found.ablations:
         one = part.summary
         shares = " | ".join(map(format_share, (one.within_5_degrees, one.within_10_degrees)))
         times = f"{one.preset} | {part.time:.2f} | {one.rotation:.2f}°"

@@ -74,7 +74,7 @@ def bench_fit(chosen: argparse.Namespace) -> None:
 def bench_ablations(chosen: argparse.Namespace) -> None:
     """``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
     charts.prepare(chosen.out)
-    found = _last_value(ablations.measured(*_held_out_views(chosen)))
+    found = _last_value(ablations.run(*_held_out_views(chosen)))
     charts.write_ablations(found, chosen.out)
     print(tables.ablations_table(found), flush=True)
 

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from core.cli.legacy import current_words
 from core.datasets.categories import SPLITS, SRN_DISTANCES
-from core.fitting.schedule import PRESETS
+from core.fitting.settings import PRESETS
 from core.training.recipes import RECIPES
 
 

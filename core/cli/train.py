@@ -17,7 +17,7 @@ from core.models.authors_checkpoint import load_authors
 from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.viewpoint import Glance
+from core.models.viewpoint import ViewpointClassifier
 from core.training.curve import CurvePoint, read_curve, write_curve
 from core.training.recipes import RECIPES
 from core.training.trainer import Trainer, held_out_psnr, hold_out
@@ -106,7 +106,7 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     shown = [views for index, views in enumerate(dataset.objects) if index % _VALIDATION_STRIDE] or validation
     training = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
     torch.manual_seed(seed)
-    classifier = Glance()
+    classifier = ViewpointClassifier()
     with tqdm(total=steps, desc="viewpoint", unit="step", disable=None) as bar:
         for _ in train_viewpoint(classifier, training, steps, seed):
             bar.update()

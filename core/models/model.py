@@ -17,7 +17,7 @@ from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
-from core.models.viewpoint import Glance
+from core.models.viewpoint import ViewpointClassifier
 
 FORMAT = "codenerf-1"
 _OLD_KEYS = {
@@ -49,7 +49,7 @@ class Model:
     """scene units, from which the training images were taken"""
     white_from_network: bool = False
     """The network itself paints the white background (the authors' checkpoints): the last sample is always opaque."""
-    viewpoint_classifier: Glance | None = None
+    viewpoint_classifier: ViewpointClassifier | None = None
     """predicts from where an image was probably taken; on the processor"""
 
     def __post_init__(self) -> None:
@@ -146,12 +146,12 @@ def _with_new_keys(about: dict) -> dict:
     return renamed | {"config": config}
 
 
-def _pop_classifier(tensors: dict[str, Tensor]) -> Glance | None:
+def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
     """The viewpoint classifier, its tensors taken out of those of a file; None where the file has none."""
     state = {name.split(".", 1)[1]: name for name in tensors if name.startswith(_CLASSIFIER_PREFIXES)}
     if not state:
         return None
-    classifier = Glance()
+    classifier = ViewpointClassifier()
     classifier.load_state_dict({name: tensors.pop(stored).float() for name, stored in state.items()})
     return classifier
 

@@ -13,8 +13,9 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.decode import read_rgba
+from core.photos.ranking import ObjectImage, offset_from_expected
 from core.photos.segmentation import CutOut, Hints, NoBackgroundError, cut_out
-from core.photos.view_bank import Apparent, apparent, astray, bank_of
+from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
 _MAX_OFFSET = 0.02
 """focal lengths: an object that lies further from where it should was moved in its image"""
@@ -114,16 +115,16 @@ def prepare_photo(
         across = max(1, round(size * width / height))
         pixels, mask = _resampled(cut, (0, 0, width, height), (across, size))
         return Photo(pixels, mask, Camera.from_pose(pose, model.focal, across, size))
-    usual, crop = apparent(model), crop or Crop()
+    usual, crop = apparent_size(model), crop or Crop()
     if crop == Crop() and _like_training(cut, usual):
         pixels, mask = _resampled(cut, (0, 0, width, width), (size, size))
         if not bool(mask.any()):
             raise ValueError(f"the object is too thin to be seen at {size} px")
-        if astray(bank_of(model), pixels, mask, model.focal) < _MAX_OFFSET:
+        if offset_from_expected(view_bank(model), ObjectImage(pixels, mask, model.focal)) < _MAX_OFFSET:
             return Photo(pixels, mask)
         half = width / 2  # only moved: of its size, which is right, the perspective is a part
     else:
-        half = _half(cut, usual.typical * crop.scale)
+        half = _half(cut, usual.median * crop.scale)
     square = _square(cut, half, crop)
     pixels, mask = _resampled(cut, square, (size, size))
     if not bool(mask.any()):
@@ -157,14 +158,14 @@ def _box(mask: Bool[np.ndarray, "height width"]) -> tuple[int, int, int, int]:
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
-def _like_training(cut: CutOut, usual: Apparent) -> bool:
+def _like_training(cut: CutOut, usual: SizeRange) -> bool:
     """A square image on white whose object is as large as a training image shows it."""
     height, width = cut.mask.shape
     if not cut.white or width != height:
         return False
     left, top, right, bottom = _box(cut.mask)
     size = max(right - left, bottom - top) / width
-    return 0.6 * usual.least < size < min(1.4 * usual.most, 0.9)
+    return 0.6 * usual.min < size < min(1.4 * usual.max, 0.9)
 
 
 def _half(cut: CutOut, share: float) -> float:
@@ -174,7 +175,7 @@ def _half(cut: CutOut, share: float) -> float:
 
 
 def _square(cut: CutOut, half: float, crop: Crop) -> tuple[float, float, float, float]:
-    """The square, in px of the cut-out, that shows the object in the middle, but for framing."""
+    """The square, in px of the cut-out, that shows the object in the middle, but for crop."""
     left, top, right, bottom = _box(cut.mask)
     across = (left + right) / 2 - crop.right * 2 * half
     down = (top + bottom) / 2 - crop.down * 2 * half

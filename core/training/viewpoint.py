@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from core.datasets.srn import Dataset
 from core.geometry.camera import camera_rotation
-from core.models.viewpoint import Glance, cropped, directions, nearness
+from core.models.viewpoint import ViewpointClassifier, crop_to_object, direction_weights, directions
 
 _BATCH_SIZE = 96
 _PEAK_LR = 2e-3
@@ -49,7 +49,7 @@ def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
     for views in dataset.objects:
         for image, mask, camera in zip(views.images, views.masks, views.cameras, strict=True):
             if mask.any():
-                seen = cropped(torch.from_numpy(image).float() / 255, torch.from_numpy(mask))
+                seen = crop_to_object(torch.from_numpy(image).float() / 255, torch.from_numpy(mask))
                 images.append((255 * seen + 0.5).to(torch.uint8))
                 angles.append((camera.azimuth, camera.elevation))
     if not images:
@@ -58,7 +58,7 @@ def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
 
 
 def train_viewpoint(
-    classifier: Glance, dataset: ViewpointDataset, steps: int, seed: int = 0
+    classifier: ViewpointClassifier, dataset: ViewpointDataset, steps: int, seed: int = 0
 ) -> Iterator[ViewpointStep]:
     """Train a network in place, yielding each step; to stop, ask for no more."""
     generator = torch.Generator().manual_seed(seed)
@@ -68,7 +68,7 @@ def train_viewpoint(
         optimiser.param_groups[0]["lr"] = _PEAK_LR * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
         index = torch.randint(len(dataset.images), (_BATCH_SIZE,), generator=generator)
         images, azimuth = augment(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
-        target = nearness(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
+        target = direction_weights(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
         loss = functional.cross_entropy(classifier(images), target)
         optimiser.zero_grad()
         loss.backward()
@@ -107,7 +107,7 @@ def augment(
     return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, math.pi - azimuth, azimuth)
 
 
-def accuracy_within(classifier: Glance, dataset: ViewpointDataset, within: float) -> float:
+def accuracy_within(classifier: ViewpointClassifier, dataset: ViewpointDataset, within: float) -> float:
     """The fraction of images whose likeliest direction is within so many rad of the true one, 0..1."""
     likeliest = torch.cat([classifier(part.float() / 255).argmax(1) for part in dataset.images.split(256)])
     predicted, true = (camera_rotation(*angles) for angles in ([one[likeliest] for one in directions()], dataset[1:]))

@@ -15,7 +15,7 @@ def step(model: Model, seconds: float, *racing: tuple[int, float, float]) -> Fit
         Hypothesis(start, loss, (model.camera(azimuth, 0.3),), codes, torch.zeros(1, 2))
         for start, azimuth, loss in racing
     )
-    return FitStep(1, 9, race[0].start, race[0].loss, 20.0, seconds, race[0].cameras, codes, race=race)
+    return FitStep(1, 9, race[0].origin, race[0].loss, 20.0, seconds, race[0].cameras, codes, hypotheses=race)
 
 
 def test_tiles_follow_their_hypotheses_and_are_ranked(model: Model) -> None:
@@ -40,6 +40,6 @@ def test_a_twin_of_the_same_start_is_a_tile_of_its_own(model: Model) -> None:
 
 def test_a_race_of_other_pictures_has_other_tiles(model: Model) -> None:
     first = step(model, 0.0, (0, 0.0, 0.1))
-    both = replace(first.race[0], cameras=first.cameras * 2, codes=Codes(first.codes.shape, first.codes.texture))
+    both = replace(first.hypotheses[0], cameras=first.cameras * 2, codes=Codes(first.codes.shape, first.codes.texture))
     tiles = raced(raced((), first), replace(first, race=(both,)))
     assert [(tile.name, tile.lost is None) for tile in tiles] == [(1, True), (0, False)]

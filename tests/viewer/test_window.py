@@ -412,7 +412,7 @@ def test_the_race_is_seen_and_a_hypothesis_preferred(
         window.drag("Race/cameras", 40, 10)
         window.ctx.mouse_move("//Race/**/hypothesis 2")
         window.click("Race/**/hypothesis 3")
-        window.wait(lambda: fitting.running and fitting.race.tiles[0].hypothesis.start == third.start)
+        window.wait(lambda: fitting.running and fitting.race.tiles[0].hypothesis.origin == third.origin)
         assert fitting.race.tiles[0].hypothesis.cameras[0].azimuth == third.cameras[0].azimuth
         window.show("Objects")
         window.click("Fit/###stop fit")

@@ -11,7 +11,7 @@ import torch
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.fitting.fit import Alternative, FitJob, FitStep, Hypothesis
+from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
 from core.rendering.progressive import Frame, RenderJob
@@ -55,21 +55,21 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         for start in range(4 if step < 5 else 2):
             height, width = job.photos[0].mask.shape
             camera = model.camera(1.0 + start * math.pi / 2, 0.3 + 0.01 * step).resized(width, height)
-            begin = job.begin if not start else None
+            begin = job.resume_from if not start else None
             first = begin.cameras if begin else (camera,) * len(job.photos)
             at = tuple(known or found for known, found in zip(given, first, strict=True))
             race.append(
                 Hypothesis(
-                    begin.start if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 2)
+                    begin.origin if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 2)
                 )
             )
         behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in race[0].cameras)
         yield FitStep(
             *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, race[0].cameras, codes, len(race)),
-            alternative=Alternative(behind, 1.1 * loss),
+            runner_up=RunnerUp(behind, 1.1 * loss),
             margin=math.log(1.1),
-            spread=1.0,
-            race=tuple(race),
+            uncertainty=1.0,
+            hypotheses=tuple(race),
         )
 
 

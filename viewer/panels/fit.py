@@ -66,8 +66,8 @@ def _draw_progress(fitting: Fitting) -> None:
     imgui.same_line()
     course, last = fitting.course, fitting.course.last
     told = f"{last.psnr:.1f} dB    {last.seconds:.0f} s" if last else "Starting …"
-    imgui.progress_bar(course.progress, (-1, 0), f"{told}    again, to be sure" if last and last.again else told)
-    tip(f"{last.hypotheses} candidates in the race" if last else "Comparing the photo with what the model knows")
+    imgui.progress_bar(course.progress, (-1, 0), f"{told}    again, to be sure" if last and last.restart else told)
+    tip(f"{last.active} candidates in the race" if last else "Comparing the photo with what the model knows")
 
 
 def _draw_start(desk: Desk, fitting: Fitting) -> None:
@@ -114,20 +114,14 @@ def _draw_more(desk: Desk, fitting: Fitting) -> None:
     if imgui.begin_popup("again"):
         _draw_ways(fitting)
         imgui.end_popup()
-    _draw_spent(desk, fitting)
+    _draw_spent(fitting)
 
 
-def _draw_spent(desk: Desk, fitting: Fitting) -> None:
+def _draw_spent(fitting: Fitting) -> None:
     """What the fit took, in one line."""
     step = fitting.course.last
-    if step is None or not any(step.directions):
-        return
-    shape, texture = (len(desk.session.space(part).std) for part in ("shape", "texture"))
-    parts = f"{step.directions[0]} of {shape} shape, {step.directions[1]} of {texture} texture directions"
-    imgui.push_text_wrap_pos(0.0)
-    imgui.text_disabled(f"{parts}, {step.step} steps")
-    imgui.pop_text_wrap_pos()
-    tip("Directions of the codes that were free to move: further ones are opened only where they lower the error")
+    if step is not None:
+        imgui.text_disabled(f"{step.step} steps")
 
 
 def _draw_ways(fitting: Fitting) -> None:
@@ -147,7 +141,7 @@ def _draw_ways(fitting: Fitting) -> None:
 def _draw_trust(desk: Desk, fitting: Fitting) -> None:
     """How sure the camera is."""
     step = fitting.course.step
-    if step is None or step.confidence is None or step.spread is None:
+    if step is None or step.confidence is None or step.uncertainty is None:
         return
     words = in_words(step.confidence)
     told = f"Camera: {words}"
@@ -156,7 +150,7 @@ def _draw_trust(desk: Desk, fitting: Fitting) -> None:
     imgui.text_colored((*(WARM if words == "doubtful" else desk.palette.text), 1.0), told)
     tip(
         f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees; if so, it is off by "
-        f"about {step.spread:.1f}. A doubtful one may be seen from the object's other side"
+        f"about {step.uncertainty:.1f}. A doubtful one may be seen from the object's other side"
     )
 
 

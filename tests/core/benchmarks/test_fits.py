@@ -21,7 +21,7 @@ from tests.conftest import picture_size, random_model
 from tests.core.tiny import tiny_model
 
 QUICK = {
-    "normal": FitSettings(starts=6, steps=40, rays=96, samples=20),
+    "normal": FitSettings(hypotheses=6, steps=40, rays=96, samples=20),
     "paper": replace(PRESETS["paper"], steps=20, rays=64, samples=16),
 }
 

@@ -47,7 +47,7 @@ class FakeTrainer:
 @pytest.fixture
 def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModelSizeResults:
     for preset in ("draft", "normal"):
-        monkeypatch.setitem(PRESETS, preset, FitSettings(starts=2, steps=5, rays=32, samples=8))
+        monkeypatch.setitem(PRESETS, preset, FitSettings(hypotheses=2, steps=5, rays=32, samples=8))
     monkeypatch.setattr(model_sizes, "Trainer", FakeTrainer)
     monkeypatch.setattr(model_sizes, "Protocol", lambda every: Protocol(inputs=(0,)))
     for index in range(4):

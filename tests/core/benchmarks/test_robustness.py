@@ -18,7 +18,7 @@ from tests.conftest import picture_size
 from tests.core.tiny import tiny_model
 
 QUICK = {
-    "normal": FitSettings(starts=8, steps=60, rays=128, samples=24),
+    "normal": FitSettings(hypotheses=8, steps=60, rays=128, samples=24),
     "paper": replace(PRESETS["paper"], steps=10, rays=64, samples=16),
 }
 
@@ -37,7 +37,7 @@ def test_only_the_paper_is_given_an_initial_camera(monkeypatch: pytest.MonkeyPat
     began, fit = list[Camera | None](), robustness.fit
 
     def watched(model: Model, job: FitJob) -> Iterator[FitStep]:
-        began.append(job.begin.cameras[0] if job.begin else None)
+        began.append(job.resume_from.cameras[0] if job.resume_from else None)
         return fit(model, job)
 
     monkeypatch.setattr(robustness, "fit", watched)

@@ -18,7 +18,7 @@ from tests.conftest import random_model
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = FitSettings(starts=8, steps=40, rays=96, samples=20)
+    settings = FitSettings(hypotheses=8, steps=40, rays=96, samples=20)
     monkeypatch.setitem(PRESETS, "normal", settings)
 
 

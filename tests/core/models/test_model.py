@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 from core.models.codes import CodeBook
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
-from core.models.viewpoint import SIDE, Glance
+from core.models.viewpoint import SIDE, ViewpointClassifier
 
 
 def test_saving_and_loading_is_exact(model: Model, tmp_path):
@@ -31,7 +31,7 @@ def test_saving_and_loading_is_exact(model: Model, tmp_path):
 
 
 def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
-    looking = replace(model, viewpoint_classifier=Glance())
+    looking = replace(model, viewpoint_classifier=ViewpointClassifier())
     looking.save(tmp_path / "m.safetensors")
     again = Model.load(tmp_path / "m.safetensors")
     assert again.fingerprint == model.fingerprint
@@ -72,7 +72,7 @@ def test_cameras_look_as_the_training_pictures_did(model: Model):
 def test_files_with_the_old_keys_are_still_read(model: Model, tmp_path: Path):
     """As they were written before keys were renamed; the shipped models are such files."""
     book = replace(model.codes, collapsed=frozenset({1}))
-    new = replace(model, codes=book, white_from_network=True, viewpoint_classifier=Glance())
+    new = replace(model, codes=book, white_from_network=True, viewpoint_classifier=ViewpointClassifier())
     path = tmp_path / "m.safetensors"
     new.save(path)
     with safe_open(path, framework="pt") as file:

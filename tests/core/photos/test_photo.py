@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw
 from core.models.model import Model
 from core.photos.photo import Crop, Photo, load_photo, photo_from_array
 from core.photos.segmentation import Hints, NoBackgroundError
-from core.photos.view_bank import apparent
+from core.photos.view_bank import apparent_size
 from core.rendering.reference import render_exact
 from tests.core.tiny import SIDE
 
@@ -36,7 +36,7 @@ def check_found(photo: Photo, model: Model) -> None:
     assert photo.cropped
     assert photo.camera is None
     rows, columns = photo.mask.any(1).nonzero()[:, 0], photo.mask.any(0).nonzero()[:, 0]
-    side = apparent(model).typical * SIDE
+    side = apparent_size(model).median * SIDE
     assert len(rows) == pytest.approx(side, abs=1.5)
     assert len(columns) == pytest.approx(side, abs=1.5)
     assert float(rows.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)
@@ -186,7 +186,7 @@ def test_specks_are_left_out(tiny: Model):
     check_found(photo_from_array(np.asarray(image), tiny), tiny)
 
 
-# Framing
+# Crop
 
 
 @pytest.mark.parametrize("azimuth, elevation", [(0.4, 0.3), (2.0, 1.2), (4.0, 0.0)])

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from core.datasets.srn import Dataset
-from core.models.viewpoint import SIDE, Glance
+from core.models.viewpoint import SIDE, ViewpointClassifier
 from core.training.viewpoint import ViewpointDataset, accuracy_within, augment, train_viewpoint, viewpoint_dataset
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
@@ -38,7 +38,7 @@ def test_a_mirrored_object_is_seen_from_the_other_side_of_its_front():
 
 def test_it_learns_where_from_a_picture_is_taken(seen: ViewpointDataset):
     torch.manual_seed(0)
-    glance = Glance()
+    glance = ViewpointClassifier()
     steps = list(train_viewpoint(glance, seen, 100))
     assert [step.step for step in steps] == list(range(1, 101))
     assert steps[-1].loss < steps[0].loss
