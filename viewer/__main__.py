@@ -16,10 +16,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Imported late: `--help` and a wrong word answer before torch is loaded.
     from core.models.library import load_model
     from viewer.app import App
+    from viewer.screen.window import NoDisplayError, config_folder
     from viewer.screenshot import Screenshot
+    from viewer.services.worker import Worker
     from viewer.session import Session, Streams
-    from viewer.window import NoDisplayError, config_folder
-    from viewer.worker import Worker
 
     worker = Worker()
     try:

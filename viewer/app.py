@@ -8,18 +8,18 @@ import moderngl
 import torch
 from imgui_bundle import hello_imgui, imgui
 
-from viewer import theme, window
 from viewer.autosave import Autosave
-from viewer.canvas import Canvas, Images
-from viewer.desk import Desk, Panel
-from viewer.files import Files
-from viewer.messages import explain
+from viewer.context import Desk, Panel
 from viewer.panels import all_panels, help, menu, messages, recovery
-from viewer.panels.cutting import CuttingDialog
-from viewer.preferences import Preferences
-from viewer.quality import QUALITIES
+from viewer.panels.segmenting import CuttingDialog
+from viewer.screen import theme, window
+from viewer.screen.canvas import Canvas, Images
+from viewer.screen.file_dialog import Files
+from viewer.services.messages import explain
+from viewer.services.worker import Job
 from viewer.session import Session
-from viewer.worker import Job
+from viewer.values.preferences import Preferences
+from viewer.values.quality import QUALITIES
 
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
 """Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.files import whole_file
-from viewer.saved import Saved
+from viewer.values.saved_session import Saved
 
 if TYPE_CHECKING:
     from viewer.session import Session

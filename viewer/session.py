@@ -20,20 +20,20 @@ from core.models.scene import Scene
 from core.photos.photo import Photo, load_photo
 from core.photos.view_bank import preparing
 from core.rendering.progressive import Frame, RenderJob, frames
-from viewer import orbit
-from viewer.clipboard import Clipboard
-from viewer.cutting import Cutting
-from viewer.exporting import Exporting, film, mesh
-from viewer.film import Film
-from viewer.fitting import Fitting
-from viewer.gallery import Gallery, Thing
-from viewer.history import History, Mix, Pair, State
-from viewer.messages import Kind, Message, explain
-from viewer.saved import Saved
-from viewer.sheet import Sheet
-from viewer.stills import Stills
-from viewer.viewport import Viewport
-from viewer.worker import Job, Worker
+from viewer.activities.exporting import Exporting, film, mesh
+from viewer.activities.fitting import Fitting
+from viewer.activities.grid import Sheet
+from viewer.activities.player import Film
+from viewer.activities.segmenting import Cutting
+from viewer.activities.thumbnails import Stills
+from viewer.activities.viewport import Viewport
+from viewer.services.clipboard import Clipboard
+from viewer.services.messages import Kind, Message, explain
+from viewer.services.worker import Job, Worker
+from viewer.values import orbit
+from viewer.values.history import History, Mix, Pair, State
+from viewer.values.objects import Gallery, Thing
+from viewer.values.saved_session import Saved
 
 Part = Literal["shape", "texture"]
 _BESIDE = 0.2
@@ -209,7 +209,7 @@ class Session:
         self.look(orbit.home(self.model))
 
     def see_from(self, view: str) -> None:
-        """One of :data:`viewer.orbit.VIEWS`, the first view (home), or the last photo's camera, if there is one."""
+        """One of :data:`~viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if there is one."""
         if view == "home":
             self.reset_view()
         elif view == "photo" and self.fitting.course.last:

@@ -12,11 +12,11 @@ from PIL import Image
 from core.models.model import Model
 from tests.conftest import no_opengl, random_model
 from tests.viewer.window_driver import Driver, finish, quick_fit, quick_frames, quick_photo
-from viewer import window
 from viewer.app import App
-from viewer.quality import Quality
+from viewer.screen import window
+from viewer.services.worker import Worker
 from viewer.session import Session, Streams
-from viewer.worker import Worker
+from viewer.values.quality import Quality
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -8,9 +8,9 @@ import pytest
 
 from tests.viewer.window_driver import finish
 from viewer.autosave import Autosave
-from viewer.gallery import Thing
-from viewer.saved import Saved
 from viewer.session import Session
+from viewer.values.objects import Thing
+from viewer.values.saved_session import Saved
 
 
 class Clock:

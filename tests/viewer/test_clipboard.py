@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from viewer import clipboard
-from viewer.clipboard import Clipboard
+from viewer.services import clipboard
+from viewer.services.clipboard import Clipboard
 
 
 def test_a_picture_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,8 +4,8 @@ import pytest
 
 from core.fitting.fit import FitStep
 from core.models.model import Model
-from viewer import course
-from viewer.course import Course, Source, paired
+from viewer.values import fit_history as course
+from viewer.values.fit_history import Course, Source, paired
 
 
 def test_poses_belong_to_the_images_of_their_names() -> None:

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from viewer import files
-from viewer.files import Files, Wish
+from viewer.screen import file_dialog as files
+from viewer.screen.file_dialog import Files, Wish
 
 
 @dataclass

@@ -3,10 +3,10 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.window_driver import finish
-from viewer import orbit
-from viewer.exporting import VideoChoice
-from viewer.film import Film
+from viewer.activities.exporting import VideoChoice
+from viewer.activities.player import Film
 from viewer.session import Session
+from viewer.values import orbit
 
 
 class Clock:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.geometry.camera import Camera
-from viewer.frusta import Onlooker, box, frustum, ring
+from viewer.values.frusta import Onlooker, box, frustum, ring
 
 
 @pytest.mark.parametrize("azimuth, elevation", [(0.0, 0.0), (1.2, 0.4), (-2.0, -1.0), (0.3, math.pi / 2)])

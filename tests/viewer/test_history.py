@@ -4,7 +4,7 @@ import pytest
 
 from core.models.model import Model
 from core.models.scene import Scene
-from viewer.history import History, Mix, Pair, State
+from viewer.values.history import History, Mix, Pair, State
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 
 from core.models.model import Model
 from core.rendering.progressive import Frame, picture
-from viewer.influence import Influence
+from viewer.values.influence import Influence
 
 
 @pytest.fixture

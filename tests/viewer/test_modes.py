@@ -6,7 +6,7 @@ from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, frames
-from viewer.modes import MODES, normals, seen_as
+from viewer.values.view_modes import MODES, normals, seen_as
 
 CAMERA = Camera(0.7, 0.4, 2.0, 131.25, 64, 64)
 

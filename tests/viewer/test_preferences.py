@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from viewer.preferences import LARGEST, SMALLEST, Preferences
+from viewer.values.preferences import LARGEST, SMALLEST, Preferences
 
 
 def test_what_was_chosen_comes_back(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 from itertools import pairwise
 
-from viewer.quality import QUALITIES
+from viewer.values.quality import QUALITIES
 
 
 def test_finer_is_more_work_every_time() -> None:

@@ -5,7 +5,7 @@ import torch
 from core.fitting.fit import FitStep, Hypothesis
 from core.models.codes import Codes
 from core.models.model import Model
-from viewer.race import raced
+from viewer.activities.candidates import raced
 
 
 def step(model: Model, seconds: float, *racing: tuple[int, float, float]) -> FitStep:

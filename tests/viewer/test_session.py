@@ -16,12 +16,12 @@ from core.models.model import Model
 from core.photos.photo import Framing
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import broken_fit, deliver, endless_fit, finish, quick_frames
-from viewer import orbit
-from viewer.course import Source
-from viewer.exporting import VideoChoice
-from viewer.messages import Kind
+from viewer.activities.exporting import VideoChoice
+from viewer.services.messages import Kind
+from viewer.services.worker import Worker
 from viewer.session import PARTS, Session, Streams
-from viewer.worker import Worker
+from viewer.values import orbit
+from viewer.values.fit_history import Source
 
 
 def test_a_model_opens_with_its_first_object_drawn(session: Session, model: Model) -> None:
@@ -212,7 +212,7 @@ def test_pairs_taken_off_the_sheet_are_drawn_no_more(session: Session) -> None:
 
 
 def test_objects_that_the_sheet_has_no_room_for_are_told(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("viewer.sheet.MOST", 2)
+    monkeypatch.setattr("viewer.activities.grid.MOST", 2)
     session.sheet.add("object 1", "object 2")
     assert session.messages == []
     session.sheet.add("object 2", "object 3")

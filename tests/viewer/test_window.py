@@ -29,15 +29,16 @@ from core.models.scene import Scene
 from core.photos.photo import Photo
 from tests.core.tiny import tiny_model
 from tests.viewer.window_driver import Driver, broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
-from viewer import app, orbit
-from viewer.exporting import VideoChoice, film
-from viewer.files import Wish
-from viewer.modes import MODES
+from viewer import app
+from viewer.activities.exporting import VideoChoice, film
 from viewer.panels import all_panels
 from viewer.panels.fit import in_words
-from viewer.preferences import Preferences
-from viewer.quality import QUALITIES
+from viewer.screen.file_dialog import Wish
 from viewer.session import PARTS, Streams
+from viewer.values import orbit
+from viewer.values.preferences import Preferences
+from viewer.values.quality import QUALITIES
+from viewer.values.view_modes import MODES
 
 Drive = Callable[..., None]
 
@@ -579,7 +580,7 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
                 raise found
             return found
 
-        monkeypatch.setattr("viewer.clipboard.ImageGrab.grabclipboard", grabbed)
+        monkeypatch.setattr("viewer.services.clipboard.ImageGrab.grabclipboard", grabbed)
         imgui.set_clipboard_text("no file of this name")
         window.press(imgui.Key.mod_ctrl, imgui.Key.v)
         window.wait(lambda: len(session.errors) == 1)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from viewer.worker import Job, Worker
+from viewer.services.worker import Job, Worker
 
 
 def wait(worker: Worker, until: Callable[[], bool], longest: float = 5.0) -> None:

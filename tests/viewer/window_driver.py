@@ -15,7 +15,7 @@ from core.fitting.fit import Alternative, FitJob, FitStep, Hypothesis
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
 from core.rendering.progressive import Frame, RenderJob
-from viewer.desk import chord
+from viewer.context import chord
 from viewer.session import Session
 
 

@@ -1,19 +1,19 @@
 """One subject per file; each panel reads the session and calls its named edits."""
 
-from viewer.desk import Panel
+from viewer.context import Panel
 from viewer.panels.camera import CameraPanel
-from viewer.panels.codes import CodesPanel
+from viewer.panels.candidates import RacePanel
 from viewer.panels.export import Export
 from viewer.panels.fit import Fit
+from viewer.panels.grid import SheetPanel
+from viewer.panels.history import Visited
 from viewer.panels.mix import MixPanel
 from viewer.panels.objects import Objects
-from viewer.panels.plausibility import Plausibility
-from viewer.panels.race import RacePanel
-from viewer.panels.sheet import SheetPanel
-from viewer.panels.speed import SpeedPanel
+from viewer.panels.performance import SpeedPanel
+from viewer.panels.realism import Plausibility
+from viewer.panels.sliders import CodesPanel
 from viewer.panels.timeline import TimelinePanel
 from viewer.panels.view import View
-from viewer.panels.visited import Visited
 
 
 def all_panels() -> list[Panel]:

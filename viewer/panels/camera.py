@@ -5,8 +5,8 @@ from dataclasses import replace
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer import orbit
-from viewer.desk import Desk, button, tip
+from viewer.context import Desk, button, tip
+from viewer.values import orbit
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
 

@@ -5,9 +5,9 @@ from functools import partial
 from imgui_bundle import icons_fontawesome_4, imgui
 
 from core.models.pictures import FORMATS
-from viewer.desk import MESHES, VIDEOS, Desk, button, draw_progress
-from viewer.files import Wish
-from viewer.forms import VideoForm, choose
+from viewer.context import MESHES, VIDEOS, Desk, button, draw_progress
+from viewer.screen.file_dialog import Wish
+from viewer.widgets.video_form import VideoForm, choose
 
 _FILM, _CAMERA = icons_fontawesome_4.ICON_FA_FILM, icons_fontawesome_4.ICON_FA_CAMERA
 _CUBE = icons_fontawesome_4.ICON_FA_CUBE

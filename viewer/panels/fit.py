@@ -5,12 +5,12 @@ from functools import partial
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
-from viewer.comparison import Comparison
-from viewer.curve import Curve
-from viewer.desk import IMAGES, Desk, button, flow, tip
-from viewer.files import Wish
-from viewer.fitting import EFFORTS, Fitting
-from viewer.theme import WARM
+from viewer.activities.fitting import EFFORTS, Fitting
+from viewer.context import IMAGES, Desk, button, flow, tip
+from viewer.screen.file_dialog import Wish
+from viewer.screen.theme import WARM
+from viewer.widgets.comparison import Comparison
+from viewer.widgets.fit_curve import Curve
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
 _ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS

@@ -2,7 +2,7 @@
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.desk import Desk
+from viewer.context import Desk
 
 LINES = (
     ("In the view", ""),

@@ -7,8 +7,8 @@ from pathlib import Path
 from imgui_bundle import hello_imgui, imgui
 
 from core.models.library import samples, shipped_models
-from viewer.desk import Desk, chord, tip
-from viewer.preferences import LARGEST, SMALLEST
+from viewer.context import Desk, chord, tip
+from viewer.values.preferences import LARGEST, SMALLEST
 
 _Chord = tuple[int, Callable[[], None]]
 

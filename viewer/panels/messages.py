@@ -4,8 +4,8 @@ import textwrap
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.desk import Desk, tip
-from viewer.messages import Kind, Message
+from viewer.context import Desk, tip
+from viewer.services.messages import Kind, Message
 
 _WIDTH = 24
 """em"""

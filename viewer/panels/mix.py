@@ -2,10 +2,10 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer import faces
-from viewer.desk import Desk, button, tip
+from viewer.context import Desk, button, tip
+from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.session import PARTS, Part
-from viewer.theme import WARM, Colour, mixed, packed
+from viewer.widgets import object_tiles as faces
 
 _OPEN, _LOCKED = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _PAD_HELP = "Drag: to the right the shape goes from A to B, upwards the texture does"

@@ -2,10 +2,10 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from viewer import faces
-from viewer.desk import Desk, tip
+from viewer.context import Desk, tip
+from viewer.screen.theme import WARM, Colour, packed
 from viewer.session import PARTS
-from viewer.theme import WARM, Colour, packed
+from viewer.widgets import object_tiles as faces
 
 _CELL = 4.6
 """em"""

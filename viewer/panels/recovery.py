@@ -4,7 +4,7 @@ from datetime import datetime
 
 from imgui_bundle import imgui
 
-from viewer.desk import Desk, button
+from viewer.context import Desk, button
 
 
 def draw(desk: Desk) -> None:

@@ -3,12 +3,12 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.export.keyframes import Key
-from viewer import faces
-from viewer.desk import VIDEOS, Desk, button, draw_progress, flow, tip
-from viewer.files import Wish
-from viewer.film import Film
-from viewer.forms import VideoForm
-from viewer.theme import mixed, packed
+from viewer.activities.player import Film
+from viewer.context import VIDEOS, Desk, button, draw_progress, flow, tip
+from viewer.screen.file_dialog import Wish
+from viewer.screen.theme import mixed, packed
+from viewer.widgets import object_tiles as faces
+from viewer.widgets.video_form import VideoForm
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH

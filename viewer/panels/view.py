@@ -5,14 +5,14 @@ import time
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.rendering.progressive import Frame
-from viewer import orbit
-from viewer.desk import Desk, button, tip
-from viewer.forms import choose
-from viewer.modes import MODES, seen_as
-from viewer.quality import QUALITIES
+from viewer.activities.viewport import Viewport
+from viewer.context import Desk, button, tip
+from viewer.screen.theme import packed
 from viewer.session import Session
-from viewer.theme import packed
-from viewer.viewport import Viewport
+from viewer.values import orbit
+from viewer.values.quality import QUALITIES
+from viewer.values.view_modes import MODES, seen_as
+from viewer.widgets.video_form import choose
 
 _KEY_TURN = 0.12
 """rad a key press"""

@@ -11,8 +11,8 @@ from core.export.keyframes import Shot, Timeline
 from core.models.model import Model
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer import orbit
-from viewer.worker import Job
+from viewer.services.worker import Job
+from viewer.values import orbit
 
 if TYPE_CHECKING:
     from viewer.session import Session
@@ -211,7 +211,7 @@ class Film:
 
     @property
     def _place(self) -> tuple[int, int, int, tuple[float, float]]:
-        """How its pictures lie in the view: what :func:`viewer.orbit.filling` takes."""
+        """How its pictures lie in the view: what :func:`viewer.values.orbit.filling` takes."""
         return *self._session.viewport.panel, _DETAIL, self._session.viewport.pan
 
     @property

@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.desk import tip
-from viewer.exporting import VideoChoice
+from viewer.activities.exporting import VideoChoice
+from viewer.context import tip
 
 T = TypeVar("T")
 _FORMATS = {".mp4": "mp4", ".gif": "gif", ".webp": "webp", ".frames": "png frames"}

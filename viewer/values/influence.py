@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.rendering.progressive import Frame
-from viewer.modes import heat
+from viewer.values.view_modes import heat
 
 _SEEN = 4 / 255
 """of a colour: what an eye may notice"""

@@ -2,10 +2,10 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from viewer import faces
-from viewer.desk import Desk, flow, tip
+from viewer.context import Desk, flow, tip
+from viewer.screen.theme import Colour
 from viewer.session import PARTS, Part
-from viewer.theme import Colour
+from viewer.widgets import object_tiles as faces
 
 _REACH = 3.0
 """standard deviations, where the slider ends"""

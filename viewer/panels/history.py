@@ -3,10 +3,10 @@
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.rendering.progressive import Frame
-from viewer import faces
-from viewer.desk import Desk, tip
-from viewer.history import State
-from viewer.theme import packed
+from viewer.context import Desk, tip
+from viewer.screen.theme import packed
+from viewer.values.history import State
+from viewer.widgets import object_tiles as faces
 
 _STILL = 64
 """px"""

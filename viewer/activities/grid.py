@@ -16,9 +16,9 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.pictures import FORMATS
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer import orbit
-from viewer.history import Pair
-from viewer.worker import Job
+from viewer.services.worker import Job
+from viewer.values import orbit
+from viewer.values.history import Pair
 
 if TYPE_CHECKING:
     from viewer.session import Session

@@ -16,7 +16,7 @@ from core.models.model import Model
 from core.models.precision import autocast
 from core.rendering.progressive import Frame
 from core.rendering.reference import render_exact
-from viewer.worker import Job
+from viewer.services.worker import Job
 
 if TYPE_CHECKING:
     from viewer.session import Session

@@ -8,14 +8,14 @@ from typing import Any, Protocol
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.models.pictures import held_scene
+from viewer.activities.exporting import Kind
 from viewer.autosave import Autosave
-from viewer.canvas import Canvas, Images
-from viewer.exporting import Kind
-from viewer.files import Files, Wish, is_there
-from viewer.preferences import Preferences
+from viewer.screen.canvas import Canvas, Images
+from viewer.screen.file_dialog import Files, Wish, is_there
+from viewer.screen.theme import DARK, LIGHT, Palette
+from viewer.services.worker import Job
 from viewer.session import Session
-from viewer.theme import DARK, LIGHT, Palette
-from viewer.worker import Job
+from viewer.values.preferences import Preferences
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 VIDEOS = (".mp4", ".gif", ".webp", ".frames")

@@ -8,7 +8,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from core.rendering.progressive import Frame
-from viewer.theme import Palette, mixed
+from viewer.screen.theme import Palette, mixed
 
 _SPARE = 2_000_000
 """px of textures kept although out of sight"""

@@ -3,12 +3,12 @@
 from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
 
 from core.models.pictures import FORMATS
-from viewer import faces
-from viewer.desk import Desk, button, draw_progress, tip
-from viewer.files import Wish
-from viewer.history import Pair
-from viewer.sheet import MOST
-from viewer.theme import mixed, packed
+from viewer.activities.grid import MOST
+from viewer.context import Desk, button, draw_progress, tip
+from viewer.screen.file_dialog import Wish
+from viewer.screen.theme import mixed, packed
+from viewer.values.history import Pair
+from viewer.widgets import object_tiles as faces
 
 _ADD = icons_fontawesome_4.ICON_FA_PLUS
 _INVITATION = (

@@ -13,8 +13,8 @@ from core.export.keyframes import Key, Shot, Timeline
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.photo import Photo
-from viewer.gallery import Thing
-from viewer.history import Mix, Pair, State
+from viewer.values.history import Mix, Pair, State
+from viewer.values.objects import Thing
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import Frame
-from viewer import faces, orbit
-from viewer.desk import Desk, button, tip
-from viewer.influence import Influence
+from viewer.context import Desk, button, tip
 from viewer.session import PARTS, Part
+from viewer.values import orbit
+from viewer.values.influence import Influence
+from viewer.widgets import object_tiles as faces
 
 _DICE = icons_fontawesome_4.ICON_FA_RANDOM
 _FIRST = 8

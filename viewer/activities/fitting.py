@@ -18,11 +18,11 @@ from core.geometry.camera import Camera
 from core.models.scene import Scene
 from core.photos.segmentation import NoGroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer import orbit
-from viewer.course import Course, Shot, Source, paired
-from viewer.gallery import Thing
-from viewer.race import Race
-from viewer.worker import Job
+from viewer.activities.candidates import Race
+from viewer.services.worker import Job
+from viewer.values import orbit
+from viewer.values.fit_history import Course, Shot, Source, paired
+from viewer.values.objects import Thing
 
 if TYPE_CHECKING:
     from viewer.session import Session

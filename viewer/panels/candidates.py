@@ -5,11 +5,11 @@ import math
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from viewer import faces
-from viewer.desk import Desk, tip
-from viewer.frusta import Onlooker, box, frustum, ring
-from viewer.race import Tile
-from viewer.theme import WARM, Colour, mixed, packed
+from viewer.activities.candidates import Tile
+from viewer.context import Desk, tip
+from viewer.screen.theme import WARM, Colour, mixed, packed
+from viewer.values.frusta import Onlooker, box, frustum, ring
+from viewer.widgets import object_tiles as faces
 
 _FADING = 2.0
 """s of the fit that a loser takes to fade"""

@@ -3,9 +3,9 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.rendering.progressive import Frame
-from viewer.desk import Desk
+from viewer.context import Desk
+from viewer.screen.theme import Colour, packed
 from viewer.session import Part
-from viewer.theme import Colour, packed
 
 DRAGGED = "object"
 """the kind of payload that a hand drags to a slot"""

@@ -3,8 +3,8 @@
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from viewer.desk import Desk, tip
-from viewer.theme import packed
+from viewer.context import Desk, tip
+from viewer.screen.theme import packed
 
 _MODES = ("Side by side", "Wipe", "Onion skin", "Difference")
 _WHITE = (1.0, 1.0, 1.0)

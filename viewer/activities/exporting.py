@@ -14,9 +14,9 @@ from core.models.model import Model
 from core.models.pictures import save_picture
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer import orbit
-from viewer.sheet import write_sheet
-from viewer.worker import Job
+from viewer.activities.grid import write_sheet
+from viewer.services.worker import Job
+from viewer.values import orbit
 
 if TYPE_CHECKING:
     from viewer.session import Session

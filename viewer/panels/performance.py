@@ -4,7 +4,7 @@ from imgui_bundle import imgui
 
 from core.models.precision import linear_dtype
 from core.rendering.progressive import Frame
-from viewer.desk import Desk, tip
+from viewer.context import Desk, tip
 from viewer.session import Session
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg

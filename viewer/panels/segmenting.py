@@ -6,9 +6,9 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.photos.photo import Framing
 from core.photos.segmentation import Hints, Stroke
-from viewer.cutting import Cutting
-from viewer.desk import Desk, button, chord, tip
-from viewer.theme import WARM, packed
+from viewer.activities.segmenting import Cutting
+from viewer.context import Desk, button, chord, tip
+from viewer.screen.theme import WARM, packed
 
 _TITLE = "Cut out###cutout"
 _TOOLS = ("Box", "Add", "Remove")

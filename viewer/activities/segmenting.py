@@ -15,9 +15,9 @@ from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.photo import Framing, framed
 from core.photos.segmentation import CutOut, Hints, cut_out
-from viewer.course import Source
-from viewer.messages import explain
-from viewer.worker import Job
+from viewer.services.messages import explain
+from viewer.services.worker import Job
+from viewer.values.fit_history import Source
 
 if TYPE_CHECKING:
     from viewer.session import Session

@@ -3,9 +3,9 @@
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui, implot
 
-from viewer.desk import Desk, button, tip
-from viewer.fitting import Fitting
-from viewer.theme import WARM, packed
+from viewer.activities.fitting import Fitting
+from viewer.context import Desk, button, tip
+from viewer.screen.theme import WARM, packed
 
 _SCRUB_HELP = "Drag to see any step of the fit, here and in the view; undo brings you back"
 _HEIGHT = 5.5

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 from core.rendering.frame_budget import Pace
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer import orbit
-from viewer.quality import QUALITIES, USUAL, Quality
-from viewer.worker import Job
+from viewer.services.worker import Job
+from viewer.values import orbit
+from viewer.values.quality import QUALITIES, USUAL, Quality
 
 if TYPE_CHECKING:
     from viewer.session import Session

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 from core.files import write_json
-from viewer.quality import QUALITIES, USUAL
+from viewer.values.quality import QUALITIES, USUAL
 
 _FILE = "preferences.json"
 _RECENT = 8
@@ -25,7 +25,7 @@ class Preferences:
     text: float = 1.0
     """size of the text, against its usual one"""
     quality: int = USUAL
-    """which of :data:`viewer.quality.QUALITIES`"""
+    """which of :data:`viewer.values.quality.QUALITIES`"""
     newcomer: bool = True
     """nobody has turned the object yet"""
     recent: tuple[str, ...] = ()

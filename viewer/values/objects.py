@@ -11,8 +11,8 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer import orbit
-from viewer.worker import Job
+from viewer.services.worker import Job
+from viewer.values import orbit
 
 if TYPE_CHECKING:
     from viewer.session import Session

@@ -10,7 +10,7 @@ from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer.worker import Job
+from viewer.services.worker import Job
 
 if TYPE_CHECKING:
     from viewer.session import Session
