@@ -1,21 +1,32 @@
-"""What panels share: the session, and the window's own things around it."""
+"""What panels are handed: the open workspace, and the window's own things around it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
-from imgui_bundle import ImVec2, hello_imgui, imgui
+from imgui_bundle import ImVec2, imgui
 
 from core.models.pictures import held_scene
-from viewer.activities.exporting import Kind
+from viewer.activities.exporting import Exporting
+from viewer.activities.fitting import Fitting
+from viewer.activities.grid import Grid
+from viewer.activities.player import Player
+from viewer.activities.segmenting import Segmenting
+from viewer.activities.thumbnails import Thumbnails
+from viewer.activities.viewport import Viewport
 from viewer.autosave import Autosave
+from viewer.editor import Editor
 from viewer.screen.canvas import Canvas, Images
-from viewer.screen.file_dialog import Files, Wish, is_there
+from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
 from viewer.screen.theme import DARK, LIGHT, Palette
+from viewer.services.clipboard import Clipboard
 from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.preferences import Preferences
+from viewer.values.view_modes import MODES
+from viewer.workspace import Workspace
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 VIDEOS = (".mp4", ".gif", ".webp", ".frames")
@@ -24,45 +35,110 @@ MESHES = (".glb", ".ply", ".obj")
 
 
 @dataclass(eq=False)
-class Desk:
-    """Handed to every panel. Canvas and images are there once the window is."""
+class PanelContext:
+    """Handed to every panel. Canvas and images are there once the window is, the workspace once a model is open."""
 
     session: Session
-    files: Files
-    likes: Preferences = field(default_factory=Preferences)
+    files: FileDialog
+    preferences: Preferences = field(default_factory=Preferences)
     help_open: bool = False
     canvas: Canvas | None = None
     images: Images | None = None
-    focus: str = "Codes"
+    focus: str = "Sliders"
     """the panel to bring to the front"""
-    beside: str = ""
+    focus_other_dock: str = ""
     """another one, of another dock"""
     dragged: str = ""
-    """the object that a hand drags to a slot"""
+    """the object that is dragged to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
-    """two corners of the picture on screen"""
+    """two corners of the view on screen"""
+    view_mode: str = "colour"
+    """one of :data:`viewer.values.view_modes.MODES`"""
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     autosave: Autosave | None = None
-    """none where nothing is kept"""
-    _fitting: bool = False
+    """None where nothing is kept"""
+    clipboard: Clipboard = field(default_factory=Clipboard)
+    _fit_ran: bool = False
+
+    # What belongs to the open model; panels are drawn only once there is one
+
+    @property
+    def ready(self) -> bool:
+        """A model is open."""
+        return self.session.workspace is not None
+
+    @property
+    def workspace(self) -> Workspace:
+        """Everything around the open model."""
+        assert self.session.workspace is not None, "no model yet"
+        return self.session.workspace
+
+    @property
+    def editor(self) -> Editor:
+        """What is edited."""
+        return self.workspace.editor
+
+    @property
+    def viewport(self) -> Viewport:
+        """The view."""
+        return self.workspace.viewport
+
+    @property
+    def thumbnails(self) -> Thumbnails:
+        """Small renders."""
+        return self.workspace.thumbnails
+
+    @property
+    def grid(self) -> Grid:
+        """Shapes crossed with textures."""
+        return self.workspace.grid
+
+    @property
+    def player(self) -> Player:
+        """The timeline."""
+        return self.workspace.player
+
+    @property
+    def fitting(self) -> Fitting:
+        """The fit under way, or the last one."""
+        return self.workspace.fitting
+
+    @property
+    def segmenting(self) -> Segmenting:
+        """The photo whose object is pointed out."""
+        return self.workspace.segmenting
+
+    @property
+    def exporting(self) -> Exporting:
+        """Files on their way."""
+        return self.workspace.exporting
+
+    # Preferences
 
     @property
     def palette(self) -> Palette:
         """The colours of the theme."""
-        return DARK if self.likes.dark else LIGHT
+        return DARK if self.preferences.dark else LIGHT
 
-    def chose(self, **values: Any) -> None:
-        """Take in a preference, by its name."""
-        self.likes = replace(self.likes, **values)
+    def set_preference(self, **values: Any) -> None:
+        """Change preferences by their names."""
+        self.preferences = replace(self.preferences, **values)
 
-    def size_text(self, steps: int) -> None:
+    def resize_text(self, steps: int) -> None:
         """A larger text, or a smaller one."""
-        self.likes = self.likes.sized(self.likes.text * 1.1**steps)
+        self.preferences = self.preferences.with_text_size(self.preferences.text * 1.1**steps)
+
+    def next_view_mode(self) -> None:
+        """Show the next of the view's modes."""
+        modes = list(MODES)
+        self.view_mode = modes[(modes.index(self.view_mode) + 1) % len(modes)]
+
+    # Files
 
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""
-        self.files.ask(Wish("Image to fit", self.fit, IMAGES))
+        self.files.ask(FileRequest("Image to fit", self.fit, IMAGES))
 
     def fit(self, *paths: Path) -> None:
         """Fit images of one object and show how it goes."""
@@ -70,40 +146,33 @@ class Desk:
         for path in paths:
             if path.suffix.lower() in IMAGES:
                 self._remember(path)
-        self.session.fitting.start(*paths)
-
-    def follow_fit(self) -> None:
-        """Bring the race to the front when a fit begins, and the objects, which the result joins, when it ends."""
-        if self._fitting != self.session.fitting.running:
-            self._fitting = self.session.fitting.running
-            self.beside = "Race" if self._fitting else "Objects"
+        self.session.fit_photos(*paths)
 
     def paste(self) -> None:
         """Fit the images in the clipboard."""
-        session, text = self.session, imgui.get_clipboard_text()
-
-        ended = session.reporting("Cannot paste")
-        found = Job("paste", lambda: session.clipboard.images(text), lambda paths: session.fitting.start(*paths), ended)
-        session.worker.submit(found)
+        jobs, images = self.session.jobs, partial(self.clipboard.images, imgui.get_clipboard_text())
+        ended = jobs.reporting("Cannot paste")
+        jobs.submit(Job("paste", images, lambda paths: self.session.fit_photos(*paths), ended))
 
     def open_scene(self) -> None:
-        """Ask for a scene, or a picture that holds one, and open it."""
-        self.files.ask(Wish("Scene to open", self.load_scene, SCENES))
+        """Ask for a scene, or an image that holds one, and open it."""
+        self.files.ask(FileRequest("Scene to open", self.load_scene, SCENES))
 
     def load_scene(self, path: Path) -> None:
-        """Open a scene, or a picture that holds one."""
+        """Open a scene, or an image that holds one."""
         self._remember(path)
-        self.session.load_scene(path)
+        self.session.open_scene(path)
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
-        self.files.ask(Wish("Save the scene as", self.session.save_scene, (".json",), True, "scene.json"))
+        self.files.ask(FileRequest("Save the scene as", self.exporting.scene, (".json",), True, "scene.json"))
 
     def drop(self, paths: list[str]) -> None:
-        """Take files let go over the window: scenes, and pictures that hold one, are opened; any others are pictures of
-        one object, which is fitted.
+        """Take files dropped on the window: scenes, and images that hold one, are opened; all others are photos of one
+        object, which is fitted.
         """
-        self.session.cutting.close()
+        if self.ready:
+            self.segmenting.close()
         others = []
         for path in map(Path, paths):
             if path.suffix.lower() == ".json" or held_scene(path):
@@ -113,9 +182,15 @@ class Desk:
         if others:
             self.fit(*others)
 
+    def follow_fit(self) -> None:
+        """Bring the candidates to the front when a fit begins, and the objects, which the result joins, at its end."""
+        if self._fit_ran != self.session.fitting_runs:
+            self._fit_ran = self.session.fitting_runs
+            self.focus_other_dock = "Candidates" if self._fit_ran else "Objects"
+
     def _remember(self, path: Path) -> None:
         if is_there(path):
-            self.likes = self.likes.opened(path)
+            self.preferences = self.preferences.with_recent(path)
 
 
 class Panel(Protocol):
@@ -124,47 +199,8 @@ class Panel(Protocol):
     title: str
     dock: str
     """View, Top, Upper, Lower or Strip"""
+    waiting: str
+    """what it says until a model is open; empty: it draws itself from the start"""
 
-    def draw(self, desk: Desk) -> None:
+    def draw(self, context: PanelContext) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""
-
-
-def chord(*keys: imgui.Key) -> int:
-    """Keys pressed together, for imgui to ask about. As a number: older Pythons cannot join keys by ``|``."""
-    return sum(map(int, keys))
-
-
-def tip(text: str) -> None:
-    """A tooltip for the last item."""
-    imgui.set_item_tooltip(text)
-
-
-def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> bool:
-    """A button (width in em, 0 fits the label) with a tooltip."""
-    imgui.begin_disabled(not enabled)
-    pressed = imgui.button(label, (hello_imgui.em_size(width) if width else 0, 0))
-    imgui.end_disabled()
-    tip(text)
-    return pressed
-
-
-def flow(label: str) -> None:
-    """Go on in this line where a button of this label has room, else in the next."""
-    width = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
-    imgui.same_line()
-    if imgui.get_content_region_avail().x < width:
-        imgui.new_line()
-
-
-def draw_progress(desk: Desk, kind: Kind) -> bool:
-    """How far the file under way is, where it is of this kind."""
-    exporting = desk.session.exporting
-    if exporting.path is None or exporting.kind != kind:
-        return False
-    left = exporting.remaining
-    told = f"{exporting.path.name}   {exporting.progress:.0%}" + (f"   {left:.0f} s left" if left is not None else "")
-    imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), told)
-    imgui.same_line()
-    if button("Cancel###cancel export", "Give it up; no half-written file stays"):
-        exporting.cancel()
-    return True

@@ -1,283 +1,279 @@
 """A fit under way: its photos, its steps so far, and what the fitted object looks like."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
+from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.models.scene import Scene
 from core.photos.segmentation import NoGroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer.activities.candidates import Race
+from viewer.activities.candidates import Candidates
+from viewer.activities.viewport import Viewport
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.fit_history import Course, Shot, Source, paired
-from viewer.values.objects import Thing
+from viewer.values.fit_history import FitHistory, FittedPhoto, PhotoSource, match_poses
+from viewer.values.objects import EditableObject
 
-if TYPE_CHECKING:
-    from viewer.session import Session
-
-EFFORTS = ("draft", "normal", "fine")
+CHOICES = ("draft", "normal", "fine")
 """Presets to choose from."""
-_GOING_ON = 3
-"""Where a fit goes on, it has one of so many steps of the preset: there is no race."""
-_LOOK_EVERY = 0.3
-"""s between two pictures of the fit, which take their time from it"""
-_LOOK_STEPS = 4
-"""steps between two pictures at the least, for machines on which they are slow"""
+_RESUMED_SHARE = 3
+"""A fit that is resumed has one of so many steps of the preset: there is no search."""
+_RENDER_EVERY = 0.3
+"""s between two renders of the fit, which take their time from it"""
+_RENDER_STEPS = 4
+"""steps between two renders at the least, for machines on which they are slow"""
 _LIVE = RenderSettings(samples=48, stages=(2,))
 _FINISHED = RenderSettings(stages=(1,))
+
+
+@dataclass(eq=False)
+class FitOptions:
+    """How the next fit is made, whichever model is open."""
+
+    preset: str = "normal"
+    estimate_focal: bool = False
 
 
 class Fitting:
     """At most one fit at a time. Its result joins the objects and becomes current, a single edit."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self.race = Race(session)
-        self.effort = "normal"
-        """the preset of the next fit"""
-        self.lens = False
-        """whether that searches for the focal length too"""
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the fit; one under way is dropped."""
-        self._session.worker.cancel("fit")
-        self._session.worker.cancel("fit picture")
-        self.race.reset()
-        self.course = Course()
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions) -> None:
+        self._jobs, self._editor, self._viewport, self.options = jobs, editor, viewport, options
+        self.candidates = Candidates(jobs, editor.model)
+        self.history = FitHistory()
         """of the fit under way, or of the last one"""
         self.running = False
-        self._untouched: Scene | None = None
-        self.live: Frame | None = None
-        """the newest picture of the fit that was shown in the view"""
-        self._looked, self._unseen = 0.0, 0
+        self.no_background: Callable[[tuple[PhotoSource, ...], int], None] = lambda sources, index: None
+        """called with the photo in which the object was not found by itself"""
+        self._scene_at_start: Scene | None = None
+        self._rendered_at, self._steps_since = 0.0, 0
+        """s on the monotonic clock, and steps, since the last render"""
+
+    def close(self) -> None:
+        """Drop a fit under way."""
+        self._jobs.cancel("fit", "fit frame")
+        self.candidates.close()
+        self.running = False
 
     # What is fitted
 
     def start(self, *paths: Path) -> None:
         """Fit the object in images; pose files (.txt) among them belong to the images of their names."""
         try:
-            self.fit(*paired(paths))
+            sources = match_poses(paths)
         except ValueError as error:
-            self._session.report("Cannot fit this", error)
+            self._jobs.report("Cannot fit this", error)
+        else:
+            self.fit(*sources)
 
-    def fit(self, *sources: Source) -> None:
-        """Fit the object in photos. What cannot be used leaves everything as it was."""
-        if sources and not self._session.when_ready(lambda: self.fit(*sources)):
-            self._begin(Course(sources))
+    def fit(self, *sources: PhotoSource) -> bool:
+        """Fit the object in photos. What cannot be used leaves everything as it was. Whether the fit has begun."""
+        return bool(sources) and self._begin(FitHistory(sources))
 
-    def cut_out(self) -> None:
-        """Point out the object in the photo that is looked at, and fit once more."""
-        self._session.cutting.open(self.course.sources, self.course.view)
+    def add_photo(self, history: FitHistory, path: Path) -> None:
+        """Fit once more, with another photo of the object."""
+        self._begin(FitHistory((*history.sources, PhotoSource(path))))
 
-    def add(self, course: Course, path: Path) -> None:
-        """Fit once more, with another photo of the object of a course."""
-        self._begin(Course((*course.sources, Source(path))))
+    def set_pose(self, history: FitHistory, path: Path) -> None:
+        """Fit once more, with the known camera of the photo that was shown."""
+        sources = list(history.sources)
+        sources[history.photo_index] = sources[history.photo_index]._replace(pose=path)
+        self._begin(FitHistory(tuple(sources), photo_index=history.photo_index))
 
-    def pose(self, course: Course, path: Path) -> None:
-        """Fit once more, with the known camera of the photo that was looked at in a course."""
-        sources = list(course.sources)
-        sources[course.view] = sources[course.view]._replace(pose=path)
-        self._begin(Course(tuple(sources), view=course.view))
-
-    def again(self) -> None:
+    def refit(self) -> None:
         """Fit the same photos once more, from the beginning."""
-        self._run(Course(self.course.sources, self.course.shots, view=self.course.view))
+        self._run(FitHistory(self.history.sources, self.history.photos, photo_index=self.history.photo_index))
 
-    def go_on(self, begin: Hypothesis | None = None) -> None:
-        """Go on from a hypothesis, or from the step that is looked at; the steps after that are forgotten."""
-        begin = begin or self.going_on
-        if begin is None:
-            return
-        kept = len(self.course.steps) if self.course.at is None else self.course.at + 1
-        self._run(replace(self.course, steps=self.course.steps[:kept], at=None), begin)
+    def resume(self, hypothesis: Hypothesis | None = None) -> None:
+        """Continue from a hypothesis, or from the step that is shown; the steps after that are forgotten."""
+        begin = hypothesis or self.resume_point
+        if begin is not None:
+            self._run(self.history.up_to_selected(), begin)
 
-    def go_on_from_view(self) -> None:
-        """Go on from what is on screen: its codes, and for the photo that is looked at its camera."""
-        if begin := self.going_on:
-            scene, cameras = self._session.scene, list(begin.cameras)
-            was = cameras[self.course.view]
-            cameras[self.course.view] = scene.camera.resized(was.width, was.height)
-            self.go_on(replace(begin, cameras=tuple(cameras), codes=scene.codes))
+    def resume_from_view(self) -> None:
+        """Continue from what is on screen: its codes, and for the photo that is shown its camera."""
+        if begin := self.resume_point:
+            scene, cameras, index = self._editor.scene, list(begin.cameras), self.history.photo_index
+            cameras[index] = scene.camera.resized(cameras[index].width, cameras[index].height)
+            self.resume(replace(begin, cameras=tuple(cameras), codes=scene.codes))
 
     @property
-    def going_on(self) -> Hypothesis | None:
-        """From where the step that is looked at can go on; None where it cannot yet."""
-        step = self.course.step
-        leader = step.race[0] if step and step.race else None
-        return leader if leader and self.can_prefer(leader) else None
+    def resume_point(self) -> Hypothesis | None:
+        """From where the step that is shown can be resumed; None where it cannot yet."""
+        step = self.history.step
+        best = step.race[0] if step and step.race else None
+        return best if best and self.can_resume(best) else None
 
-    def can_prefer(self, hypothesis: Hypothesis) -> bool:
-        """Whether a fit of all photos can go on from it; one that is of some of them only cannot be gone on from."""
-        return len(hypothesis.cameras) == len(self.course.shots)
+    def can_resume(self, hypothesis: Hypothesis) -> bool:
+        """Whether a fit of all photos can continue from it; not if it is of some of them only."""
+        return len(hypothesis.cameras) == len(self.history.photos)
 
     def stop(self) -> None:
         """End the fit here and keep what it has found."""
         if self.running:
-            self._session.worker.cancel("fit")
+            self._jobs.cancel("fit")
             self._finish("Stopped")
 
-    # What is looked at
+    # What is shown
 
     @property
-    def followed(self) -> bool:
-        """The view shows the fit on its way: nobody has changed the scene since it began."""
-        session = self._session
-        return self.running and session.ready and session.scene == self._untouched and not session.film.playing
+    def is_followed(self) -> bool:
+        """The view shows the fit on its way: nobody has changed the scene since it began, and the timeline rests."""
+        return self.running and self._editor.scene == self._scene_at_start and self._viewport.source != "timeline"
 
     @property
     def camera(self) -> Camera:
-        """The photo's camera in the step looked at, at the size of the model's pictures. Only once there are steps."""
-        assert self.course.step is not None, "no fit yet"
-        return self._resized(self.course.step.cameras[self.course.view])
+        """The photo's camera in the step shown, at the size of the model's images. Only once there are steps."""
+        assert self.history.step is not None, "no fit yet"
+        return self._at_model_size(self.history.step.cameras[self.history.photo_index])
 
     @property
-    def alternative(self) -> Camera | None:
-        """The next best camera, mostly from the object's other side, at the same size; None where none was found."""
-        other = self.course.step and self.course.step.alternative
-        return self._resized(other.cameras[self.course.view]) if other else None
+    def other_camera(self) -> Camera | None:
+        """The runner-up's camera, mostly from the object's other side, at the same size; None where there is none."""
+        other = self.history.step and self.history.step.alternative
+        return self._at_model_size(other.cameras[self.history.photo_index]) if other else None
 
     def scrub(self, index: int | None, gesture: str = "") -> None:
-        """Look at a step: its codes, seen from its camera, are an edit of the scene. None is the newest step."""
-        if not self.course.steps:
+        """Show a step: its codes, seen from its camera, are an edit of the scene. None is the newest step."""
+        if not self.history.steps:
             return
-        last = len(self.course.steps) - 1
-        self.course = replace(self.course, at=None if index is None else max(0, min(index, last)))
-        if step := self.course.step:
-            self._session.visit(step.codes, self.camera, gesture)
-            self._look(_LIVE)
+        last = len(self.history.steps) - 1
+        self.history = replace(self.history, selected=None if index is None else max(0, min(index, last)))
+        if step := self.history.step:
+            self._editor.show(step.codes, self.camera, gesture)
+            self._render(step, _LIVE)
 
-    def turn_to(self, view: int) -> None:
-        """Look at another photo."""
-        if 0 <= view < len(self.course.shots):
-            self.course = replace(self.course, view=view, picture=None, difference=None)
-            if self.course.step:
-                self._look(_LIVE)
+    def show_photo(self, index: int) -> None:
+        """Show another photo."""
+        if 0 <= index < len(self.history.photos):
+            self.history = replace(self.history, photo_index=index, frame=None, difference=None)
+            if self.history.step:
+                self._render(self.history.step, _LIVE)
 
     def keep(self) -> None:
-        """Take the step that is looked at among the objects."""
-        if step := self.course.step:
-            name = f"{self.course.name} at {step.seconds:.1f} s"
-            self._session.adopt(Thing(name, step.codes, self.course.shots[0].photo), self.camera)
+        """Add the step that is shown to the objects."""
+        if step := self.history.step:
+            name = f"{self.history.name} at {step.seconds:.1f} s"
+            self._editor.add_and_show(EditableObject(name, step.codes, self.history.photos[0].photo), self.camera)
 
     # On the way
 
-    def _resized(self, camera: Camera) -> Camera:
-        model = self._session.model
-        assert model is not None, "no model yet"
-        return camera.resized(model.image_size, model.image_size)
+    def _at_model_size(self, camera: Camera) -> Camera:
+        size = self._editor.model.image_size
+        return camera.resized(size, size)
 
-    def _begin(self, course: Course) -> None:
+    def _begin(self, history: FitHistory) -> bool:
         if self.running:
-            self._session.say("A fit is under way: stop it first")
-        else:
-            self._run(course)
+            self._jobs.notify("A fit is under way: stop it first")
+            return False
+        self._run(history)
+        return True
 
-    def _run(self, course: Course, begin: Hypothesis | None = None) -> None:
-        model, before, race = self._session.model, self.course, self.race.tiles
-        assert model is not None, "no model yet"
-        self.reset()
-        self.course, self.running = course, True
-        self.race.reset(race if begin else ())
-        self._untouched = self._session.scene
-        settings = replace(PRESETS[self.effort], lens=self.lens)
+    def _run(self, history: FitHistory, begin: Hypothesis | None = None) -> None:
+        before, tiles = self.history, self.candidates.tiles
+        self.close()
+        self.candidates.reset(tiles if begin else ())
+        self.history, self.running = history, True
+        self._scene_at_start = self._editor.scene
+        self._rendered_at, self._steps_since = 0.0, 0
+        settings = replace(PRESETS[self.options.preset], lens=self.options.estimate_focal)
         if begin:
-            settings = replace(settings, steps=max(1, settings.steps // _GOING_ON))
+            settings = replace(settings, steps=max(1, settings.steps // _RESUMED_SHARE))
 
         def ended(error: Exception | None) -> None:
-            read = len(self.course.shots)
-            if error and len(self.course.steps) == len(course.steps):
-                self.course = before
-                self.race.reset(race)
+            read = len(self.history.photos)
+            if error and len(self.history.steps) == len(history.steps):
+                self.history = before
+                self.candidates.reset(tiles)
             self._ended(error)
             if isinstance(error, NoGroundError):
-                self._session.cutting.open(course.sources, read)
+                self.no_background(history.sources, read)
 
-        def stream() -> Iterator[Shot | FitStep | None]:
-            if begin is None:
-                with suppress(ValueError):  # where there is no bank, what needs one says why
-                    yield from self._session.streams.preparing(model)
-            photos = [shot.photo for shot in course.shots]
-            for source in course.sources[len(photos) :]:
-                photos.append(self._session.streams.load_photo(source.path, model, *source[1:]))
-                yield Shot.of(source, photos[-1])
-            past = course.steps[-1].seconds if course.steps else 0.0
-            for step in self._session.streams.fit(model, FitJob(tuple(photos), settings, begin=begin)):
-                yield replace(step, seconds=past + step.seconds)
+        self._jobs.submit(Job("fit", lambda: self._stream(history, settings, begin), self._receive, ended))
 
-        self._session.worker.submit(Job("fit", stream, self._value, ended))
+    def _stream(
+        self, history: FitHistory, settings: FitSettings, begin: Hypothesis | None
+    ) -> Iterator[FittedPhoto | FitStep | None]:
+        """The photos that have not been read, then the steps; runs on the worker."""
+        backend, model = self._jobs.backend, self._editor.model
+        if begin is None:
+            with suppress(ValueError):  # where there is no view bank, what needs one says why
+                yield from backend.view_bank(model)
+        photos = [fitted.photo for fitted in history.photos]
+        for source in history.sources[len(photos) :]:
+            photos.append(backend.load_photo(source.path, model, *source[1:]))
+            yield FittedPhoto.of(source, photos[-1])
+        past = history.steps[-1].seconds if history.steps else 0.0
+        for step in backend.fit(model, FitJob(tuple(photos), settings, begin=begin)):
+            yield replace(step, seconds=past + step.seconds)
 
-    def _value(self, value: Shot | FitStep) -> None:
-        if isinstance(value, Shot):
-            self.course = replace(self.course, shots=(*self.course.shots, value))
+    def _receive(self, value: FittedPhoto | FitStep) -> None:
+        if isinstance(value, FittedPhoto):
+            self.history = replace(self.history, photos=(*self.history.photos, value))
             return
-        self.course = self.course.stepped(value)
-        self.race.stepped(value)
-        self._unseen += 1
-        due = self._unseen >= _LOOK_STEPS and time.monotonic() - self._looked > _LOOK_EVERY
-        if due and self.course.at is None and not self._session.worker.busy("fit picture"):
-            self._look(_LIVE)
+        self.history = self.history.with_step(value)
+        self.candidates.update(value)
+        self._steps_since += 1
+        due = self._steps_since >= _RENDER_STEPS and time.monotonic() - self._rendered_at > _RENDER_EVERY
+        if due and self.history.selected is None and not self._jobs.busy("fit frame"):
+            self._render(value, _LIVE)
 
-    def _look(self, settings: RenderSettings) -> None:
-        self._looked, self._unseen = time.monotonic(), 0
-        model, step, view = self._session.model, self.course.step, self.course.view
-        assert model is not None and step is not None
-        camera = step.cameras[view]
-        wide = (*self._session.viewport.panel, camera.height, self._session.viewport.pan)
-        followed = self.followed
-        whole = orbit.filling(camera, *(wide if followed else (camera.width, camera.height, camera.height)))
-        job = RenderJob(step.codes, whole.camera, settings)
+    def _render(self, step: FitStep, settings: RenderSettings) -> None:
+        """A step from the photo's camera; as wide as the view while that follows the fit."""
+        self._rendered_at, self._steps_since = time.monotonic(), 0
+        index, followed, view = self.history.photo_index, self.is_followed, self._viewport.settings
+        camera = step.cameras[index]
+        layout = (*view.panel, camera.height, view.pan) if followed else (camera.width, camera.height, camera.height)
+        crop = orbit.fit_to_panel(camera, *layout)
+        job = RenderJob(step.codes, crop.camera, settings)
 
-        def pictured(frame: Frame) -> None:
-            if followed and self.followed:
-                self._session.worker.cancel("view")
-                self._session.viewport.put(frame, whole)
-                self.live = self._session.viewport.frame
-            shot = self.course.shot
-            if shot and view == self.course.view:
-                picture = whole.middle(camera).cropped(frame)
-                difference = _doubled_difference(shot.pixels, picture.image)
-                self.course = replace(self.course, picture=picture, difference=difference)
+        def rendered(frame: Frame) -> None:
+            if followed and self.is_followed:
+                self._viewport.display(frame, crop, "fit")
+            if index == self.history.photo_index and (fitted := self.history.photo):
+                middle = crop.middle(camera).cropped(frame)
+                difference = _doubled_difference(fitted.pixels, middle.image)
+                self.history = replace(self.history, frame=middle, difference=difference)
 
-        stream, ended = self._session.streams.frames, self._session.reporting("Cannot draw the fit")
-        # A hand that scrubs asks for many: each is shown before the next replaces it.
-        urgent = self.course.at is not None
-        self._session.worker.submit(Job("fit picture", lambda: stream(model, job), pictured, ended, urgent))
+        frames, model = self._jobs.backend.frames, self._editor.model
+        ended = self._jobs.reporting("Cannot render the fit")
+        # While a person scrubs, each frame is shown before the next replaces it.
+        urgent = self.history.selected is not None
+        self._jobs.submit(Job("fit frame", lambda: frames(model, job), rendered, ended, urgent))
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:
             self._finish("Fitted")
             return
         self.running = False
-        self.race.over()
-        self._session.viewport.render()
+        self.candidates.finish()
+        self._viewport.release("fit")
         if not isinstance(error, NoGroundError):  # for which there is a dialog
-            self._session.report("Cannot fit this image", error)
+            self._jobs.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:
         self.running = False
-        self.race.over()
-        self.course = replace(self.course, at=None)
-        name, last = self.course.name, self.course.last
+        self.candidates.finish()
+        self.history = replace(self.history, selected=None)
+        name, last = self.history.name, self.history.last
         if last is None:
-            self._session.viewport.render()
-            self._session.say(f"{how} before there was a result")
+            self._viewport.release("fit")
+            self._jobs.notify(f"{how} before there was a result")
             return
-        self._look(_FINISHED)
-        self._session.adopt(Thing(name, last.codes, self.course.shots[0].photo), self.camera)
-        self._session.say(f"{how} in {last.seconds:.0f} s: {name}, {last.psnr:.1f} dB")
+        self._render(last, _FINISHED)
+        self._editor.add_and_show(EditableObject(name, last.codes, self.history.photos[0].photo), self.camera)
+        self._viewport.release("fit")
+        self._jobs.notify(f"{how} in {last.seconds:.0f} s: {name}, {last.psnr:.1f} dB")
 
 
 def _doubled_difference(

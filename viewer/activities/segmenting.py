@@ -1,10 +1,7 @@
-"""A photo whose object a person points out: a box, strokes, and the place in the frame, cut out while they change."""
+"""A photo whose object a person points out: a box, strokes, and the place in the frame, segmented while they change."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -15,56 +12,55 @@ from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.photo import Framing, framed
 from core.photos.segmentation import CutOut, Hints, cut_out
-from viewer.services.messages import explain
+from viewer.services.jobs import Jobs
+from viewer.services.messages import error_text
 from viewer.services.worker import Job
-from viewer.values.fit_history import Source
-
-if TYPE_CHECKING:
-    from viewer.session import Session
+from viewer.values.fit_history import PhotoSource
 
 _SHOWN = 640
 """px: the longer side of what is shown"""
-_DARK = 0.25
-"""what is left of the ground's light"""
+_DIMMED = 0.25
+"""what is left of the background's light"""
 
 
 @dataclass(frozen=True, eq=False)
-class Cut:
+class Segmentation:
     """What hints and framing have come to."""
 
     hints: Hints
-    cut: CutOut
+    found: CutOut
     shown: UInt8[np.ndarray, "height width 3"]
-    """the photo with its ground darkened"""
+    """the photo with its background darkened"""
     framed: UInt8[np.ndarray, "size size 3"] | None = None
     """as it will be fitted; None until that is known"""
 
 
-class Cutting:
-    """At most one photo at a time. The newest cut-out wins, and every one that is begun is shown."""
+class Segmenting:
+    """At most one photo at a time. The newest segmentation wins, and every one that is begun is shown."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, jobs: Jobs, model: Model, fit: Callable[..., bool]) -> None:
+        """``fit`` takes photo sources, and returns whether the fit of these has begun."""
+        self._jobs, self._model, self._fit = jobs, model, fit
         self.close()
 
     def close(self) -> None:
         """Leave everything as it was."""
-        self._session.worker.cancel("cut out")
+        self._jobs.cancel("segmentation")
         self.active = False
-        self.sources: tuple[Source, ...] = ()
+        self.sources: tuple[PhotoSource, ...] = ()
         self.index = 0
         self.plain: np.ndarray | None = None
         """the photo as it is, on white; None until it has been read"""
         self.hints, self.framing = Hints(), Framing()
         self.past: tuple[Hints, ...] = ()
         """what :meth:`undo` goes back to"""
-        self.cut: Cut | None = None
+        self.result: Segmentation | None = None
         """the newest; None where there is none"""
         self.problem = ""
         """why there is none"""
         self._image: Image.Image | None = None
 
-    def open(self, sources: tuple[Source, ...], index: int) -> None:
+    def open(self, sources: tuple[PhotoSource, ...], index: int) -> None:
         """Begin with one of the photos of an object, and with what was pointed out in it before."""
         self.close()
         source = sources[index]
@@ -73,84 +69,80 @@ class Cutting:
 
         def read(image: Image.Image) -> None:
             self._image, self.plain = image, _on_white(image)
-            self._begin()
+            self._start()
 
         def ended(error: Exception | None) -> None:
             if error:
                 self.close()
-                self._session.report("Cannot open this image", error)
+                self._jobs.report("Cannot open this image", error)
 
-        self._session.worker.submit(Job("cut out", lambda: (read_rgba(source.path),), read, ended))
+        self._jobs.submit(Job("segmentation", lambda: (read_rgba(source.path),), read, ended))
 
     def begin_change(self) -> None:
         """What follows, up to the next call, is one step for :meth:`undo`."""
         if not self.past or self.past[-1] != self.hints:
             self.past = (*self.past, self.hints)
 
-    def point(self, hints: Hints) -> None:
-        """Say where the object is."""
+    def set_hints(self, hints: Hints) -> None:
+        """Point out where the object is."""
         if hints != self.hints:
             self.hints = hints
-            self._begin()
+            self._start()
 
     def undo(self) -> None:
         """Back to before the last box or stroke."""
         while self.past:
             before, self.past = self.past[-1], self.past[:-1]
             if before != self.hints:
-                self.point(before)
+                self.set_hints(before)
                 return
 
-    def frame(self, framing: Framing) -> None:
+    def set_framing(self, framing: Framing) -> None:
         """Move and scale the object in its frame."""
         if framing != self.framing:
             self.framing = framing
-            self._begin()
+            self._start()
 
     def fit(self) -> None:
-        """Fit the photos, this one as it was cut out; not beside another fit, which would leave it open."""
-        if self._session.fitting.running:
-            self._session.say("A fit is under way: stop it first")
-            return
-        told = self.sources[self.index]._replace(hints=self.hints or None, framing=self.framing)
-        sources = (*self.sources[: self.index], told, *self.sources[self.index + 1 :])
-        self.close()
-        self._session.fitting.fit(*sources)
+        """Fit the photos, this one as it was segmented; stays open beside another fit."""
+        source = self.sources[self.index]._replace(hints=self.hints or None, framing=self.framing)
+        if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :]):
+            self.close()
 
-    def _begin(self) -> None:
-        model, image, hints, framing, known = self._session.model, self._image, self.hints, self.framing, self.cut
-        if model is None or image is None:
+    def _start(self) -> None:
+        image, hints, framing, known = self._image, self.hints, self.framing, self.result
+        if image is None:
             return
 
-        def stream() -> Iterator[Cut | None]:
-            cut = known if known and known.hints == hints else _cut(image, hints)
-            waiting: Cut | None = cut
-            for _ in self._session.streams.preparing(model):  # framing needs it, and it may take seconds
+        def stream() -> Iterator[Segmentation | None]:
+            result = known if known and known.hints == hints else _segment(image, hints)
+            waiting: Segmentation | None = result
+            for _ in self._jobs.backend.view_bank(self._model):  # framing needs it, and it may take seconds
                 yield waiting
                 waiting = None
-            yield _framed(cut, model, framing)
+            yield _framed(result, self._model, framing)
 
-        def keep(cut: Cut) -> None:
-            self.cut, self.problem = cut, ""
+        def keep(result: Segmentation) -> None:
+            self.result, self.problem = result, ""
 
         def ended(error: Exception | None) -> None:
             if isinstance(error, ValueError):
-                self.cut, self.problem = None, explain(error)
+                self.result, self.problem = None, error_text(error)
             elif error:
-                self._session.report("Cannot cut the object out", error)
+                self._jobs.report("Cannot segment the photo", error)
 
-        self._session.worker.submit(Job("cut out", stream, keep, ended, urgent=True))
+        self._jobs.submit(Job("segmentation", stream, keep, ended, urgent=True))
 
 
-def _cut(image: Image.Image, hints: Hints) -> Cut:
+def _segment(image: Image.Image, hints: Hints) -> Segmentation:
     found, shown = cut_out(image, hints), _on_white(image)
     mask = np.asarray(Image.fromarray(found.mask).resize(shown.shape[1::-1]))
-    return Cut(hints, found, (shown * np.where(mask[..., None], 1, _DARK)).astype(np.uint8))
+    return Segmentation(hints, found, (shown * np.where(mask[..., None], 1, _DIMMED)).astype(np.uint8))
 
 
-def _framed(cut: Cut, model: Model, framing: Framing) -> Cut:
-    photo = framed(cut.cut, model, framing=framing)
-    return replace(cut, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+def _framed(result: Segmentation, model: Model, framing: Framing) -> Segmentation:
+    photo = framed(result.found, model, framing=framing)
+    return replace(result, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
 
 
 def _on_white(image: Image.Image) -> UInt8[np.ndarray, "height width 3"]:

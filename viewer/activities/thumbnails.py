@@ -1,90 +1,96 @@
-"""Small pictures of any codes from any camera, drawn beside everything else and kept for a while."""
-
-from __future__ import annotations
+"""Small renders of any codes from any camera, made beside everything else and kept for a while: the one queue."""
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
+from viewer.values import orbit
 
-if TYPE_CHECKING:
-    from viewer.session import Session
-
-_SETTINGS = RenderSettings(samples=40, stages=(1,))
-_KEPT = 600
-"""pictures: of 64 px they take 45 kB each"""
-_AT_ONCE = 6
-"""pictures drawn before it is looked again at which are wanted"""
+SIZE = 64
+"""px, of most thumbnails"""
+_SAMPLES = 40
+"""intervals along the longest side of the scene's box"""
+_MAX_KEPT = 1000
+"""thumbnails: of 64 px they take 60 kB each"""
+_BATCH = 6
+"""thumbnails rendered before the queue is read again"""
 _SHARE = 0.3
 """of the worker's time"""
 
 
-class _Still(NamedTuple):
-    """Of codes by their numbers, so that equal ones share a picture."""
+class _Key(NamedTuple):
+    """Codes by their numbers, so that equal ones share a thumbnail."""
 
     shape: bytes
     texture: bytes
     camera: Camera
+    samples: int
 
 
-class Stills:
-    """What is asked for in a frame is drawn by the worker; what is asked for no more, and not begun, is not."""
+class Thumbnails:
+    """What panels ask for in a frame is rendered by the worker; what they ask for no more, and is not begun, is not."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self._pictures: OrderedDict[_Still, Frame] = OrderedDict()
-        self._wanted: dict[_Still, RenderJob] = {}
+    def __init__(self, jobs: Jobs, model: Model) -> None:
+        self._jobs, self._model = jobs, model
+        self._home = orbit.home(model)
+        self._frames: OrderedDict[_Key, Frame] = OrderedDict()
+        self._queue: dict[_Key, RenderJob] = {}
+        self._failed: set[_Key] = set()
+        """which are not tried again"""
 
-    def picture(self, codes: Codes, camera: Camera, soon: bool = False) -> Frame | None:
-        """The picture at the camera's size; None until it is drawn. To be asked for in every frame that shows it.
+    @property
+    def count(self) -> int:
+        """Thumbnails that are kept."""
+        return len(self._frames)
+
+    def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
+        """An object from where the model is first seen; see :meth:`get`."""
+        return self.get(codes, self._home.resized(size, size), samples=samples)
+
+    def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
+        """The thumbnail at the camera's size; None until it is rendered. To be called in every frame that shows it.
 
         Args:
             soon: before the others, as someone waits for it.
         """
-        still = _Still(codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes(), camera)
-        if still in self._pictures:
-            self._pictures.move_to_end(still)
-            return self._pictures[still]
-        wanted = {still: RenderJob(codes, camera, _SETTINGS)}
-        self._wanted = wanted | self._wanted if soon else self._wanted | wanted
+        key = _Key(codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes(), camera, samples)
+        if key in self._frames:
+            self._frames.move_to_end(key)
+            return self._frames[key]
+        if key not in self._failed:
+            wanted = {key: RenderJob(codes, camera, RenderSettings(samples, stages=(1,)))}
+            self._queue = wanted | self._queue if soon else self._queue | wanted
         return None
-
-    @property
-    def drawn(self) -> int:
-        """Pictures that are kept."""
-        return len(self._pictures)
-
-    def clear(self) -> None:
-        """Keep no picture: they are of another model."""
-        self._session.worker.cancel("stills")
-        self._pictures.clear()
-        self._wanted.clear()
 
     def tick(self) -> None:
         """Once a frame: begin with what was asked for since the last time."""
-        wanted, self._wanted = list(self._wanted.items())[:_AT_ONCE], {}
-        model = self._session.model
-        if wanted and model and not self._session.worker.busy("stills"):
-            job = Job(
-                "stills",
-                lambda: self._drawn(model, wanted),
-                self._keep,
-                self._session.reporting("Cannot draw the small pictures"),
-                share=_SHARE,
-            )
-            self._session.worker.submit(job)
+        batch, self._queue = list(self._queue.items())[:_BATCH], {}
+        if not batch or self._jobs.busy("thumbnails"):
+            return
 
-    def _drawn(self, model: Model, wanted: list[tuple[_Still, RenderJob]]) -> Iterator[tuple[_Still, Frame] | None]:
-        for still, job in wanted:
-            for frame in self._session.streams.frames(model, job):
-                yield (still, frame) if frame else None
+        def ended(error: Exception | None) -> None:
+            if error:
+                self._failed.update(key for key, _ in batch if key not in self._frames)
+                self._jobs.report("Cannot render the thumbnails", error)
 
-    def _keep(self, drawn: tuple[_Still, Frame]) -> None:
-        self._pictures[drawn[0]] = drawn[1]
-        while len(self._pictures) > _KEPT:
-            self._pictures.popitem(last=False)
+        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=_SHARE))
+
+    def close(self) -> None:
+        """Render no more."""
+        self._jobs.cancel("thumbnails")
+
+    def _render(self, batch: list[tuple[_Key, RenderJob]]) -> Iterator[tuple[_Key, Frame] | None]:
+        for key, job in batch:
+            for frame in self._jobs.backend.frames(self._model, job):
+                yield (key, frame) if frame else None
+
+    def _keep(self, rendered: tuple[_Key, Frame]) -> None:
+        self._frames[rendered[0]] = rendered[1]
+        while len(self._frames) > _MAX_KEPT:
+            self._frames.popitem(last=False)

@@ -1,85 +1,117 @@
-"""The picture in the view: how it is asked for, how large and how fine, and what is on screen."""
+"""The view: how its image is rendered, how large and how fine, and what is on screen."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import Literal
 
 from core.rendering.frame_budget import Pace
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.quality import QUALITIES, USUAL, Quality
+from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
 
-if TYPE_CHECKING:
-    from viewer.session import Session
+Source = Literal["scene", "timeline", "fit"]
+_SUPERSAMPLING = 2
+"""Pixels rendered across each pixel of the finished image."""
 
-_ACROSS = 2
-"""Pixels drawn across each pixel of the finished picture."""
+
+@dataclass(eq=False)
+class ViewSettings:
+    """How things are seen, whichever model is open."""
+
+    panel: tuple[int, int] = (512, 512)
+    """px, the size of the view"""
+    pan: tuple[float, float] = (0.0, 0.0)
+    """how far the object is moved right and down in the view, in shares of its shorter side"""
+    quality: Quality = QUALITIES[DEFAULT_QUALITY]
+    budget: Pace = field(default_factory=Pace)
 
 
 class Viewport:
-    """Draws the session's scene, coarse to fine. Nothing here is an edit, so there is nothing to undo."""
+    """Renders the edited scene, coarse to fine, unless the timeline or a fit displays its own. Nothing is an edit."""
 
-    def __init__(self, session: Session) -> None:
-        self._session = session
+    def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
+        self._jobs, self._editor, self.settings = jobs, editor, settings
+        self.source: Source = "scene"
+        """what displays its frames here"""
         self.frame: Frame | None = None
-        """the newest picture of the scene"""
-        self.drawn: tuple[Frame, orbit.Excerpt] | None = None
-        """the whole picture that it is cut from"""
-        self.panel = (512, 512)
-        """px, the size of the view"""
-        self.pan = (0.0, 0.0)
-        """how far the object is moved right and down in the view, in shares of its shorter side"""
-        self.quality = QUALITIES[USUAL]
+        """the newest frame, as the panel shows it"""
+        self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None
+        """the whole frame, and what of it is shown"""
         self.times: tuple[tuple[tuple[int, int], float], ...] = ()
-        """of the picture on screen: size (px) of each stage so far, and s from the wish to it"""
-        self.pace = Pace()
+        """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
+        editor.scene_changed = self._scene_changed
 
-    def clear(self) -> None:
-        """Nothing is on screen: another model is open."""
-        self._session.worker.cancel("view")
-        self.frame = self.drawn = None
+    def close(self) -> None:
+        """Render no more."""
+        self._jobs.cancel("view")
 
     def resize(self, width: int, height: int) -> None:
         """The view has another size."""
-        if (width, height) != self.panel and min(width, height) > 0:
-            self.panel = width, height
+        if (width, height) != self.settings.panel and min(width, height) > 0:
+            self.settings.panel = width, height
             self.render()
 
-    def push(self, across: float, down: float) -> None:
-        """Move the object aside in the view."""
-        self.pan = orbit.pushed(self.pan, across, down)
+    def pan_by(self, across: float, down: float) -> None:
+        """Move the object in the view."""
+        self.settings.pan = orbit.panned(self.settings.pan, across, down)
         self.render()
 
+    def reset_view(self) -> None:
+        """Back to where a model is first seen from."""
+        if self.settings.pan != (0.0, 0.0):
+            self.settings.pan = 0.0, 0.0
+            self.render()
+        self._editor.set_camera(orbit.home(self._editor.model))
+
     def set_quality(self, quality: Quality) -> None:
-        """Finish pictures faster, or finer."""
-        self.quality = quality
+        """Finish renders faster, or finer."""
+        self.settings.quality = quality
         self.render()
 
     def render(self) -> None:
-        """Ask for a picture of the scene; the newest wish wins. While the film plays, it draws, and so does a fit
-        while it is followed.
-        """
-        session, model = self._session, self._session.model
-        if model is None or session.history is None or session.film.playing:
+        """Render the scene, in place of a render under way; not while the timeline plays or a fit is followed."""
+        if self.source != "scene":
             return
-        if self.frame and self.frame is session.fitting.live and session.fitting.followed:
-            return
-        excerpt = orbit.filling(session.scene.camera, *self.panel, self.quality.detail, self.pan)
-        stages = self.pace.stages
-        settings = RenderSettings(self.quality.samples, stages, across=_ACROSS)
-        job = RenderJob(session.scene.codes, excerpt.camera, settings)
+        quality, scene, budget = self.settings.quality, self._editor.scene, self.settings.budget
+        crop = orbit.fit_to_panel(scene.camera, *self.settings.panel, quality.detail, self.settings.pan)
+        stages = budget.stages
+        settings = RenderSettings(quality.samples, stages, across=_SUPERSAMPLING)
+        job = RenderJob(scene.codes, crop.camera, settings)
 
-        def drawn(frame: Frame) -> None:
-            earlier = self.times if self.drawn and self.drawn[1] is excerpt else ()
+        def rendered(frame: Frame) -> None:
+            earlier = self.times if self.full_frame and self.full_frame[1] is crop else ()
             self.times = (*earlier, (frame.resolution, frame.seconds))
-            self.put(frame, excerpt)
+            self._show(frame, crop)
             if frame.stage == 0:
-                self.pace.seen(stages[0], frame.seconds)
+                budget.seen(stages[0], frame.seconds)
 
-        ended = session.reporting("Cannot draw the object")
-        session.worker.submit(Job("view", lambda: session.streams.frames(model, job), drawn, ended, urgent=True))
+        frames, model = self._jobs.backend.frames, self._editor.model
+        ended = self._jobs.reporting("Cannot render the object")
+        self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent=True))
 
-    def put(self, frame: Frame, excerpt: orbit.Excerpt) -> None:
-        """Show a picture."""
-        self.drawn, self.frame = (frame, excerpt), excerpt.cropped(frame)
+    def hold(self, source: Source) -> None:
+        """Render no scene until :meth:`release`: this source will display frames of its own."""
+        self.source = source
+        self._jobs.cancel("view")
+
+    def display(self, frame: Frame, crop: orbit.PanelCrop, source: Source) -> None:
+        """Show a frame of the timeline or of a fit, until the scene is edited or :meth:`release` is called."""
+        self.hold(source)
+        self._show(frame, crop)
+
+    def release(self, source: Source) -> None:
+        """Go back to the scene, if the view shows this source."""
+        if self.source == source:
+            self.source = "scene"
+            self.render()
+
+    def _scene_changed(self) -> None:
+        """The timeline edits the scene while it plays; any other edit ends following a fit."""
+        if self.source == "fit":
+            self.source = "scene"
+        self.render()
+
+    def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
+        self.full_frame, self.frame = (frame, crop), crop.cropped(frame)

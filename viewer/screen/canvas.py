@@ -1,4 +1,4 @@
-"""From arrays to textures: the picture of the scene, crisp on its ground, and small images."""
+"""From arrays to textures: the frame of the scene on its background, and small images."""
 
 import math
 from typing import Any
@@ -29,14 +29,14 @@ in vec2 uv;
 out vec4 colour;
 void main() {
     vec4 seen = texture(picture, uv);
-    vec3 ground = mix(top, bottom, smoothstep(0.25, 1.0, uv.y));
-    colour = vec4(seen.rgb - (1.0 - seen.a) * (1.0 - ground), 1.0);
+    vec3 background = mix(top, bottom, smoothstep(0.25, 1.0, uv.y));
+    colour = vec4(seen.rgb - (1.0 - seen.a) * (1.0 - background), 1.0);
 }
 """
 
 
 class Canvas:
-    """The newest frame of the scene, enlarged to the view, crisp or smooth, the white replaced by a ground."""
+    """The newest frame of the scene, enlarged to the view, crisp or smooth, the white replaced by a background."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -58,9 +58,9 @@ class Canvas:
 
     def release(self) -> None:
         """Give the GL objects back."""
-        for thing in (self._picture, self._target, self._pass, self._program):
-            if thing is not None:
-                thing.release()
+        for resource in (self._picture, self._target, self._pass, self._program):
+            if resource is not None:
+                resource.release()
 
     def _upload(self, frame: Frame, smooth: bool) -> None:
         rgba = with_alpha(frame)
@@ -83,7 +83,7 @@ class Canvas:
         self._target.use()
         self._context.viewport = (0, 0, *size)
         self._picture.use(0)
-        self._program["top"], self._program["bottom"] = palette.ground
+        self._program["top"], self._program["bottom"] = palette.background
         # ImGui leaves its own state behind, blending and scissors included.
         self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
         self._context.scissor = None
@@ -92,22 +92,22 @@ class Canvas:
 
 
 class Images:
-    """Small pictures as textures, uploaded once each; those long out of sight are released by :meth:`sweep`."""
+    """Small images as textures, uploaded once each; those long out of sight are released by :meth:`sweep`."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._textures: dict[tuple[int, int], tuple[object, moderngl.Texture]] = {}
         self._used: set[tuple[int, int]] = set()
 
-    def texture(self, picture: Frame | np.ndarray, palette: Palette) -> imgui.ImTextureRef:
-        """The texture of a frame, on the theme's ground, or of an image (height, width, 3), uint8."""
-        key = id(picture), id(palette)
+    def texture(self, image: Frame | np.ndarray, palette: Palette) -> imgui.ImTextureRef:
+        """The texture of a frame, on the theme's background, or of an image (height, width, 3), uint8."""
+        key = id(image), id(palette)
         self._used.add(key)
         if key not in self._textures:
-            pixels = over_ground(picture, palette) if isinstance(picture, Frame) else picture
+            pixels = over_background(image, palette) if isinstance(image, Frame) else image
             rgba = np.dstack((pixels, np.full(pixels.shape[:2], 255, np.uint8)))
-            # The picture is kept, so that its id stays its own.
-            self._textures[key] = picture, self._context.texture(rgba.shape[1::-1], 4, rgba.tobytes())
+            # The image is kept, so that its id stays its own.
+            self._textures[key] = image, self._context.texture(rgba.shape[1::-1], 4, rgba.tobytes())
         return imgui.ImTextureRef(self._textures[key][1].glo)
 
     def sweep(self) -> None:
@@ -131,8 +131,8 @@ def with_alpha(frame: Frame) -> np.ndarray:
     return np.dstack((frame.image, opacity))
 
 
-def over_ground(frame: Frame, palette: Palette) -> np.ndarray:
-    """A frame as RGB with the white replaced by the middle of the theme's ground, as on the canvas."""
-    ground = np.array(mixed(*palette.ground, 0.35))
+def over_background(frame: Frame, palette: Palette) -> np.ndarray:
+    """A frame as RGB with the white replaced by the middle of the theme's background, as on the canvas."""
+    background = np.array(mixed(*palette.background, 0.35))
     left = (1 - frame.opacity.clip(0, 1))[..., None]
-    return (frame.image - 255 * left * (1 - ground) + 0.5).clip(0, 255).astype(np.uint8)
+    return (frame.image - 255 * left * (1 - background) + 0.5).clip(0, 255).astype(np.uint8)

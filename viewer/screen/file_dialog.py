@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle import portable_file_dialogs as dialogs
@@ -13,8 +14,18 @@ from imgui_bundle import portable_file_dialogs as dialogs
 _TITLE = "Choose a file###ask"
 
 
+class NativeDialog(Protocol):
+    """A file dialog of the system, which is open until it is ready."""
+
+    def ready(self, timeout: int = ...) -> bool:
+        """Whether it has been answered; waits so many ms."""
+
+    def result(self) -> str | list[str]:
+        """The answer, empty if it was cancelled."""
+
+
 @dataclass(frozen=True, eq=False)
-class Wish:
+class FileRequest:
     """A file to be chosen."""
 
     title: str
@@ -44,13 +55,15 @@ def has_native() -> bool:
     return sys.platform != "linux" or any(map(shutil.which, ("zenity", "kdialog", "matedialog", "qarma")))
 
 
-class Files:
+class FileDialog:
     """One question at a time; nothing waits for the answer."""
 
-    def __init__(self, native: bool | None = None) -> None:
+    def __init__(self, native: bool | None = None, open_native: Callable[..., NativeDialog] | None = None) -> None:
+        """``native`` and ``open_native`` stand in for what the system has."""
         self._native = has_native() if native is None else native
-        self._wish: Wish | None = None
-        self._dialog: dialogs.open_file | dialogs.save_file | None = None
+        self._open_native = open_native or _open_native
+        self._request: FileRequest | None = None
+        self._dialog: NativeDialog | None = None
         self._text = ""
         self._fresh = False
         self.folder = Path.home()
@@ -59,52 +72,52 @@ class Files:
     @property
     def asking(self) -> bool:
         """A question is open."""
-        return self._wish is not None
+        return self._request is not None
 
-    def ask(self, wish: Wish) -> None:
+    def ask(self, request: FileRequest) -> None:
         """Put a question, unless one is open."""
-        if self._wish:
+        if self._request:
             return
-        self._wish = wish
+        self._request = request
         if self._native:
-            self._dialog = _open_native(wish, self.folder)
+            self._dialog = self._open_native(request, self.folder)
         else:
-            self._text, self._fresh = str(self.folder / wish.name), True
+            self._text, self._fresh = str(self.folder / request.name), True
 
     def draw(self) -> None:
         """Look for the native answer, or draw the line to type in; to be called once a frame."""
-        if self._wish is None:
+        if self._request is None:
             return
         if self._dialog is None:
-            self._draw_line(self._wish)
+            self._draw_line(self._request)
         elif self._dialog.ready(0):
             result = self._dialog.result()
-            self._answered(self._wish, result if isinstance(result, str) else next(iter(result), ""))
+            self._answered(self._request, result if isinstance(result, str) else next(iter(result), ""))
 
-    def _answered(self, wish: Wish, answer: str) -> None:
+    def _answered(self, request: FileRequest, answer: str) -> None:
         """The system has asked about the name that was typed, not about the one that an ending makes of it."""
-        path = wish.path(answer)
-        if wish.save and answer and path != Path(answer) and is_there(path):
-            self._dialog = _open_native(replace(wish, name=path.name), path.parent)
+        path = request.path(answer)
+        if request.save and answer and path != Path(answer) and is_there(path):
+            self._dialog = self._open_native(replace(request, name=path.name), path.parent)
         else:
             self._close(answer)
 
-    def _draw_line(self, wish: Wish) -> None:
+    def _draw_line(self, request: FileRequest) -> None:
         if self._fresh:
             imgui.open_popup(_TITLE)
         imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
         imgui.set_next_window_size((hello_imgui.em_size(36), 0))
         if not imgui.begin_popup_modal(_TITLE, None, imgui.WindowFlags_.no_saved_settings)[0]:
             return
-        imgui.text(wish.title)
+        imgui.text(request.title)
         if self._fresh:
             imgui.set_keyboard_focus_here()
             self._fresh = False
         imgui.set_next_item_width(-1)
         entered, self._text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
-        imgui.text_disabled(self._verdict(wish))
+        imgui.text_disabled(self._verdict(request))
         size = hello_imgui.em_to_vec2(6, 0)
-        chosen = imgui.button("Save###choose" if wish.save else "Open###choose", size) or entered
+        chosen = imgui.button("Save###choose" if request.save else "Open###choose", size) or entered
         imgui.same_line()
         cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)
         if chosen or cancelled:
@@ -113,22 +126,22 @@ class Files:
         if chosen or cancelled:
             self._close(self._text.strip() if chosen else "")
 
-    def _verdict(self, wish: Wish) -> str:
-        path = wish.path(self._text)
-        if wish.save:
-            return "The file is there and will be replaced" if is_there(path) else " / ".join(wish.suffixes)
-        return " / ".join(wish.suffixes) if is_there(path) else "Type the path of a file"
+    def _verdict(self, request: FileRequest) -> str:
+        path = request.path(self._text)
+        if request.save:
+            return "The file is there and will be replaced" if is_there(path) else " / ".join(request.suffixes)
+        return " / ".join(request.suffixes) if is_there(path) else "Type the path of a file"
 
     def _close(self, answer: str) -> None:
-        wish, self._wish, self._dialog = self._wish, None, None
-        if wish and answer:
-            path = wish.path(answer)
+        request, self._request, self._dialog = self._request, None, None
+        if request and answer:
+            path = request.path(answer)
             self.folder = path.parent
-            wish.answer(path)
+            request.answer(path)
 
 
-def _open_native(wish: Wish, folder: Path) -> dialogs.open_file | dialogs.save_file:
-    filters = [wish.title, " ".join(f"*{suffix}" for suffix in wish.suffixes), "All files", "*"]
-    if wish.save:
-        return dialogs.save_file(wish.title, str(folder / wish.name), filters)
-    return dialogs.open_file(wish.title, str(folder), filters)
+def _open_native(request: FileRequest, folder: Path) -> NativeDialog:
+    filters = [request.title, " ".join(f"*{suffix}" for suffix in request.suffixes), "All files", "*"]
+    if request.save:
+        return dialogs.save_file(request.title, str(folder / request.name), filters)
+    return dialogs.open_file(request.title, str(folder), filters)

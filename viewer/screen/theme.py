@@ -24,7 +24,7 @@ class Palette:
     text: Colour
     accent: Colour
     error: Colour
-    ground: tuple[Colour, Colour]
+    background: tuple[Colour, Colour]
     """behind the object: at the top and at the bottom of the view"""
 
 
@@ -36,7 +36,7 @@ DARK = Palette(
     text=(0.89, 0.9, 0.915),
     accent=(0.33, 0.64, 0.88),
     error=(0.9, 0.38, 0.36),
-    ground=((0.93, 0.94, 0.95), (0.68, 0.7, 0.73)),
+    background=((0.93, 0.94, 0.95), (0.68, 0.7, 0.73)),
 )
 LIGHT = Palette(
     back=(0.86, 0.87, 0.885),
@@ -46,7 +46,7 @@ LIGHT = Palette(
     text=(0.12, 0.13, 0.15),
     accent=(0.16, 0.45, 0.76),
     error=(0.78, 0.2, 0.2),
-    ground=((0.99, 0.99, 1.0), (0.84, 0.85, 0.87)),
+    background=((0.99, 0.99, 1.0), (0.84, 0.85, 0.87)),
 )
 
 

@@ -27,7 +27,7 @@ def prepare(headless: bool) -> None:
             glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
         if not glfw.init():
             raise NoDisplayError(
-                "no display to open a window on: run it on a desktop (or under ssh -X), or make a picture of the "
+                "no display to open a window on: run it on a desktop (or under ssh -X), or take an image of the "
                 "window with --screenshot out.png"
             )
         if headless:
@@ -84,11 +84,11 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
     return params
 
 
-def make_headless(params: hello_imgui.RunnerParams, context: Callable[[], moderngl.Context]) -> None:
+def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) -> None:
     """Draw without pause, and finish every frame: with no display nothing else holds the queue back."""
     params.fps_idling.enable_idling = False
     params.fps_idling.fps_max = 0.0
-    params.callbacks.after_swap = lambda: context().finish()
+    params.callbacks.after_swap = finish
 
 
 def run(params: hello_imgui.RunnerParams) -> None:
@@ -102,7 +102,7 @@ def add_ons() -> immapp.AddOnsParams:
 
 
 def on_drop(dropped: Callable[[list[str]], None]) -> None:
-    """Call ``dropped`` with the paths of files that are let go over the window."""
+    """Call ``dropped`` with the paths of files that are dropped on the window."""
     window = glfw_utils.glfw_window_hello_imgui()
     glfw.set_drop_callback(window, lambda _, paths: dropped(list(paths)))  # type: ignore[arg-type, misc]
 

@@ -1,4 +1,4 @@
-"""What a fit is made of and how it has gone so far: photos, steps, and what is looked at. All frozen."""
+"""What a fit is made of and how it has gone so far: photos, steps, and which of them is shown. All frozen."""
 
 from __future__ import annotations
 
@@ -16,51 +16,51 @@ from core.photos.photo import Framing, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
 
-_MOST_STEPS = 800
+MAX_STEPS = 800
 """kept; of more, every other one is forgotten"""
 
 
-class Source(NamedTuple):
+class PhotoSource(NamedTuple):
     """Where a photo comes from."""
 
     path: Path
     pose: Path | None = None
-    """its camera, where that is known: a file of SRN"""
+    """its camera, where that is known: an SRN pose file"""
     hints: Hints | None = None
-    """where the object is, where somebody said so"""
+    """where the object is, where a person pointed it out"""
     framing: Framing | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class FittedPhoto:
     """A photo that is fitted."""
 
-    source: Source
+    source: PhotoSource
     photo: Photo
     pixels: UInt8[np.ndarray, "height width 3"]
 
     @classmethod
-    def of(cls, source: Source, photo: Photo) -> Shot:
+    def of(cls, source: PhotoSource, photo: Photo) -> FittedPhoto:
         """With its pixels as bytes."""
         return cls(source, photo, (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class FitHistory:
     """How a fit has gone so far."""
 
-    sources: tuple[Source, ...] = ()
-    shots: tuple[Shot, ...] = ()
+    sources: tuple[PhotoSource, ...] = ()
+    photos: tuple[FittedPhoto, ...] = ()
     """as many of the sources as have been read"""
     steps: tuple[FitStep, ...] = ()
-    at: int | None = None
-    """the step that is looked at; None: the newest"""
-    view: int = 0
-    """which photo is looked at"""
-    picture: Frame | None = None
-    """the newest picture of that step, from the photo's camera"""
-    difference: np.ndarray | None = None
-    """between the photo and that picture, doubled; uint8, black where they agree"""
+    selected: int | None = None
+    """the step that is shown; None: the newest"""
+    photo_index: int = 0
+    """the photo that is shown"""
+    frame: Frame | None = None
+    """the newest render of that step, from the photo's camera"""
+    difference: UInt8[np.ndarray, "height width 3"] | None = None
+    """between the photo and that render, doubled; black where they agree"""
 
     @property
     def name(self) -> str:
@@ -68,14 +68,14 @@ class Course:
         return self.sources[0].path.stem if self.sources else ""
 
     @property
-    def shot(self) -> Shot | None:
-        """The photo that is looked at, once it has been read."""
-        return self.shots[self.view] if self.view < len(self.shots) else None
+    def photo(self) -> FittedPhoto | None:
+        """The photo that is shown, once it has been read."""
+        return self.photos[self.photo_index] if self.photo_index < len(self.photos) else None
 
     @property
-    def shown(self) -> np.ndarray | None:
-        """The newest picture on white, as the photo is."""
-        return self.picture.image if self.picture else None
+    def image(self) -> UInt8[np.ndarray, "height width 3"] | None:
+        """The newest render on white, as the photo is."""
+        return self.frame.image if self.frame else None
 
     @property
     def last(self) -> FitStep | None:
@@ -84,27 +84,32 @@ class Course:
 
     @property
     def step(self) -> FitStep | None:
-        """The step that is looked at."""
-        return self.steps[self.at] if self.at is not None else self.last
+        """The step that is shown."""
+        return self.steps[self.selected] if self.selected is not None else self.last
 
     @property
     def progress(self) -> float:
         """0..1"""
         return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
 
-    def stepped(self, step: FitStep) -> Course:
+    def with_step(self, step: FitStep) -> FitHistory:
         """With a step more; where there are too many, only every other one is kept, and the newest."""
-        steps, at = (*self.steps, step), self.at
-        if len(steps) > _MOST_STEPS:
-            steps, at = (*steps[:-1:2], step), at and at // 2
-        return replace(self, steps=steps, at=at)
+        steps, selected = (*self.steps, step), self.selected
+        if len(steps) > MAX_STEPS:
+            steps, selected = (*steps[:-1:2], step), selected and selected // 2
+        return replace(self, steps=steps, selected=selected)
+
+    def up_to_selected(self) -> FitHistory:
+        """Without the steps after the one that is shown."""
+        kept = len(self.steps) if self.selected is None else self.selected + 1
+        return replace(self, steps=self.steps[:kept], selected=None)
 
 
-def paired(paths: Sequence[Path]) -> tuple[Source, ...]:
+def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:
     """Images with the pose files that have their names. Raises ``ValueError`` for a pose without its image."""
     poses = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
     images = [path for path in paths if path.suffix.lower() != ".txt"]
-    sources = tuple(Source(path, poses.pop(path.stem, None)) for path in images)
+    sources = tuple(PhotoSource(path, poses.pop(path.stem, None)) for path in images)
     if poses:
         raise ValueError(f"{next(iter(poses.values())).name}: there is no image of this name beside the pose")
     return sources

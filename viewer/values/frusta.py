@@ -13,17 +13,17 @@ _LENGTH = 0.3
 _EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
 
 
-class Onlooker(NamedTuple):
+class OverviewCamera(NamedTuple):
     """From where the cameras are looked at, without perspective; rad."""
 
     azimuth: float = math.radians(25)
     elevation: float = math.radians(35)
 
-    def turned(self, across: float, down: float) -> "Onlooker":
+    def turned(self, across: float, down: float) -> "OverviewCamera":
         """Moved by these angles, never below the ground."""
-        return Onlooker(self.azimuth - across, max(0.0, min(math.pi / 2, self.elevation + down)))
+        return OverviewCamera(self.azimuth - across, max(0.0, min(math.pi / 2, self.elevation + down)))
 
-    def seen(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 2"]:
+    def project(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 2"]:
         """Where points of the world are in the plane, x right and y down, in scene units."""
         right, up, _ = _axes(self.azimuth, self.elevation)
         return np.stack((points @ right, -(points @ up)), -1)
@@ -33,11 +33,11 @@ def frustum(camera: Camera) -> Float[np.ndarray, "lines 2 3"]:
     """The pyramid of what a camera sees, its top at the camera: eight lines."""
     right, up, back = _axes(camera.azimuth, camera.elevation)
     half = _LENGTH * np.array((camera.width, camera.height)) / (2 * camera.focal)
-    top = camera.distance * back
+    apex = camera.distance * back
     corners = [
-        top - _LENGTH * back + x * half[0] * right + y * half[1] * up for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+        apex - _LENGTH * back + x * half[0] * right + y * half[1] * up for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
-    return np.stack((top, *corners))[np.array(_EDGES)]
+    return np.stack((apex, *corners))[np.array(_EDGES)]
 
 
 def box(extent: tuple[float, float, float]) -> Float[np.ndarray, "lines 2 3"]:

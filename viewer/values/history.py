@@ -1,11 +1,16 @@
 """What undo remembers: states before and after this one, a drag counted once."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from core.export.keyframes import Timeline
 from core.models.scene import Scene
 
+Part = Literal["shape", "texture"]
+"""one of the two codes of an object"""
+PARTS: tuple[Part, Part] = ("shape", "texture")
 _DEPTH = 500
 """States kept; a state is a few hundred numbers."""
 
@@ -26,14 +31,14 @@ class Mix:
     shape: float = 0.0
     texture: float = 0.0
 
-    def slid(self, part: str, amount: float) -> "Mix":
+    def with_amount(self, part: str, amount: float) -> Mix:
         """With the slider of one part moved."""
         return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
 
 
 @dataclass(frozen=True)
 class State:
-    """What a person edits: the scene, where the mixing sliders stand, and the film."""
+    """What a person edits: the scene, where the mixing sliders stand, and the timeline."""
 
     scene: Scene
     mix: Mix
@@ -48,27 +53,27 @@ class History:
     past: tuple[State, ...] = ()
     future: tuple[State, ...] = ()
     gesture: str = ""
-    """the drag under way, which goes on changing the state it began"""
+    """the drag under way, whose edits change the state that it began"""
 
-    def changed(self, state: State, gesture: str = "") -> "History":
-        """Edited. Edits of one gesture, until :meth:`settled`, are one step."""
+    def changed(self, state: State, gesture: str = "") -> History:
+        """Edited. Edits of one gesture, until :meth:`without_gesture`, are one step."""
         if state == self.now:
             return self
-        going_on = bool(gesture) and gesture == self.gesture
-        past = self.past if going_on else (*self.past, self.now)[-_DEPTH:]
+        same = bool(gesture) and gesture == self.gesture
+        past = self.past if same else (*self.past, self.now)[-_DEPTH:]
         return History(state, past, (), gesture)
 
-    def settled(self) -> "History":
-        """The hand has let go: the next edit is a step of its own."""
+    def without_gesture(self) -> History:
+        """The drag has ended: the next edit is a step of its own."""
         return replace(self, gesture="")
 
-    def undone(self) -> "History":
+    def undone(self) -> History:
         """One step back, or the same where there is none."""
         if not self.past:
             return self
         return History(self.past[-1], self.past[:-1], (self.now, *self.future))
 
-    def redone(self) -> "History":
+    def redone(self) -> History:
         """One step forward again, or the same where there is none."""
         if not self.future:
             return self
@@ -79,7 +84,7 @@ class History:
         """All there are, the oldest first; that of now has the index ``len(past)``."""
         return (*self.past, self.now, *self.future)
 
-    def gone(self, index: int) -> "History":
+    def at(self, index: int) -> History:
         """At another of the states; the others stay, before and after it."""
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])

@@ -1,4 +1,4 @@
-"""What a slider changes: where in the picture, and whether it moves the silhouette. Pure."""
+"""What a slider changes: where in the image, and whether it moves the silhouette. Pure."""
 
 from dataclasses import dataclass
 
@@ -6,19 +6,19 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.rendering.progressive import Frame
-from viewer.values.view_modes import heat
+from viewer.values.view_modes import colour_map
 
-_SEEN = 4 / 255
+_VISIBLE = 4 / 255
 """of a colour: what an eye may notice"""
-_THERE = 0.5
+_OPAQUE = 0.5
 """opacity from which a pixel counts as the object's"""
 
 
 @dataclass(frozen=True, eq=False)
-class Influence:
-    """The difference between two pictures from the same camera."""
+class CodeInfluence:
+    """The difference between two renders from the same camera."""
 
-    picture: UInt8[np.ndarray, "height width 3"]
+    image: UInt8[np.ndarray, "height width 3"]
     """dark where nothing changes, the brighter the more"""
     changed: float
     """share of the object's pixels whose colour changes, 0..1"""
@@ -26,10 +26,10 @@ class Influence:
     """the largest change of any pixel's opacity, 0..1: how far the silhouette moves"""
 
     @classmethod
-    def between(cls, low: Frame, high: Frame) -> "Influence":
+    def between(cls, low: Frame, high: Frame) -> "CodeInfluence":
         """Of a slider at two of its values."""
         moved = np.abs(low.image.astype(float) - high.image).max(-1) / 255
-        there = np.maximum(low.opacity, high.opacity) > _THERE
-        changed = float((moved > _SEEN)[there].mean()) if there.any() else 0.0
+        there = np.maximum(low.opacity, high.opacity) > _OPAQUE
+        changed = float((moved > _VISIBLE)[there].mean()) if there.any() else 0.0
         leak = float(np.abs(low.opacity - high.opacity).max())
-        return cls(heat(moved / max(moved.max(), _SEEN)), changed, leak)
+        return cls(colour_map(moved / max(moved.max(), _VISIBLE)), changed, leak)

@@ -8,14 +8,14 @@ from core.models.model import Model
 from core.rendering.progressive import Frame
 
 HIGHEST = math.radians(89.0)
-"""Short of the pole, where the picture would spin."""
+"""Short of the pole, where the image would spin."""
 _ZOOM_STEP = 1.1
 REACH = 0.4, 3.0
 """Nearest and farthest, in shares of the distance the model was trained at."""
 VIEWS = {"front": (math.pi / 2, 0.0), "side": (0.0, 0.0), "top": (math.pi / 2, HIGHEST)}
 """Azimuth and elevation (rad) of the usual views."""
-_ASIDE = 1.0
-"""How far the object can be pushed aside, in shares of the view's shorter side."""
+_MAX_PAN = 1.0
+"""How far the object can be panned, in shares of the view's shorter side."""
 
 
 def home(model: Model) -> Camera:
@@ -43,9 +43,9 @@ def turned(camera: Camera, azimuth: float, elevation: float) -> Camera:
 
 
 def reach(camera: Camera, model: Model) -> tuple[float, float]:
-    """The least and the largest distance of a camera: through a longer lens things are seen from further away."""
-    lens = max(1.0, camera.focal / camera.height / (model.focal / model.image_size))
-    return REACH[0] * model.distance, REACH[1] * lens * model.distance
+    """The least and the largest distance of a camera; a longer focal length sees objects from further away."""
+    longer = max(1.0, camera.focal / camera.height / (model.focal / model.image_size))
+    return REACH[0] * model.distance, REACH[1] * longer * model.distance
 
 
 def zoomed(camera: Camera, steps: float, model: Model) -> Camera:
@@ -60,15 +60,15 @@ def seen_from(camera: Camera, view: str) -> Camera:
     return replace(camera, azimuth=azimuth, elevation=elevation)
 
 
-def pushed(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
-    """The object moved aside in the view, with the hand; shares of the view's shorter side."""
-    x, y = (max(-_ASIDE, min(_ASIDE, value)) for value in (pan[0] + across, pan[1] + down))
+def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
+    """The object moved in the view, with the hand; shares of the view's shorter side."""
+    x, y = (max(-_MAX_PAN, min(_MAX_PAN, value)) for value in (pan[0] + across, pan[1] + down))
     return x, y
 
 
 @dataclass(frozen=True)
-class Excerpt:
-    """A picture to be drawn, and what of it is shown: a camera looks at the middle of the object and nowhere else."""
+class PanelCrop:
+    """An image to be rendered, and what of it a panel shows: a camera looks at the middle of the object only."""
 
     camera: Camera
     width: int
@@ -78,13 +78,13 @@ class Excerpt:
     top: int = 0
     """px before them"""
 
-    def middle(self, camera: Camera) -> "Excerpt":
+    def middle(self, camera: Camera) -> "PanelCrop":
         """What a camera of fewer pixels sees of it, from the same place."""
         left, top = (self.camera.width - camera.width) // 2, (self.camera.height - camera.height) // 2
-        return Excerpt(self.camera, camera.width, camera.height, left, top)
+        return PanelCrop(self.camera, camera.width, camera.height, left, top)
 
     def cropped(self, frame: Frame) -> Frame:
-        """What is shown of the picture, at the size of any of its stages."""
+        """What is shown of the frame, at the size of any of its stages."""
         if (self.width, self.height) == (self.camera.width, self.camera.height):
             return frame
         scale = frame.image.shape[0] / self.camera.height
@@ -97,7 +97,9 @@ class Excerpt:
         return replace(frame, image=image, depth=depth, opacity=opacity, asked=asked)
 
 
-def filling(camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)) -> Excerpt:
+def fit_to_panel(
+    camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)
+) -> PanelCrop:
     """The view for a panel of any shape: its shorter side shows what the camera's height shows.
 
     Args:
@@ -109,5 +111,5 @@ def filling(camera: Camera, width: int, height: int, detail: int, pan: tuple[flo
     across, down = (max(1, round(detail * side / shorter)) for side in (width, height))
     right, below = (round(detail * share) for share in pan)
     full = across + 2 * abs(right), down + 2 * abs(below)
-    drawn = replace(camera, focal=camera.focal * detail / camera.height, width=full[0], height=full[1])
-    return Excerpt(drawn, across, down, abs(right) - right, abs(below) - below)
+    full_camera = replace(camera, focal=camera.focal * detail / camera.height, width=full[0], height=full[1])
+    return PanelCrop(full_camera, across, down, abs(right) - right, abs(below) - below)

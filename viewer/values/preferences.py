@@ -6,13 +6,13 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 from core.files import write_json
-from viewer.values.quality import QUALITIES, USUAL
+from viewer.values.quality import DEFAULT_QUALITY, QUALITIES
 
 _FILE = "preferences.json"
 _RECENT = 8
 """files remembered"""
 SMALLEST, LARGEST = 0.75, 2.0
-"""of the text, against its usual size"""
+"""of the text, relative to the default"""
 
 
 @dataclass(frozen=True)
@@ -21,21 +21,21 @@ class Preferences:
 
     dark: bool = True
     smooth: bool = True
-    """the finished picture, enlarged, without visible pixels; previews show theirs, so that they are known as such"""
+    """the finished render, enlarged, without visible pixels; previews show theirs, so that they are known as such"""
     text: float = 1.0
-    """size of the text, against its usual one"""
-    quality: int = USUAL
+    """size of the text, relative to the default"""
+    quality: int = DEFAULT_QUALITY
     """which of :data:`viewer.values.quality.QUALITIES`"""
     newcomer: bool = True
     """nobody has turned the object yet"""
     recent: tuple[str, ...] = ()
-    """paths of images, scenes and pictures that were opened, the last one first"""
+    """paths of images and scenes that were opened, the last one first"""
 
-    def sized(self, text: float) -> "Preferences":
+    def with_text_size(self, text: float) -> "Preferences":
         """With a larger or smaller text, within reason."""
         return replace(self, text=max(SMALLEST, min(LARGEST, text)))
 
-    def opened(self, path: Path) -> "Preferences":
+    def with_recent(self, path: Path) -> "Preferences":
         """With a file at the head of the recent ones."""
         name = str(path.absolute())
         return replace(self, recent=(name, *(other for other in self.recent if other != name))[:_RECENT])
@@ -49,24 +49,24 @@ class Preferences:
     def load(cls, folder: Path) -> "Preferences":
         """Read them; what is missing or makes no sense is as on the first launch."""
         try:
-            told = json.loads((folder / _FILE).read_text())
+            stored = json.loads((folder / _FILE).read_text())
         except (OSError, ValueError):
             return cls()
-        if not isinstance(told, dict):
+        if not isinstance(stored, dict):
             return cls()
-        usual = cls()
+        default = cls()
         kept = {
-            field.name: told[field.name]
+            field.name: stored[field.name]
             for field in fields(cls)
-            if field.name != "recent" and _alike(told.get(field.name), getattr(usual, field.name))
+            if field.name != "recent" and _same_type(stored.get(field.name), getattr(default, field.name))
         }
-        recent = told.get("recent")
+        recent = stored.get("recent")
         names = tuple(name for name in recent if isinstance(name, str)) if isinstance(recent, list) else ()
-        found = cls(**kept, recent=names[:_RECENT]).sized(kept.get("text", usual.text))
-        return found if 0 <= found.quality < len(QUALITIES) else replace(found, quality=usual.quality)
+        found = cls(**kept, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
+        return found if 0 <= found.quality < len(QUALITIES) else replace(found, quality=default.quality)
 
 
-def _alike(value: object, usual: object) -> bool:
-    if isinstance(usual, float):
+def _same_type(value: object, default: object) -> bool:
+    if isinstance(default, float):
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    return type(value) is type(usual)
+    return type(value) is type(default)

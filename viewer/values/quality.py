@@ -1,10 +1,10 @@
-"""How fine the finished picture is wanted."""
+"""How fine the finished render is."""
 
 from typing import NamedTuple
 
 
 class Quality(NamedTuple):
-    """Of the finished picture."""
+    """Of the finished render."""
 
     detail: int
     """px along its shorter side"""
@@ -22,4 +22,5 @@ QUALITIES = (
     Quality(768, 256),
 )
 """From faster to finer; each takes about twice as long as the one before."""
-USUAL = 3
+DEFAULT_QUALITY = 3
+"""index into :data:`QUALITIES`"""

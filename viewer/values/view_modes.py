@@ -1,4 +1,4 @@
-"""What of a frame is looked at: its colours, or how the renderer came to them. Pure."""
+"""What of a frame is shown: its colours, or depth, normals, opacity and samples. Pure."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,28 +10,30 @@ from jaxtyping import Float, UInt8
 from core.geometry.camera import Camera, rotation
 from core.rendering.progressive import Frame
 
-_THERE = 0.5
+_OPAQUE = 0.5
 """opacity from which a pixel counts as the object's"""
-_HEAT = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])
+_COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])
 """from nothing to the most"""
 
 
-def seen_as(frame: Frame, camera: Camera, mode: str) -> Frame:
-    """The frame with another picture in it, one of :data:`MODES`; as it is where that is not known.
+def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
+    """The frame with another image in it, one of :data:`MODES`; as it is where that is not known.
 
     Args:
-        camera: with which it was drawn, at any size.
+        camera: with which it was rendered, at any size.
     """
-    picture = MODES[mode](frame, camera)
-    if picture is None:
+    image = MODES[mode](frame, camera)
+    if image is None:
         return frame
-    return replace(frame, image=picture, opacity=np.ones_like(frame.opacity) if mode in _WHOLE else frame.opacity)
+    return replace(
+        frame, image=image, opacity=np.ones_like(frame.opacity) if mode in _WITHOUT_BACKGROUND else frame.opacity
+    )
 
 
-def heat(values: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
+def colour_map(values: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
     """Numbers 0..1 as colours from dark to bright."""
-    steps = np.linspace(0, 1, len(_HEAT))
-    channels = [np.interp(values, steps, _HEAT[:, channel]) for channel in range(3)]
+    steps = np.linspace(0, 1, len(_COLOUR_MAP))
+    channels = [np.interp(values, steps, _COLOUR_MAP[:, channel]) for channel in range(3)]
     return (np.stack(channels, -1) + 0.5).astype(np.uint8)
 
 
@@ -45,7 +47,7 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
     y, x = np.mgrid[0:height, 0:width] + 0.5
     rays = np.stack(((x - width / 2) / view.focal, (height / 2 - y) / view.focal, -np.ones_like(x)), -1)
     points = frame.depth[..., None] * rays / np.linalg.norm(rays, axis=-1, keepdims=True)
-    there = frame.opacity > _THERE
+    there = frame.opacity > _OPAQUE
     inner = there.copy()
     inner[1:-1, 1:-1] &= there[:-2, 1:-1] & there[2:, 1:-1] & there[1:-1, :-2] & there[1:-1, 2:]
     inner[[0, -1]] = inner[:, [0, -1]] = False
@@ -60,12 +62,12 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
 
 def _depth(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
     """Bright is near, within what the object spans."""
-    there = frame.opacity > _THERE
+    there = frame.opacity > _OPAQUE
     if not there.any():
         return np.full_like(frame.image, 255)
     near, far = frame.depth[there].min(), frame.depth[there].max()
     nearness = 1 - (frame.depth - near).clip(0, far - near) / max(far - near, 1e-6)
-    return _on_white(frame, heat(0.1 + 0.9 * nearness.astype(float)))
+    return _on_white(frame, colour_map(0.1 + 0.9 * nearness.astype(float)))
 
 
 def _opacity(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
@@ -85,7 +87,7 @@ def _samples(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"
     """How many samples of each ray were evaluated, against the most of any."""
     if frame.asked is None:
         return None
-    return heat(frame.asked / max(1, int(frame.asked.max())))
+    return colour_map(frame.asked / max(1, int(frame.asked.max())))
 
 
 def _on_white(frame: Frame, colours: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
@@ -100,5 +102,5 @@ MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
     "opacity": _opacity,
     "samples": _samples,
 }
-_WHOLE = ("opacity", "samples")
-"""Modes whose pictures have no ground to shine through."""
+_WITHOUT_BACKGROUND = ("opacity", "samples")
+"""Modes whose images have no background to shine through."""

@@ -3,8 +3,9 @@
 import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from viewer.context import Desk, tip
+from viewer.context import PanelContext
 from viewer.screen.theme import packed
+from viewer.widgets.controls import tooltip
 
 _MODES = ("Side by side", "Wipe", "Onion skin", "Difference")
 _WHITE = (1.0, 1.0, 1.0)
@@ -29,51 +30,51 @@ class Comparison:
             if imgui.selectable(mode, self._mode == mode, size=ImVec2(imgui.calc_text_size(mode).x, 0))[0]:
                 self._mode = mode
 
-    def draw(self, desk: Desk, height: float) -> None:
-        """The picture or pictures, so many px high at the most."""
+    def draw(self, context: PanelContext, height: float) -> None:
+        """The images, so many px high at the most."""
         height = max(3 * hello_imgui.em_size(), height)
         room = imgui.get_content_region_avail().x
         held = imgui.is_key_down(_FLICKER) and not imgui.get_io().want_text_input
         if self._mode == _MODES[0]:
-            self._draw_beside(desk, room, height, held)
+            self._draw_beside(context, room, height, held)
             return
         side = min(room, height)
         corner = _reserve(self._mode.lower(), ImVec2(side, side), room)
         if held:
-            _draw_photo(desk, corner, side)
+            _draw_photo(context, corner, side)
         elif self._mode == "Difference":
-            tip("Black where photo and render agree; twice the difference elsewhere")
-            _draw_picture(desk, "", desk.session.fitting.course.difference, corner, side)
+            tooltip("Black where photo and render agree; twice the difference elsewhere")
+            _draw_image(context, "", context.fitting.history.difference, corner, side)
         else:
-            self._draw_both(desk, corner, side)
+            self._draw_both(context, corner, side)
 
-    def _draw_beside(self, desk: Desk, room: float, height: float, held: bool) -> None:
+    def _draw_beside(self, context: PanelContext, room: float, height: float, held: bool) -> None:
         gap = imgui.get_style().item_spacing.x
         side = min((room - gap) / 2, height)
         corner = _reserve("side by side", ImVec2(2 * side + gap, side), room)
-        tip("Hold F: the photo in place of the render")
-        _draw_photo(desk, corner, side)
+        tooltip("Hold F: the photo in place of the render")
+        _draw_photo(context, corner, side)
         right = corner + ImVec2(side + gap, 0)
-        _draw_photo(desk, right, side) if held else _draw_render(desk, right, side)
+        _draw_photo(context, right, side) if held else _draw_render(context, right, side)
 
-    def _draw_both(self, desk: Desk, corner: ImVec2, side: float) -> None:
+    def _draw_both(self, context: PanelContext, corner: ImVec2, side: float) -> None:
         if imgui.is_item_active():
             self._share = min(1.0, max(0.0, (imgui.get_mouse_pos().x - corner.x) / side))
         elif self._mode == "Wipe":
-            tip("Drag: the photo is on the left, the render on the right. Hold F: the photo alone")
+            tooltip("Drag: the photo is on the left, the render on the right. Hold F: the photo alone")
         else:
-            tip("Drag: the farther right, the more of the photo. Hold F: the photo alone")
+            tooltip("Drag: the farther right, the more of the photo. Hold F: the photo alone")
         draw, edge = imgui.get_window_draw_list(), corner.x + self._share * side
         if self._mode == "Onion skin":
-            course = desk.session.fitting.course
-            _draw_picture(desk, "", course.shown, corner, side)
-            _draw_picture(desk, "", course.shot.pixels if course.shot else None, corner, side, share=self._share)
+            history = context.fitting.history
+            _draw_image(context, "", history.image, corner, side)
+            _draw_image(context, "", history.photo.pixels if history.photo else None, corner, side, share=self._share)
             return
-        _draw_render(desk, corner, side)
+        _draw_render(context, corner, side)
         draw.push_clip_rect(corner, (edge, corner.y + side), True)
-        _draw_photo(desk, corner, side)
+        _draw_photo(context, corner, side)
         draw.pop_clip_rect()
-        draw.add_line((edge, corner.y), (edge, corner.y + side), packed(desk.palette.accent), 2.0)
+        draw.add_line((edge, corner.y), (edge, corner.y + side), packed(context.palette.accent), 2.0)
 
 
 def _reserve(name: str, size: ImVec2, room: float) -> ImVec2:
@@ -84,18 +85,18 @@ def _reserve(name: str, size: ImVec2, room: float) -> ImVec2:
     return corner
 
 
-def _draw_photo(desk: Desk, corner: ImVec2, side: float) -> None:
-    shot = desk.session.fitting.course.shot
-    _draw_picture(desk, "Photo", shot.pixels if shot else None, corner, side)
+def _draw_photo(context: PanelContext, corner: ImVec2, side: float) -> None:
+    shot = context.fitting.history.photo
+    _draw_image(context, "Photo", shot.pixels if shot else None, corner, side)
 
 
-def _draw_render(desk: Desk, corner: ImVec2, side: float) -> None:
+def _draw_render(context: PanelContext, corner: ImVec2, side: float) -> None:
     """Its caption is at the right, where a wipe shows it."""
-    _draw_picture(desk, "Render", desk.session.fitting.course.shown, corner, side, to_right=True)
+    _draw_image(context, "Render", context.fitting.history.image, corner, side, to_right=True)
 
 
-def _draw_picture(
-    desk: Desk,
+def _draw_image(
+    context: PanelContext,
     caption: str,
     pixels: np.ndarray | None,
     corner: ImVec2,
@@ -105,8 +106,8 @@ def _draw_picture(
 ) -> None:
     draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
     opposite = corner + ImVec2(side, side)
-    if pixels is not None and desk.images is not None:
-        texture = desk.images.texture(pixels, desk.palette)
+    if pixels is not None and context.images is not None:
+        texture = context.images.texture(pixels, context.palette)
         draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), packed(_WHITE, share), 0.3 * em)
     else:
         draw.add_rect_filled(corner, opposite, packed(_WHITE, share), 0.3 * em)

@@ -1,64 +1,49 @@
-"""Small forms that several panels draw: a drop-down list, and how a film is to be written."""
+"""How a video is written: a small form that several panels draw."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import TypeVar
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.activities.exporting import VideoChoice
-from viewer.context import tip
+from viewer.services.backend import VideoOptions
+from viewer.widgets.controls import choose, tooltip
 
-T = TypeVar("T")
 _FORMATS = {".mp4": "mp4", ".gif": "gif", ".webp": "webp", ".frames": "png frames"}
 _SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
 _RATES = {rate: f"{rate} fps" for rate in (12, 24, 30, 60)}
 
 
-def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:
-    """A drop-down list of few values (width in em)."""
-    imgui.set_next_item_width(hello_imgui.em_size(width))
-    if imgui.begin_combo(f"##{name}", choices.get(chosen, str(chosen))):
-        for value, label in choices.items():
-            if imgui.selectable(label, value == chosen)[0]:
-                chosen = value
-        imgui.end_combo()
-    tip(text)
-    return chosen
-
-
 class VideoForm:
-    """Format, size, rate, quality and ground of a film."""
+    """Format, size, rate, quality and background of a video."""
 
     def __init__(self) -> None:
         self.suffix = ".mp4"
-        self._choice = VideoChoice()
+        self._options = VideoOptions()
 
     @property
-    def choice(self) -> VideoChoice:
+    def options(self) -> VideoOptions:
         """What was chosen, as far as the format has it."""
-        return replace(self._choice, transparent=self._choice.transparent and self.suffix != ".mp4")
+        return replace(self._options, transparent=self._options.transparent and self.suffix != ".mp4")
 
     def draw(self) -> None:
         """Two lines."""
-        choice = self._choice
-        told = "mp4 is the smallest, gif plays everywhere; png frames are a folder of pictures"
-        self.suffix = choose("format", self.suffix, _FORMATS, told)
+        options = self._options
+        text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
+        self.suffix = choose("format", self.suffix, _FORMATS, text)
         imgui.same_line()
-        size = choose("video size", choice.size, _SIZES, "Width and height of the film")
+        size = choose("video size", options.size, _SIZES, "Width and height of the video")
         imgui.same_line()
-        rate = choose("rate", choice.rate, _RATES, "Pictures a second", 5.5)
+        rate = choose("rate", options.rate, _RATES, "Frames per second", 5.5)
         imgui.begin_disabled(self.suffix == ".frames")
         imgui.set_next_item_width(hello_imgui.em_size(7))
         _, quality = imgui.slider_int(
-            "##quality", choice.quality, 1, 100, "Quality %d", imgui.SliderFlags_.always_clamp
+            "##quality", options.quality, 1, 100, "Quality %d", imgui.SliderFlags_.always_clamp
         )
         imgui.end_disabled()
-        tip("More is sharper, and a larger file; png frames lose nothing")
+        tooltip("More is sharper, and a larger file; png frames lose nothing")
         imgui.same_line()
         imgui.begin_disabled(self.suffix == ".mp4")
-        _, clear = imgui.checkbox("No ground###transparent", self.choice.transparent)
+        _, clear = imgui.checkbox("Transparent background###transparent", self.options.transparent)
         imgui.end_disabled()
-        tip("Leave the ground out, so that what is behind shines through (gif, webp, png frames)")
-        clear = choice.transparent if self.suffix == ".mp4" else clear
-        self._choice = VideoChoice(size, rate, quality, clear)
+        tooltip("Leave the background out, so that what is behind shines through (gif, webp, png frames)")
+        clear = options.transparent if self.suffix == ".mp4" else clear
+        self._options = VideoOptions(size, rate, quality, clear)
