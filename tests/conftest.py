@@ -10,8 +10,8 @@ from jaxtyping import install_import_hook
 
 import tests.checked  # noqa: F401  (the hook finds it by name)
 
-# Before anything of core is.
-install_import_hook("core", "tests.checked.checked")
+# Before anything of them is imported.
+install_import_hook(["core", "viewer"], "tests.checked.checked")
 
 hypothesis.settings.register_profile("shared machine", deadline=None, derandomize=True, max_examples=50)
 hypothesis.settings.load_profile("shared machine")

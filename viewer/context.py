@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from imgui_bundle import ImVec2, imgui
 
@@ -193,6 +193,7 @@ class PanelContext:
             self.preferences = self.preferences.with_recent(path)
 
 
+@runtime_checkable
 class Panel(Protocol):
     """A dockable window, one subject each."""
 

@@ -33,7 +33,7 @@ class ExportPanel:
         self._count = 72
         self._mesh = MESHES[0]
         self._cells: int | None = None
-        self._image = 512
+        self.image_size = 512
 
     def draw(self, context: PanelContext) -> None:
         """A section for each kind of file."""
@@ -42,10 +42,10 @@ class ExportPanel:
         imgui.separator_text("Mesh")
         self._draw_mesh(context)
         imgui.separator_text("Image")
-        self._image = choose("image size", self._image, _SIZES, "Width and height of the image")
+        self.image_size = choose("image size", self.image_size, _SIZES, "Width and height of the image")
         imgui.same_line()
         if button(f"{_CAMERA}  Save image…###save image", _IMAGE_HELP):
-            save = partial(context.exporting.image, size=self._image)
+            save = partial(context.exporting.image, size=self.image_size)
             context.files.ask(FileRequest("Save the image as", save, FORMATS, True, "image.png"))
         imgui.separator_text("Scene")
         action_button(context, "save_scene")

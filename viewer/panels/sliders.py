@@ -53,6 +53,11 @@ class SlidersPanel:
         self._last: dict[tuple[Part, int, int], Frame] = {}
         """the last thumbnail of every place, until there is a newer one"""
 
+    @property
+    def influence(self) -> CodeInfluence | None:
+        """What the slider changes that the mouse was over last."""
+        return self._influence[2] if self._influence else None
+
     def draw(self, context: PanelContext) -> None:
         """Shape and texture side by side."""
         editor = context.editor

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle import portable_file_dialogs as dialogs
@@ -14,6 +14,7 @@ from imgui_bundle import portable_file_dialogs as dialogs
 _TITLE = "Choose a file###ask"
 
 
+@runtime_checkable
 class NativeDialog(Protocol):
     """A file dialog of the system, which is open until it is ready."""
 

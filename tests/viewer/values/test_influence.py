@@ -5,7 +5,7 @@ import pytest
 
 from core.models.model import Model
 from core.rendering.progressive import Frame, picture
-from viewer.values.influence import Influence
+from viewer.values.influence import CodeInfluence
 
 
 @pytest.fixture
@@ -20,27 +20,27 @@ def frame() -> Frame:
 def test_it_is_found_where_colours_change(frame: Frame) -> None:
     image = frame.image.copy()
     image[2:4, 2:6, 0] = 160
-    found = Influence.between(frame, replace(frame, image=image))
+    found = CodeInfluence.between(frame, replace(frame, image=image))
     assert found.changed == pytest.approx(0.5)
     assert found.leak == 0.0
-    assert found.picture[3, 3].sum() > found.picture[5, 5].sum() + 300
-    assert (found.picture[5, 5] == found.picture[0, 0]).all()
+    assert found.image[3, 3].sum() > found.image[5, 5].sum() + 300
+    assert (found.image[5, 5] == found.image[0, 0]).all()
 
 
 def test_nothing_is_no_change(frame: Frame) -> None:
-    found = Influence.between(frame, frame)
+    found = CodeInfluence.between(frame, frame)
     assert (found.changed, found.leak) == (0.0, 0.0)
-    assert (found.picture == found.picture[0, 0]).all()
+    assert (found.image == found.image[0, 0]).all()
     clear = replace(frame, opacity=np.zeros_like(frame.opacity))
-    assert Influence.between(clear, clear).changed == 0.0
+    assert CodeInfluence.between(clear, clear).changed == 0.0
 
 
 def test_texture_leaves_the_silhouette_exactly_and_shape_moves_it(model: Model) -> None:
     camera = model.camera(0.4, 0.3).resized(24, 24)
     first, other = model.codes[0], model.codes[1]
     before = picture(model, first, camera)
-    repainted = Influence.between(before, picture(model, replace(first, texture=other.texture), camera))
-    reshaped = Influence.between(before, picture(model, replace(first, shape=other.shape), camera))
+    repainted = CodeInfluence.between(before, picture(model, replace(first, texture=other.texture), camera))
+    reshaped = CodeInfluence.between(before, picture(model, replace(first, shape=other.shape), camera))
     assert repainted.leak == 0.0
-    assert repainted.picture.std() > 0
+    assert repainted.image.std() > 0
     assert reshaped.leak > 0

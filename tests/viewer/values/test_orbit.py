@@ -52,9 +52,9 @@ def test_zooming_in_and_out_again_comes_back(model: Model) -> None:
 
 @pytest.mark.parametrize("size", [(800, 600), (600, 800), (700, 700), (1, 1), (3000, 20)])
 def test_the_shorter_side_of_any_panel_shows_the_same(size: tuple[int, int]) -> None:
-    excerpt = orbit.filling(CAMERA, *size, 256)
-    camera = excerpt.camera
-    assert (excerpt.width, excerpt.height, excerpt.left, excerpt.top) == (camera.width, camera.height, 0, 0)
+    crop = orbit.fit_to_panel(CAMERA, *size, 256)
+    camera = crop.camera
+    assert (crop.width, crop.height, crop.left, crop.top) == (camera.width, camera.height, 0, 0)
     assert min(camera.width, camera.height) == 256
     assert camera.width / camera.height == pytest.approx(size[0] / size[1], rel=0.02)
     assert camera.focal / 256 == pytest.approx(CAMERA.focal / CAMERA.height)
@@ -64,14 +64,14 @@ def test_the_shorter_side_of_any_panel_shows_the_same(size: tuple[int, int]) -> 
 @pytest.mark.parametrize("pan", [(0.0, 0.0), (0.25, -0.5), (-1.0, 1.0)])
 @pytest.mark.parametrize("divisor", [1, 4, 16])
 def test_a_panned_view_shows_the_object_aside(pan: tuple[float, float], divisor: int) -> None:
-    excerpt = orbit.filling(CAMERA, 200, 100, 128, pan)
-    camera = excerpt.camera
+    crop = orbit.fit_to_panel(CAMERA, 200, 100, 128, pan)
+    camera = crop.camera
     assert camera.focal == pytest.approx(CAMERA.focal * 128 / CAMERA.height)
     height, width = max(1, camera.height // divisor), max(1, camera.width // divisor)
     y, x = np.mgrid[0:height, 0:width] + 0.5
     opacity = (np.hypot(x - width / 2, y - height / 2) < 10 / divisor + 1).astype(np.float32)
     frame = Frame(np.zeros((height, width, 3), np.uint8), opacity, opacity, 0, 1, 1, 0.0)
-    shown = excerpt.cropped(frame)
+    shown = crop.cropped(frame)
     assert shown.resolution == pytest.approx((256 // divisor, 128 // divisor), abs=1)
     rows, columns = shown.opacity.nonzero()
     expected = shown.resolution[0] / 2 + pan[0] * 128 / divisor, shown.resolution[1] / 2 + pan[1] * 128 / divisor
@@ -82,7 +82,7 @@ def test_a_panned_view_shows_the_object_aside(pan: tuple[float, float], divisor:
 
 
 def test_pushing_goes_no_further_than_a_view() -> None:
-    assert orbit.pushed((0.5, 0.0), 0.25, -3.0) == (0.75, -1.0)
+    assert orbit.panned((0.5, 0.0), 0.25, -3.0) == (0.75, -1.0)
 
 
 @pytest.mark.parametrize("view", orbit.VIEWS)

@@ -1,22 +1,20 @@
-"""The real window driven by name, waiting for the worker, and stand-ins for what takes minutes."""
+"""Stand-ins for the streams that take seconds: renders, photos and fits that are made at once."""
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
-from imgui_bundle import imgui
 from PIL import Image
 
 from core.fitting.fit import Alternative, FitJob, FitStep, Hypothesis
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
 from core.rendering.progressive import Frame, RenderJob
-from viewer.context import chord
-from viewer.session import Session
 
 
 def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
@@ -34,10 +32,10 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
 
 
-def quick_photo(path: Path, model: Model, *told: object) -> Photo:
+def quick_photo(path: Path, model: Model, *more: Any) -> Photo:
     """The real thing refuses what is no picture, but cannot frame a block for a model of mists."""
     if not path.stem.startswith("block"):
-        return load_photo(path, model, *told)
+        return load_photo(path, model, *more)
     with Image.open(path) as image:
         pixels = torch.from_numpy(np.array(image.resize((32, 32)))) / 255
     return Photo(pixels, pixels.mean(-1) < 0.9)
@@ -87,78 +85,3 @@ def broken_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         if step.step == 4:
             raise ValueError("the loss is not finite")
         yield step
-
-
-def deliver(session: Session, until: Callable[[], bool], longest: float = 60.0) -> None:
-    """Deliver until something holds."""
-    end = time.monotonic() + longest
-    session.tick()
-    while not until():
-        session.tick()
-        assert time.monotonic() < end, "the worker does not come to an end"
-        time.sleep(0.002)
-
-
-def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
-    """Deliver until nothing is under way and ``until`` holds."""
-    deliver(session, lambda: not session.worker.busy() and until(), longest)
-
-
-class Driver:
-    """A window under test: its widgets by name, and time to let things happen."""
-
-    def __init__(self, app, ctx) -> None:
-        self.app, self.ctx = app, ctx
-        self.session, self.desk = app.session, app.desk
-
-    def wait(self, until: Callable[[], bool] | None = None, longest: float = 60.0) -> None:
-        """Draw until a condition holds; without one, until nothing is under way."""
-        end = time.monotonic() + longest
-        while not (until() if until else not self.session.worker.busy()):
-            self.ctx.yield_()
-            assert time.monotonic() < end, "waited in vain"
-            time.sleep(0.005)
-        self.ctx.yield_(3)
-
-    def click(self, name: str, button: int = 0) -> None:
-        """Click a widget: ``Panel/widget`` or, at any depth, ``**/widget``."""
-        self.ctx.item_click(f"//{name}", button)
-        self._check(name)
-
-    def drag(self, name: str, across: float, down: float = 0.0) -> None:
-        """Press on the middle of a widget, move so many px, let go."""
-        self.ctx.item_drag_with_delta(f"//{name}", (across, down))
-        self._check(name)
-
-    def drop(self, name: str, onto: str) -> None:
-        """Drag a widget onto another."""
-        self.ctx.item_drag_and_drop(f"//{name}", f"//{onto}")
-        self._check(f"{name} or {onto}")
-
-    def choose(self, thing: str, item: str) -> None:
-        """Choose from the menu of an object."""
-        self.click(f"Objects/**/show {thing}", 1)
-        self.click(f"**/{item}")
-
-    def type(self, text: str) -> None:
-        """Answer the question for a file."""
-        self.ctx.yield_(3)
-        self.ctx.item_click("//Choose a file###ask/##path")
-        self.ctx.key_chars_replace(text)
-        self.ctx.item_click("//Choose a file###ask/###choose")
-        self.ctx.yield_(2)
-        self._check(text)
-
-    def press(self, *keys: imgui.Key) -> None:
-        """Press keys together."""
-        self.ctx.key_press(chord(*keys))
-        self.ctx.yield_(2)
-
-    def show(self, panel: str) -> None:
-        """Bring a panel to the front."""
-        self.desk.focus = panel
-        self.ctx.yield_(3)
-
-    def _check(self, name: str) -> None:
-        self.ctx.yield_(2)
-        assert not self.ctx.is_error(), f"no such widget: {name}"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.geometry.camera import Camera
-from viewer.values.frusta import Onlooker, box, frustum, ring
+from viewer.values.frusta import OverviewCamera, box, frustum, ring
 
 
 @pytest.mark.parametrize("azimuth, elevation", [(0.0, 0.0), (1.2, 0.4), (-2.0, -1.0), (0.3, math.pi / 2)])
@@ -20,12 +20,14 @@ def test_a_frustum_stands_at_its_camera_and_looks_at_the_origin(azimuth: float, 
     assert sides[0] / sides[1] == pytest.approx(128 / 96)
 
 
-def test_an_onlooker_from_above_sees_the_ground_as_it_is() -> None:
-    above = Onlooker(-math.pi / 2, math.pi / 2)
-    np.testing.assert_allclose(above.seen(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 5.0]])), [[1, 0], [0, -1]], atol=1e-9)
-    level = Onlooker(-math.pi / 2, 0.0).turned(0.0, -1.0)
+def test_an_overview_from_above_sees_the_ground_as_it_is() -> None:
+    above = OverviewCamera(-math.pi / 2, math.pi / 2)
+    np.testing.assert_allclose(
+        above.project(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 5.0]])), [[1, 0], [0, -1]], atol=1e-9
+    )
+    level = OverviewCamera(-math.pi / 2, 0.0).turned(0.0, -1.0)
     assert level.elevation == 0
-    np.testing.assert_allclose(level.seen(np.array([0.5, 3.0, 2.0])), [0.5, -2], atol=1e-9)
+    np.testing.assert_allclose(level.project(np.array([0.5, 3.0, 2.0])), [0.5, -2], atol=1e-9)
 
 
 def test_box_and_ring() -> None:

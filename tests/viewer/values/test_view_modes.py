@@ -6,7 +6,7 @@ from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, frames
-from viewer.values.view_modes import MODES, normals, seen_as
+from viewer.values.view_modes import MODES, in_mode, normals
 
 CAMERA = Camera(0.7, 0.4, 2.0, 131.25, 64, 64)
 
@@ -38,7 +38,7 @@ def test_normals_of_a_ball_point_from_its_middle(ball: Frame) -> None:
 
 
 def test_near_is_brighter_than_far(ball: Frame) -> None:
-    seen = seen_as(ball, CAMERA, "depth").image.astype(int).sum(-1)
+    seen = in_mode(ball, CAMERA, "depth").image.astype(int).sum(-1)
     edge = np.flatnonzero(ball.opacity[32])[1]
     assert seen[32, 32] > seen[32, edge] + 100
     assert (seen[ball.opacity == 0] == 3 * 255).all()
@@ -46,17 +46,17 @@ def test_near_is_brighter_than_far(ball: Frame) -> None:
 
 def test_opacity_and_samples_fill_the_picture(ball: Frame) -> None:
     for mode in ("opacity", "samples"):
-        seen = seen_as(ball, CAMERA, mode)
+        seen = in_mode(ball, CAMERA, mode)
         assert (seen.opacity == 1).all()
         assert seen.image[32, 32].sum() > seen.image[0, 0].sum() + 200
-    assert seen_as(ball, CAMERA, "colour") is ball
+    assert in_mode(ball, CAMERA, "colour") is ball
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_a_picture_of_nothing_is_no_trouble(mode: str) -> None:
     empty = np.zeros((2, 3), np.float32)
     nothing = Frame(np.full((2, 3, 3), 255, np.uint8), empty, empty, 0, 1, 8, 0.1)
-    seen = seen_as(nothing, CAMERA, mode)
+    seen = in_mode(nothing, CAMERA, mode)
     assert seen.image.shape == (2, 3, 3)
     assert np.isfinite(normals(nothing, CAMERA)).all()
 
@@ -68,4 +68,4 @@ def test_every_mode_takes_what_the_renderer_gives(mode: str, model: Model) -> No
     assert frame.asked.shape == (20, 24)
     assert frame.asked.max() > 0
     assert (frame.asked[frame.opacity > 0] > 0).all()
-    assert seen_as(frame, camera, mode).image.dtype == np.uint8
+    assert in_mode(frame, camera, mode).image.dtype == np.uint8

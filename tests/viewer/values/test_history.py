@@ -33,7 +33,7 @@ def test_a_gesture_is_one_step(states: list[State]) -> None:
     history = History(states[0])
     for state in states[1:4]:
         history = history.changed(state, "orbit")
-    history = history.settled().changed(states[4], "orbit").changed(states[5], "zoom")
+    history = history.without_gesture().changed(states[4], "orbit").changed(states[5], "zoom")
     assert history.past == (states[0], states[3], states[4])
 
 
@@ -60,5 +60,5 @@ def test_any_state_can_be_gone_to_and_none_is_lost(states: list[State]) -> None:
         history = history.changed(state)
     history = history.undone()
     for index, state in enumerate(states):
-        there = history.gone(index)
+        there = history.at(index)
         assert (there.now, len(there.past), there.states) == (state, index, tuple(states))
