@@ -118,7 +118,7 @@ class App:
         return hello_imgui.DockableWindow(panel.title, place, lambda: self._draw_panel(panel), can_be_closed_=closable)
 
     def _draw_panel(self, panel: Panel) -> None:
-        """Draw a panel; one that fails says so, and the others go on."""
+        """Draw a panel; one that fails says so, and the others work on."""
         if panel.waiting and not self.context.ready:
             imgui.text_disabled(panel.waiting)
             return

@@ -32,7 +32,7 @@ class Editor:
         """called after every change of the scene, undo included"""
         self._generator = generator
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
-        """for each part the code that was last asked about, and the answer"""
+        """for each part the code that was looked up last, and the answer"""
 
     # What there is
 
@@ -69,7 +69,7 @@ class Editor:
         if not book.sound:
             return None
         code, known = self.code(part), self._nearest.get(part)
-        if known is None or known[0] is not code:  # panels ask in every frame, and an edit makes another tensor
+        if known is None or known[0] is not code:  # panels call this in every frame, and an edit makes another tensor
             index = book.nearest_shape(code) if part == "shape" else book.nearest_texture(code)
             distance = float(self.space(part).distance(code, getattr(book[index], part)))
             known = self._nearest[part] = (code, (book.objects[index].name, distance))

@@ -10,6 +10,7 @@ from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.models.model import Model
+from core.rendering.progressive import frames
 from tests.conftest import no_opengl, random_model
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import quick_fit, quick_frames, quick_photo
@@ -132,8 +133,7 @@ def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFacto
             imgui.get_io().config_error_recovery_enable_assert = strict
             driver = Driver(app, ctx, captures)
             session.open_model("chairs")
-            driver.wait(lambda: driver.context.ready and driver.workspace.viewport.frame is not None)
-            driver.wait()
+            driver.wait_for_view() if backend.frames is frames else driver.wait()
             act(driver)
 
         try:

@@ -57,6 +57,10 @@ class Driver:
             time.sleep(0.005)
         self.ctx.yield_(3)
 
+    def wait_for_view(self) -> None:
+        """Draw until the view shows its finished render; thumbnails may still be missing."""
+        self.wait(lambda: self.context.ready and not self.session.jobs.busy("model", "view"))
+
     def click(self, name: str, button: int = 0) -> None:
         """Click a widget: ``Panel/widget`` or, at any depth, ``**/widget``."""
         self.ctx.item_click(f"//{name}", button)

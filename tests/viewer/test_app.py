@@ -37,7 +37,6 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         kept.append(window.context.preferences)
         window.ctx.yield_(2)
         assert Preferences.load(folder) == kept[0]
-        window.capture()
         window.menu("View/###reset_layout")
         window.ctx.yield_(5)
         window.drag("View/orbit", 30)
@@ -73,7 +72,6 @@ def test_a_session_that_ended_badly_is_offered_back(drive: Drive, photo: Path, t
 
     def second(window: Driver) -> None:
         session, editor = window.session, window.workspace.editor
-        window.capture()
         window.click("###Recovery/###restore")
         window.wait()
         assert session.messages.errors == []

@@ -1,1 +1,1 @@
-"""What goes on beside editing: rendering, playing, fitting, segmenting, exporting. Each takes jobs and an editor."""
+"""What runs beside editing: rendering, playing, fitting, segmenting, exporting. Each takes jobs and an editor."""

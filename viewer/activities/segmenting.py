@@ -104,7 +104,7 @@ class Segmenting:
             self._start()
 
     def fit(self) -> None:
-        """Fit the photos, this one as it was segmented; stays open beside another fit."""
+        """Fit the photos, this one as it was segmented; stays open while another fit runs."""
         source = self.sources[self.index]._replace(hints=self.hints or None, framing=self.framing)
         if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :]):
             self.close()

@@ -34,7 +34,7 @@ class _Key(NamedTuple):
 
 
 class Thumbnails:
-    """What panels ask for in a frame is rendered by the worker; what they ask for no more, and is not begun, is not."""
+    """What panels want in a frame is rendered by the worker; what they want no more, and is not begun, is not."""
 
     def __init__(self, jobs: Jobs, model: Model) -> None:
         self._jobs, self._model = jobs, model
@@ -69,7 +69,7 @@ class Thumbnails:
         return None
 
     def tick(self) -> None:
-        """Once a frame: begin with what was asked for since the last time."""
+        """Once a frame: begin with what panels wanted since the last one."""
         batch, self._queue = list(self._queue.items())[:_BATCH], {}
         if not batch or self._jobs.busy("thumbnails"):
             return

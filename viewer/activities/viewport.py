@@ -18,7 +18,7 @@ _SUPERSAMPLING = 2
 
 @dataclass(eq=False)
 class ViewSettings:
-    """How things are seen, whichever model is open."""
+    """How the object is seen, whichever model is open."""
 
     panel: tuple[int, int] = (512, 512)
     """px, the size of the view"""
@@ -66,7 +66,7 @@ class Viewport:
         self._editor.set_camera(orbit.home(self._editor.model))
 
     def set_quality(self, quality: Quality) -> None:
-        """Finish renders faster, or finer."""
+        """Render coarser or finer."""
         self.settings.quality = quality
         self.render()
 

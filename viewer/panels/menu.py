@@ -12,12 +12,12 @@ from viewer.widgets.controls import tooltip
 
 
 def draw(context: PanelContext) -> None:
-    """Menus, and at their right what is going on."""
+    """Menus, and at their right what is under way."""
     _menu(context, "File", ("fit_image", "paste", _draw_samples, None, "open_scene", "save_scene", _draw_recent))
     _menu(context, "File", (None, "quit"))
     _draw_models(context)
     _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
-    hello_imgui.show_view_menu(hello_imgui.get_runner_params())  # the panels; what follows goes on in the same menu
+    hello_imgui.show_view_menu(hello_imgui.get_runner_params())  # the panels; what follows is in the same menu
     _menu(context, "View", (None, "dark", "smooth", None, "larger_text", "smaller_text", None, "reset_layout"))
     _menu(context, "Help", ("help",))
     _draw_status(context)

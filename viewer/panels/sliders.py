@@ -48,15 +48,15 @@ class SlidersPanel:
         """what the strips lead away from: the object before the drag began"""
         self._targets: dict[tuple[Part, int, int], tuple[Codes, Camera]] = {}
         """what every place shows"""
-        self._influence: tuple[Frame, Frame, CodeInfluence] | None = None
-        """of the slider under the mouse: at less, at more, and between them"""
+        self._influence: tuple[Part, Frame, Frame, CodeInfluence] | None = None
+        """of the slider under the mouse: its part, at less, at more, and between them"""
         self._last: dict[tuple[Part, int, int], Frame] = {}
         """the last thumbnail of every place, until there is a newer one"""
 
     @property
-    def influence(self) -> CodeInfluence | None:
-        """What the slider changes that the mouse was over last."""
-        return self._influence[2] if self._influence else None
+    def influence(self) -> tuple[Part, CodeInfluence] | None:
+        """The part that the slider under the mouse belongs to, and what it changes."""
+        return (self._influence[0], self._influence[3]) if self._influence else None
 
     def draw(self, context: PanelContext) -> None:
         """Shape and texture side by side."""
@@ -75,7 +75,7 @@ class SlidersPanel:
             most = max(len(editor.space(part).spread) for part in PARTS)
             if most > _FIRST:
                 _, self._all = imgui.checkbox(f"All {most} directions###all", self._all)
-                tooltip("Those that explain less, too")
+                tooltip("Those that explain less as well")
         imgui.end_child()
 
     def _draw_top(self, context: PanelContext) -> None:
@@ -132,9 +132,9 @@ class SlidersPanel:
         if low is None or high is None:
             imgui.text_disabled("Looking for what it changes …")
             return
-        if self._influence is None or self._influence[:2] != (low, high):
-            self._influence = low, high, CodeInfluence.between(low, high)
-        found = self._influence[2]
+        if self._influence is None or self._influence[1:3] != (low, high):
+            self._influence = part, low, high, CodeInfluence.between(low, high)
+        found = self._influence[3]
         assert context.images is not None
         side = 10 * hello_imgui.em_size()
         imgui.image(context.images.texture(found.image, context.palette), (side, side))
@@ -142,7 +142,7 @@ class SlidersPanel:
         imgui.text(_leak(part, found.leak))
 
     def _draw_strip(self, context: PanelContext, part: Part, index: int) -> None:
-        """Each picture stands below its value on the slider."""
+        """Each thumbnail stands below its value on the slider."""
         width = imgui.get_content_region_avail().x
         side = min(3.2 * hello_imgui.em_size(), width / len(_STEPS) - 2)
         corner = imgui.get_cursor_screen_pos()

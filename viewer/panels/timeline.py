@@ -137,7 +137,7 @@ def _draw_key(
 ) -> None:
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
-    moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until it is let go, and in that frame still
+    moved = imgui.get_mouse_drag_delta(imgui.MouseButton_.left)  # until the release, and in that frame still
     if imgui.invisible_button(f"key {index + 1}", (side, side)) and not any(moved):
         player.go_to_key(index)
     across = imgui.get_io().mouse_delta.x
@@ -152,8 +152,8 @@ def _draw_key(
         if imgui.menu_item_simple("Remove"):
             player.remove_key(index)
         imgui.end_popup()
-    picture = context.thumbnails.get(key.shot.codes, key.shot.camera.resized(SIZE, SIZE), soon=True)
-    object_tiles.paint_frame(context, picture, corner, side)
+    thumbnail = context.thumbnails.get(key.shot.codes, key.shot.camera.resized(SIZE, SIZE), soon=True)
+    object_tiles.paint_frame(context, thumbnail, corner, side)
     chosen = player.key == index
     object_tiles.outline(
         corner, side, context.palette.accent if chosen else mixed(context.palette.panel, context.palette.text, 0.4)

@@ -23,14 +23,14 @@ void main() {
 """
 _FRAGMENT = """
 #version 330
-uniform sampler2D picture;  // on white; alpha is how much of a pixel the object covers
+uniform sampler2D image;  // on white; alpha is how much of a pixel the object covers
 uniform vec3 top, bottom;
 in vec2 uv;
 out vec4 colour;
 void main() {
-    vec4 seen = texture(picture, uv);
+    vec4 pixel = texture(image, uv);
     vec3 background = mix(top, bottom, smoothstep(0.25, 1.0, uv.y));
-    colour = vec4(seen.rgb - (1.0 - seen.a) * (1.0 - background), 1.0);
+    colour = vec4(pixel.rgb - (1.0 - pixel.a) * (1.0 - background), 1.0);
 }
 """
 
@@ -42,12 +42,12 @@ class Canvas:
         self._context = context
         self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         self._pass = context.vertex_array(self._program, [])
-        self._picture: moderngl.Texture | None = None
+        self._image: moderngl.Texture | None = None
         self._target: moderngl.Framebuffer | None = None
         self._shown: tuple[Any, ...] = ()
 
     def draw(self, frame: Frame, size: tuple[int, int], palette: Palette, smooth: bool) -> imgui.ImTextureRef:
-        """A texture of this size (px); drawn anew only where something has changed."""
+        """A texture of this size (px); rendered again only where something has changed."""
         wanted = (frame, size, palette, smooth)
         if wanted != self._shown:
             self._upload(frame, smooth)
@@ -58,20 +58,20 @@ class Canvas:
 
     def release(self) -> None:
         """Give the GL objects back."""
-        for resource in (self._picture, self._target, self._pass, self._program):
+        for resource in (self._image, self._target, self._pass, self._program):
             if resource is not None:
                 resource.release()
 
     def _upload(self, frame: Frame, smooth: bool) -> None:
         rgba = with_alpha(frame)
-        if self._picture is None or self._picture.size != frame.resolution:
-            if self._picture:
-                self._picture.release()
-            self._picture = self._context.texture(frame.resolution, 4)
-            self._picture.repeat_x = self._picture.repeat_y = False
-        self._picture.write(rgba.tobytes())
+        if self._image is None or self._image.size != frame.resolution:
+            if self._image:
+                self._image.release()
+            self._image = self._context.texture(frame.resolution, 4)
+            self._image.repeat_x = self._image.repeat_y = False
+        self._image.write(rgba.tobytes())
         kind = moderngl.LINEAR if smooth else moderngl.NEAREST
-        self._picture.filter = kind, kind
+        self._image.filter = kind, kind
 
     def _fill(self, size: tuple[int, int], palette: Palette) -> None:
         if self._target is None or self._target.size != size:
@@ -79,10 +79,10 @@ class Canvas:
                 self._target.color_attachments[0].release()
                 self._target.release()
             self._target = self._context.framebuffer([self._context.texture(size, 4)])
-        assert self._picture is not None
+        assert self._image is not None
         self._target.use()
         self._context.viewport = (0, 0, *size)
-        self._picture.use(0)
+        self._image.use(0)
         self._program["top"], self._program["bottom"] = palette.background
         # ImGui leaves its own state behind, blending and scissors included.
         self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)

@@ -45,7 +45,7 @@ class FileRequest:
 
 
 def is_there(path: Path) -> bool:
-    """Whether a file is there and can be told to be."""
+    """Whether a file is there and can be seen to be."""
     with suppress(OSError, ValueError):
         return path.is_file()
     return False

@@ -1,4 +1,4 @@
-"""Images from the clipboard: a picture, or files that were copied."""
+"""Images from the clipboard: pixels, or files that were copied."""
 
 import tempfile
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from PIL import ImageGrab
 
 
 class Clipboard:
-    """A picture that is pasted is kept as a file, until the program ends."""
+    """An image that is pasted is kept as a file, until the program ends."""
 
     def __init__(self) -> None:
         self._folder: tempfile.TemporaryDirectory[str] | None = None

@@ -1,4 +1,4 @@
-"""What the window has to say, errors included."""
+"""Lines for the person at the window, errors included."""
 
 import logging
 import time

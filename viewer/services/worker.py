@@ -1,4 +1,4 @@
-"""One thread that does the slow things, a step at a time, so that the window never waits."""
+"""One thread that does the slow work, a step at a time, so that the window never waits."""
 
 import os
 import sys
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Job(Generic[T]):
-    """A stream to be drawn from on the worker. Its callbacks run in :meth:`Worker.deliver`, on the window's thread."""
+    """A stream that the worker steps. Its callbacks run in :meth:`Worker.deliver`, on the window's thread."""
 
     name: str
     """a newer job of the same name takes the place of an older one"""
@@ -45,7 +45,7 @@ class _Running:
 
 
 class Worker:
-    """Steps streams in turn. To stop a stream is not to ask it for more, so a cancel waits for one step at most."""
+    """Steps streams in turn. To stop a stream is not to step it any more, so a cancel waits for one step at most."""
 
     def __init__(self, wake: Callable[[], None] = lambda: None) -> None:
         """``wake`` is called from the worker's thread whenever there is something to deliver."""
@@ -103,7 +103,7 @@ class Worker:
         return next((entry for entry in self._running if entry.job.name == name and not entry.over), None)
 
     def _begin(self, job: Job, old: _Running | None) -> None:
-        if old:  # a picture that is on its way is still worth seeing, anything else would mislead
+        if old:  # a frame that is on its way is still worth seeing, anything else would mislead
             old.over, old.muted = True, not old.job.urgent
         least = min((entry.spent for entry in self._running if not entry.over), default=0.0)
         self._running.append(_Running(job, least))
@@ -157,5 +157,5 @@ class Worker:
 
 def _close(stream: Iterator | None) -> None:
     if isinstance(stream, Generator):
-        with suppress(Exception):  # the job was given up: nobody waits for what it has to say
+        with suppress(Exception):  # the job was given up: nobody waits for its errors
             stream.close()

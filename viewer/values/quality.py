@@ -21,6 +21,6 @@ QUALITIES = (
     Quality(512, 192),
     Quality(768, 256),
 )
-"""From faster to finer; each takes about twice as long as the one before."""
+"""From coarse to fine; each takes about twice as long as the one before."""
 DEFAULT_QUALITY = 3
 """index into :data:`QUALITIES`"""

@@ -14,7 +14,7 @@ _HEIGHT = 5.5
 
 
 class FitCurve:
-    """Drawn below the comparison."""
+    """Loss and PSNR, below the comparison."""
 
     def height(self, fitting: Fitting) -> float:
         """px"""

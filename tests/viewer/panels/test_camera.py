@@ -16,7 +16,7 @@ def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: P
         for key, view in ((imgui.Key._1, "front"), (imgui.Key._2, "side"), (imgui.Key.keypad3, "top")):
             window.press(key)
             assert (editor.scene.camera.azimuth, editor.scene.camera.elevation) == orbit.VIEWS[view]
-        window.click("Camera/###see front")
+        window.click("Camera/###see_front")
         past = len(editor.history.past)
         window.set("Camera/##azimuth", 30.0)
         window.set("Camera/##elevation", -12.5)
@@ -32,9 +32,8 @@ def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: P
         window.wait(lambda: not workspace.fitting.running)
         window.wait()
         found = editor.scene.camera
-        window.click("Camera/###see side")
+        window.click("Camera/###see_side")
         window.press(imgui.Key._4)
         assert editor.scene.camera == found
-        window.capture()
 
     drive(act)

@@ -18,7 +18,6 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
         window.context.drop([str(photo)])
         window.wait(lambda: sum(tile.frame is not None for tile in fitting.candidates.tiles) == 4)
         assert fitting.running
-        window.capture()
         third = fitting.candidates.tiles[2].hypothesis
         window.drag("Candidates/cameras", 40, 10)
         window.ctx.mouse_move("//Candidates/**/candidate 2")

@@ -153,7 +153,6 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
         assert editor.history is before
         assert not workspace.fitting.running
         assert editor.objects.names == ["mine", *(f"object {number}" for number in range(6))]
-        window.capture()
         editor.show_object("object 4")
         window.context.drop([str(tmp_path / "mine.png"), str(photo)])  # both are taken
         assert editor.scene == scene

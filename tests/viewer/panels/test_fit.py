@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imgui_bundle import imgui
-from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
@@ -28,7 +27,6 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
         assert editor.scene.codes == model.codes[3]
         assert editor.objects.names[0] == "block"
         assert window.exists("Objects/**/show block")
-        window.capture()
         window.undo()
         assert editor.state == before
 
@@ -40,8 +38,7 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         window.ctx.mouse_move("//View/orbit")
         window.ctx.yield_(2)
         box = window.ctx.item_info(f"//Fit/{mode}").rect_clipped
-        window.capture()
-        whole = np.asarray(Image.open(tmp_path / "wipe.png").convert("RGB")).astype(float)
+        whole = window.capture()
         # Without captions and borders.
         return whole[int(box.min.y) + 40 : int(box.max.y) - 5, int(box.min.x) + 5 : int(box.max.x) - 5]
 
@@ -95,7 +92,6 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
         assert editor.scene.camera.elevation == history.steps[history.selected].cameras[0].elevation
         assert len(editor.history.past) == past + 1
         window.wait()
-        window.capture()
         window.undo()
         assert editor.state == found
         window.click("Fit/###keep step")
@@ -232,7 +228,6 @@ def test_several_photos_are_fitted_together_with_known_poses(
         assert fitting.history.photo_index == 2
         assert fitting.history.sources[2].pose == tmp_path / "other.txt"
         window.wait()
-        window.capture()
         window.context.drop([str(photo), str(tmp_path / "other.txt")])
         assert "other.txt" in session.messages.errors[0]
         session.messages.clear()

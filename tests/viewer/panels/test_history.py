@@ -16,7 +16,6 @@ def test_a_click_in_the_history_restores_a_state(drive: Drive, tmp_path: Path) -
         window.click("History/**/state 1")
         assert editor.state == first
         assert len(editor.history.future) == 2
-        window.capture()
         window.click("History/**/state 3")
         assert editor.state == third
         window.click("History/**/state 2")

@@ -15,7 +15,6 @@ def test_the_performance_panel_describes_the_frame_on_screen(
         sizes, seconds = zip(*workspace.viewport.times, strict=True)
         assert sizes[-1] == workspace.viewport.frame.resolution
         assert list(seconds) == sorted(seconds)
-        window.capture()
         assert session.messages.errors == []
 
     drive(act, real_backend)

@@ -62,7 +62,6 @@ def test_a_photo_on_busy_background_is_segmented_by_hand(drive: Drive, backend: 
         window.set("Segment###segment/**/##scale", 0.8)
         window.wait()
         assert segmenting.framing.scale == pytest.approx(0.8)
-        window.capture()
         hints = segmenting.hints
         window.click("Segment###segment/**/###fit segmentation")
         assert not segmenting.active

@@ -61,7 +61,6 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.set("Timeline/##length", 1.0)
         window.ctx.yield_(2)
         assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
-        window.capture()
         window.click("Timeline/###video form")
         window.click("$FOCUSED/##format")
         window.click("**/webp")

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imgui_bundle import hello_imgui, imgui
-from PIL import Image
 
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -71,10 +70,7 @@ def test_the_image_on_screen_is_the_newest_frame_over_the_background(drive: Driv
         window.context.set_preference(smooth=False)
         window.drag("View/orbit", 60)
         window.wait()
-        window.capture()
-        low, high = window.context.view
-        shown = np.asarray(Image.open(tmp_path / "window.png").convert("RGB"))
-        shown = shown[int(low.y) : int(high.y), int(low.x) : int(high.x)].astype(float)
+        shown = window.capture_view()
         frame = workspace.viewport.frame
         assert frame is not None
         rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
@@ -133,15 +129,12 @@ def test_shift_turns_finely(drive: Drive) -> None:
 def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_backend: Backend, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
         session = window.session
-        seen = []
-        for number in range(len(MODES)):
-            window.capture()
-            low, high = window.context.view
-            whole = np.asarray(Image.open(tmp_path / f"{number}.png").convert("RGB")).astype(int)
-            seen.append(whole[int(low.y) + 60 : int(high.y) - 60, int(low.x) : int(high.x)])
+        shown = []
+        for _ in MODES:
+            shown.append(window.capture_view(border=60))
             window.ctx.mouse_move("//View/orbit")
             window.press(imgui.Key.v)
-        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(seen, 2))
+        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(shown, 2))
         window.click("View/##mode")
         window.click("**/Normals")
         window.click("View/##mode")
@@ -170,8 +163,34 @@ def test_a_real_scene_is_rendered_and_the_frame_rate_is_the_windows(drive: Drive
         assert workspace.viewport.frame is not None
         assert workspace.viewport.frame.final
         window.drag("View/orbit", 30)
-        window.wait()
+        window.wait_for_view()
         assert session.messages.errors == []
         assert hello_imgui.frame_rate() > 0
 
     drive(act, real_backend)
+
+
+def test_seven_images_of_drag_drag_undo_undo_redo_redo(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        def image() -> np.ndarray:
+            window.ctx.mouse_move("//Sliders/###sample_all")  # the tooltip is not in the view
+            window.wait()
+            return window.capture_view(border=80)
+
+        window.context.set_preference(newcomer=False)
+        images = [image()]
+        for step in (drag_aside, drag_up, Driver.undo, Driver.undo, Driver.redo, Driver.redo):
+            step(window)
+            images.append(image())
+        first, second, third = images[:3]
+        assert min(np.abs(one - other).mean() for one, other in combinations((first, second, third), 2)) > 0.5
+        for shown, expected in zip(images[3:], (second, first, second, third), strict=True):
+            np.testing.assert_allclose(shown, expected, atol=1)
+
+    def drag_aside(window: Driver) -> None:
+        window.drag("View/orbit", 150)
+
+    def drag_up(window: Driver) -> None:
+        window.drag("View/orbit", 0, 90)
+
+    drive(act)
