@@ -13,12 +13,12 @@ from viewer.widgets.controls import tooltip
 
 def draw(context: PanelContext) -> None:
     """Menus, and at their right what is under way."""
-    _menu(context, "File", ("fit_image", "paste", _draw_samples, None, "open_scene", "save_scene", _draw_recent))
-    _menu(context, "File", (None, "quit"))
+    scenes = ("open_scene", "save_scene", _draw_recent)
+    _menu(context, "File", ("fit_image", "paste", _draw_samples, None, *scenes, None, "quit"))
     _draw_models(context)
     _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
-    hello_imgui.show_view_menu(hello_imgui.get_runner_params())  # the panels; what follows is in the same menu
-    _menu(context, "View", (None, "dark", "smooth", None, "larger_text", "smaller_text", None, "reset_layout"))
+    look = ("dark", "smooth", None, "larger_text", "smaller_text")
+    _menu(context, "View", (_draw_panels, "reset_layout", None, *look))
     _menu(context, "Help", ("help",))
     _draw_status(context)
 
@@ -44,6 +44,14 @@ def _draw_item(context: PanelContext, name: str) -> None:
     if imgui.menu_item(f"{action.words}###{name}", keys, checked, action.enabled(context))[0]:
         action.run(context)
     tooltip(action.tooltip[:1].upper() + action.tooltip[1:])
+
+
+def _draw_panels(context: PanelContext) -> None:
+    """Which panels are shown."""
+    docking = hello_imgui.get_runner_params().docking_params
+    for label in [panel.label for panel in docking.dockable_windows if panel.can_be_closed]:
+        panel = docking.dockable_window_of_name(label)
+        panel.is_visible = imgui.menu_item(label, "", panel.is_visible)[1]
 
 
 def _draw_models(context: PanelContext) -> None:

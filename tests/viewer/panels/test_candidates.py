@@ -11,13 +11,25 @@ from tests.viewer.stand_ins import quick_fit
 from viewer.services.backend import Backend
 
 
-def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backend, photo: Path, tmp_path: Path) -> None:
+def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backend, photo: Path) -> None:
+    fits = [quick_fit]
+
+    def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        """The first one ends; the later ones stay where four hypotheses are active."""
+        if fits:
+            yield from fits.pop()(model, job)
+            return
+        while True:
+            for step in islice(quick_fit(model, job), 5):
+                time.sleep(0.01)
+                yield step
+
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        editor, fitting = window.workspace.editor, window.workspace.fitting
+        window.fit(photo)
+        assert [tile.frame is not None for tile in fitting.candidates.tiles] == [True] * 4
         window.context.drop([str(photo)])
-        window.wait(lambda: sum(tile.frame is not None for tile in fitting.candidates.tiles) == 4)
-        assert fitting.running
+        window.wait(lambda: len(fitting.candidates.tiles) == 4 and fitting.running)
         third = fitting.candidates.tiles[2].hypothesis
         window.drag("Candidates/cameras", 40, 10)
         window.ctx.mouse_move("//Candidates/**/candidate 2")
@@ -32,10 +44,4 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
         window.show("Candidates")
         assert window.exists("Candidates/cameras")
 
-    def held(model: Model, job: FitJob) -> Iterator[FitStep]:
-        while True:
-            for step in islice(quick_fit(model, job), 5):
-                time.sleep(0.01)
-                yield step
-
-    drive(act, replace(backend, fit=held))
+    drive(act, replace(backend, fit=fit))

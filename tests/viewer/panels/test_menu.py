@@ -100,3 +100,17 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
         window.wait(lambda: editor.objects.names[0] == "block (2)")
 
     drive(act)
+
+
+def test_panels_are_closed_and_opened_in_the_view_menu(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        window.show("Camera")
+        assert window.exists("Camera/###see_front")
+        window.menu("View/Camera")
+        window.ctx.yield_(3)
+        assert not window.ctx.window_info("//Camera").window.active
+        window.menu("View/Camera")
+        window.show("Camera")
+        assert window.exists("Camera/###see_front")
+
+    drive(act)
