@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from core.files import whole_file
+from core.files import atomic_file
 from viewer.session import Session
 from viewer.values.saved_session import SavedSession
 
@@ -66,7 +66,7 @@ class Autosave:
     def _write(self, saved: SavedSession, state: object) -> None:
         self._when, self._written = self._clock(), state
         try:
-            with whole_file(self._file) as partial:
+            with atomic_file(self._file) as partial:
                 partial.write_text(saved.text)
         except ValueError as error:
             self._session.messages.report("Cannot save the session", error)

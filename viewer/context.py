@@ -8,7 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 
 from imgui_bundle import ImVec2, imgui
 
-from core.models.pictures import held_scene
+from core.export import mesh, video
+from core.models.scene import embedded_scene
 from viewer.activities.exporting import Exporting
 from viewer.activities.fitting import Fitting
 from viewer.activities.grid import Grid
@@ -29,9 +30,9 @@ from viewer.values.view_modes import MODES
 from viewer.workspace import Workspace
 
 IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
-VIDEOS = (".mp4", ".gif", ".webp", ".frames")
+VIDEOS = tuple(video.FORMATS)
 SCENES = (".json", ".png")
-MESHES = (".glb", ".ply", ".obj")
+MESHES = tuple(mesh.FORMATS)
 
 
 @dataclass(eq=False)
@@ -175,7 +176,7 @@ class PanelContext:
             self.segmenting.close()
         others = []
         for path in map(Path, paths):
-            if path.suffix.lower() == ".json" or held_scene(path):
+            if path.suffix.lower() == ".json" or embedded_scene(path):
                 self.load_scene(path)
             else:
                 others.append(path)

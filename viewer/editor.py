@@ -66,7 +66,7 @@ class Editor:
     def nearest(self, part: Part) -> tuple[str, float] | None:
         """The trained object whose code of one part is nearest, and how far it is (standard deviations)."""
         book = self.model.codes
-        if not book.sound:
+        if not book.valid:
             return None
         code, known = self.code(part), self._nearest.get(part)
         if known is None or known[0] is not code:  # panels call this in every frame, and an edit makes another tensor
@@ -89,7 +89,7 @@ class Editor:
 
     def set_coordinate(self, part: Part, direction: int, to: float, gesture: str = "") -> None:
         """Set one coordinate of a code, in standard deviations along a principal direction."""
-        self.set_code(part, self.space(part).moved(self.code(part), direction, to), gesture)
+        self.set_code(part, self.space(part).with_coordinate(self.code(part), direction, to), gesture)
 
     def scale_to_distance(self, part: Part, to: float, gesture: str = "") -> None:
         """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
@@ -107,11 +107,11 @@ class Editor:
 
     def sample(self, part: Part) -> None:
         """A code sampled from the distribution of the trained ones, taken as normal."""
-        self.set_code(part, getattr(self.model.codes.drawn(self._generator), part))
+        self.set_code(part, getattr(self.model.codes.sample(self._generator), part))
 
     def sample_all(self) -> None:
         """Shape and texture sampled; what is locked stays."""
-        self._set_codes(self.model.codes.drawn(self._generator), self.state.mix)
+        self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
 
     # Objects A and B
 

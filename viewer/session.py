@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from core.models.model import Model
-from core.models.pictures import open_scene
+from core.models.scene import open_scene
 from viewer.activities.fitting import FitOptions
 from viewer.activities.viewport import ViewSettings
 from viewer.services.backend import Backend

@@ -13,11 +13,11 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from core.benchmarks.fits import Summary, Trial, summary, trial
-from core.benchmarks.held_out_views import Subject, anywhere
+from core.benchmarks.fits import Summary, Trial, fit_view, summarise
+from core.benchmarks.held_out_views import HeldOutView, random_camera
+from core.benchmarks.machine import describe_machine
 from core.benchmarks.patched import Change, changed
-from core.benchmarks.rendering import machine
-from core.evaluation.protocol import Mean, mean_of
+from core.evaluation.statistics import Mean, mean_of
 from core.fitting import gauss_newton as newton
 from core.fitting import hypotheses
 from core.fitting import initial as entrants
@@ -59,23 +59,23 @@ class Measured:
         return asdict(self)
 
 
-def measured(model: Model, subjects: Sequence[Subject]) -> Iterator[str | Measured]:
+def measured(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | Measured]:
     """What is being measured now, and in the end all that was found. To stop, ask for no more."""
     yield "bank of views"
     bank_of(model)
     trials: dict[str, list[Trial]] = {name: [] for name in _PARTS}
-    for number, subject in enumerate(subjects):
+    for number, target in enumerate(targets):
         for name, (settings, changes) in _PARTS.items():
-            yield f"{subject.views.name}, {name}"
+            yield f"{target.views.name}, {name}"
             with changed(changes):
-                trials[name].append(trial(model, subject, name, settings, number))
-    yield Measured(machine(model.device), tuple(_part(name, trials[name], trials[WHOLE]) for name in _PARTS))
+                trials[name].append(fit_view(model, target, name, settings, number))
+    yield Measured(describe_machine(model.device), tuple(_part(name, trials[name], trials[WHOLE]) for name in _PARTS))
 
 
 def _part(name: str, trials: Sequence[Trial], whole: Sequence[Trial]) -> Part:
     pairs = list(zip(trials, whole, strict=True))
     gain = mean_of([one.held_out - other.held_out for one, other in pairs])
-    return Part(summary(name, trials), gain, median(one.seconds / other.seconds for one, other in pairs))
+    return Part(summarise(name, trials), gain, median(one.seconds / other.seconds for one, other in pairs))
 
 
 def _anywhere(
@@ -90,7 +90,7 @@ def _anywhere(
 ) -> Starts:
     """In place of the cameras that promise most: as :func:`core.photos.view_bank.ranked`."""
     generator = torch.Generator().manual_seed(int(mask.sum()))
-    cameras = [anywhere(model, generator) for _ in range(count)]
+    cameras = [random_camera(model, generator) for _ in range(count)]
     numbers = torch.tensor([(camera.azimuth, camera.elevation, camera.distance) for camera in cameras])
     nowhere = torch.zeros(count, 2)
     return Starts(numbers[:, 0], numbers[:, 1], numbers[:, 2], nowhere, torch.zeros(count, dtype=torch.long))
@@ -110,7 +110,7 @@ _USUAL = PRESETS["normal"]
 _STAGES = len(plan._STEPS)
 _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     WHOLE: (_USUAL, ()),
-    "without the bank: starts anywhere": (
+    "without the bank: starts random_camera": (
         _USUAL,
         (Change(entrants, "ranked", _anywhere), Change(entrants, "_LIKENESS", 0.0)),
     ),
@@ -135,6 +135,6 @@ _PARTS: dict[str, tuple[FitSettings, tuple[Change, ...]]] = {
     "without the silhouette": (_USUAL, _everywhere("SILHOUETTE", 0.0, hypotheses, newton)),
     "in float32": (
         _USUAL,
-        _everywhere("linear_dtype", lambda device: torch.float32, folded, newton, precision, slopes),
+        _everywhere("matmul_dtype", lambda device: torch.float32, folded, newton, precision, slopes),
     ),
 }

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from core.cli.progress import require_place
+from core.cli.progress import require_writable
 from core.fitting import fit as fits
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, Alternative, FitJob, FitStep
@@ -19,7 +19,7 @@ from core.models.library import load_model
 from core.models.scene import Scene
 from core.photos.decode import upright_size
 from core.photos.photo import load_photo
-from core.photos.segmentation import Hints, NoGroundError
+from core.photos.segmentation import Hints, NoBackgroundError
 
 
 def fit(chosen: argparse.Namespace) -> None:
@@ -28,20 +28,20 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     if chosen.box and len(chosen.box) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
-    if chosen.lens and chosen.pose:
-        raise ValueError("--lens searches for the focal length of unknown cameras, and --pose gives them")
+    if chosen.estimate_focal and chosen.pose:
+        raise ValueError("--estimate-focal searches for the focal length of unknown cameras, and --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
     for path in filter(None, (chosen.out, chosen.log)):
-        require_place(path)
-    settings = replace(PRESETS[chosen.preset], lens=chosen.lens)
+        require_writable(path)
+    settings = replace(PRESETS[chosen.preset], lens=chosen.estimate_focal)
     model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
     hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
     each = zip(chosen.images, poses, hints, strict=True)
     try:
         photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
-    except NoGroundError as error:
+    except NoBackgroundError as error:
         raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
@@ -58,7 +58,7 @@ def fit(chosen: argparse.Namespace) -> None:
     if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
     book = model.codes
-    (shape, texture), shapes, textures = last.directions, len(book.shape_space.spread), len(book.texture_space.spread)
+    (shape, texture), shapes, textures = last.directions, len(book.shape_space.std), len(book.texture_space.std)
     spent = {"shape_directions": [shape, shapes], "texture_directions": [texture, textures]}
     print(json.dumps(_told(last) | (spent if chosen.preset != "paper" else {})), flush=True)
 

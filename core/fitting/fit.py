@@ -18,7 +18,7 @@ from core.fitting.initial import combined
 from core.fitting.schedule import PRESETS, FitSettings
 from core.fitting.search import Hypothesis, Race, Standing
 from core.geometry.camera import Camera
-from core.metrics import psnr_of
+from core.metrics import psnr_from_mse
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -159,7 +159,7 @@ def _reported(race: Race, standing: Standing, step: int, steps: int, began: floa
         steps,
         first.start,
         first.loss,
-        psnr_of(float(pool.squared[leader])),
+        psnr_from_mse(float(pool.squared[leader])),
         time.perf_counter() - began,
         first.cameras,
         first.codes,

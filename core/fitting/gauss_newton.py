@@ -30,11 +30,11 @@ from core.fitting.hypotheses import (
 )
 from core.fitting.observations import Drawn
 from core.fitting.schedule import Stage
-from core.geometry.camera import rotation
+from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
 from core.models.model import Model
-from core.models.precision import linear_dtype
-from core.rendering.jacobian import Entries, trace
+from core.models.precision import matmul_dtype
+from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
 _CAMERA = 6
 """numbers of a camera: azimuth, elevation, logarithms of distance and focal length, shift x and y"""
@@ -136,13 +136,13 @@ def quadratic(
     rays = aimed(model, numbers, drawn, stage.samples, jitter)
     shapes, textures = by.spaces(model)
     shape, texture = shapes.code(numbers.shape), textures.code(numbers.texture)
-    dtype = linear_dtype(model.device.type)
-    entries = Entries(
-        model.field.shape_slopes(shape, shapes.axes(stage.ranks[0])).to(dtype),
-        model.field.texture_slopes(texture, textures.axes(stage.ranks[1])).to(dtype),
+    dtype = matmul_dtype(model.device.type)
+    entries = BiasJacobians(
+        model.field.shape_bias_jacobian(shape, shapes.basis(stage.ranks[0])).to(dtype),
+        model.field.texture_bias_jacobian(texture, textures.basis(stage.ranks[1])).to(dtype),
     )
     biases = model.field.biases(shape, texture)
-    seen = trace(model, rays, stage.samples, max(2, stage.samples // _KEPT), *biases, entries)
+    seen = render_with_jacobian(model, rays, stage.samples, max(2, stage.samples // _KEPT), *biases, entries)
     count, views, pixels = rays.near.shape
     jacobian = torch.zeros(count, views, pixels, 4, views * _CAMERA + seen.codes.shape[-1])
     for index, (origins, directions) in enumerate(_aims(numbers, rays)):
@@ -155,7 +155,7 @@ def quadratic(
     squared = error.square().mean(-1)
     weight = torch.full((count, views, pixels, 4), 1 / (3 * views * pixels))
     weight[..., :3] /= (1 + squared / by.forgiving**2)[..., None]  # Cauchy's loss, reweighted as it bends
-    weight[..., 3] = 0.0 if model.painted_ground else SILHOUETTE * drawn.sure / (views * pixels)
+    weight[..., 3] = 0.0 if model.white_from_network else SILHOUETTE * drawn.sure / (views * pixels)
     objective = forgiven(squared, by).mean((1, 2)) + (residual[..., 3].square() * weight[..., 3]).sum((1, 2))
     jacobian, residual = (jacobian * weight.sqrt()[..., None]).flatten(1, 3), (residual * weight.sqrt()).flatten(1)
     fit = Quadratic(
@@ -184,7 +184,7 @@ def _with_priors(fit: Quadratic, numbers: Numbers, codes: Tensor, by: Objective)
 def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
     """How the rays' origins and directions change with each number of their camera; (hypotheses, views, rays, 3)."""
     origins, directions = rays.origins, rays.directions
-    right, up, backward = rotation(*numbers.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
+    right, up, backward = camera_rotation(*numbers.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
     shortened = -(directions * backward).sum(-1, keepdim=True)
     lens = numbers.zoom.exp().to(origins.device)[..., None, None]

@@ -10,12 +10,12 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.fitting.observations import Drawn
-from core.geometry.camera import Camera, rotation
-from core.geometry.rays import Rays, cast
+from core.geometry.camera import Camera, camera_rotation
+from core.geometry.rays import Rays, cast_rays
 from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.models.precision import autocast
-from core.rendering.importance import render_seen
+from core.rendering.importance import render_top_samples
 
 SILHOUETTE = 0.1
 """The squared error of opacity against that of colour."""
@@ -83,7 +83,7 @@ class Objective(NamedTuple):
         """In which shape and texture are searched for."""
         book = model.codes
         if self.paper:
-            return CodeSpace.raw(book.shapes.shape[-1]), CodeSpace.raw(book.textures.shape[-1])
+            return CodeSpace.identity(book.shapes.shape[-1]), CodeSpace.identity(book.textures.shape[-1])
         return book.shape_space, book.texture_space
 
 
@@ -145,14 +145,14 @@ def judged(
     shape = model.field.shape_bias(shapes.code(numbers.shape))
     texture = model.field.texture_bias(textures.code(numbers.texture))
     with autocast(model.device):
-        colour, opacity = render_seen(model, rays, samples, _kept(samples), shape, texture)
+        colour, opacity = render_top_samples(model, rays, samples, _kept(samples), shape, texture)
     error = (colour.cpu() - drawn.colours).square().mean(-1)
     squared = (error * drawn.shares).sum((1, 2)) / error.shape[1]
     unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
     if by.paper:
         return Judged(squared + by.prior * unlikely, squared.detach())
     objective = forgiven(error, by).mean((1, 2))
-    if not model.painted_ground:
+    if not model.white_from_network:
         wrong = (opacity.cpu() - drawn.opaque).square() * drawn.sure
         objective = objective + SILHOUETTE * wrong.mean((1, 2))
     return Judged(objective + by.prior * unlikely + astray(numbers, by), squared.detach())
@@ -191,9 +191,9 @@ def aimed(model: Model, numbers: Numbers, drawn: Drawn, samples: int = 1, jitter
     distance = (model.distance * (numbers.distance + numbers.zoom).exp()).to(device)[..., None]
     places = ((drawn.places - numbers.shift[:, :, None]) / numbers.zoom.exp()[..., None, None]).to(device)
     angles = numbers.angles.to(device)[..., None, :]
-    rays = cast(places, angles[..., 0], angles[..., 1], distance, 1.0, (0, 0), model.extent_tensor)
+    rays = cast_rays(places, angles[..., 0], angles[..., 1], distance, 1.0, (0, 0), model.extent_tensor)
     near, far = rays.near, rays.far
-    if model.painted_ground:
+    if model.white_from_network:
         near = (rays.origins.detach().norm(dim=-1) - 0.5).expand_as(near)
         far = near + 1.0
     if jitter is not None:
@@ -249,7 +249,7 @@ def spread_out(pool: Pool, views: Bool[Tensor, "views"]) -> Int[Tensor, "some"]:
 
 def _close(first: Pool, second: Pool, views: Bool[Tensor, "views"]) -> Bool[Tensor, "firsts seconds"]:
     """Which hypotheses are in one basin in all unknown pictures."""
-    one, other = (rotation(*pool.numbers.angles[:, views].unbind(-1)) for pool in (first, second))
+    one, other = (camera_rotation(*pool.numbers.angles[:, views].unbind(-1)) for pool in (first, second))
     cosines = (torch.einsum("avij,bvij->abv", one, other) - 1) / 2
     return (cosines > math.cos(_BASIN)).all(-1)
 

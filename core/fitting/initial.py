@@ -43,13 +43,13 @@ def entrants(model: Model, photos: Sequence[Photo], given: Sequence[Camera], cou
     space, views = model.codes.shape_space, len(photos)
     found = {
         view: ranked(
-            bank_of(model), model, photo.pixels, photo.mask, given[view].focal, count, photo.framed, photo.beyond
+            bank_of(model), model, photo.pixels, photo.mask, given[view].focal, count, photo.cropped, photo.unseen
         )
         for view, photo in enumerate(photos)
         if unknown[view]
     }
     count = min([count, *(len(starts.azimuth) for starts in found.values())])
-    alike = torch.zeros(count, len(space.spread)) if found else _likely_shapes(model, photos, given, count)
+    alike = torch.zeros(count, len(space.std)) if found else _likely_shapes(model, photos, given, count)
     count = len(alike)
     angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
     zoom = torch.zeros_like(distance)
@@ -64,9 +64,9 @@ def entrants(model: Model, photos: Sequence[Photo], given: Sequence[Camera], cou
             away = (starts.distance / model.distance).log()
             # Objects differ in size too: only what that does not explain is put down to the distance.
             distance[:, view] = away - away.clamp(-_SIZES, _SIZES)
-            shift[:, view] = starts.shift * photo.framed
+            shift[:, view] = starts.shift * photo.cropped
             alike += space.coordinates(bank_of(model).codes.shape)[starts.prototype] / len(found)
-    texture = torch.zeros(count, len(model.codes.texture_space.spread))
+    texture = torch.zeros(count, len(model.codes.texture_space.std))
     return Pool.of(Numbers(angles, distance, zoom, shift, _LIKENESS * alike, texture))
 
 
@@ -75,7 +75,7 @@ def _likely_shapes(
 ) -> Float[Tensor, "count rank"]:
     """The mean shape, and those of the bank, if it has any, that look most like pictures of known cameras."""
     space = model.codes.shape_space
-    mean = torch.zeros(1, len(space.spread))
+    mean = torch.zeros(1, len(space.std))
     if count == 1:
         return mean
     try:
@@ -85,7 +85,7 @@ def _likely_shapes(
     shapes, likely = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
     for photo, camera in zip(photos, cameras, strict=True):
         seen = photo.pixels, photo.mask, camera.focal
-        likely += likenesses(bank, *seen, camera.azimuth, camera.elevation, photo.beyond)
+        likely += likenesses(bank, *seen, camera.azimuth, camera.elevation, photo.unseen)
     others = (shapes.abs().amax(1) > _SAME).nonzero()[:, 0]
     best = others[likely[others].argsort(descending=True)[: count - 1]]
     return torch.cat((mean, shapes[best]))

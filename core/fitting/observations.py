@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from scipy.ndimage import distance_transform_edt, label
 from torch import Tensor
 
-from core.geometry.rays import pixel_centres
+from core.geometry.camera import pixel_centres
 from core.models.model import Model
 from core.photos.photo import Photo
 
@@ -55,9 +55,9 @@ class Target:
             raise ValueError("the picture shows no object: its mask is empty")
         height, width = mask.shape
         focal = photo.camera.focal if photo.camera is not None else model.focal * height / model.image_size
-        middle = torch.tensor([width / 2 + model.corner, height / 2 + model.corner])
+        middle = torch.tensor([width / 2 + model.pixel_offset, height / 2 + model.pixel_offset])
         places = (pixel_centres(width, height) - middle) / focal
-        seen = np.ones_like(mask) if photo.beyond is None else ~photo.beyond.cpu().numpy()
+        seen = np.ones_like(mask) if photo.unseen is None else ~photo.unseen.cpu().numpy()
         strata, fractions = _strata(mask, seen)
         enclosed = ~mask & ~_joined_to_border(~mask)
         return cls(

@@ -161,8 +161,8 @@ class Race:
     def by(self) -> Objective:
         """What hypotheses are judged by in the end."""
         spreads = torch.tensor([STRAY_SPREADS]).repeat(len(self.photos), 1)
-        spreads[torch.tensor([photo.framed for photo in self.photos]), 1] = FRAMED_SPREAD
-        spreads[torch.tensor([photo.beyond is not None for photo in self.photos]), 1] = CUT_OFF_SPREAD
+        spreads[torch.tensor([photo.cropped for photo in self.photos]), 1] = FRAMED_SPREAD
+        spreads[torch.tensor([photo.unseen is not None for photo in self.photos]), 1] = CUT_OFF_SPREAD
         spreads[~self.unknown] = math.inf
         return Objective(self.settings.prior, self.settings.paper, spreads, self.plan[-1].forgiving)
 
@@ -363,7 +363,7 @@ class Race:
     @property
     def _free(self) -> Bool[Tensor, "views 6"]:
         """Which numbers of the cameras are searched for: the middle only where a picture was moved."""
-        framed = torch.tensor([photo.framed for photo in self.photos])
+        framed = torch.tensor([photo.cropped for photo in self.photos])
         turned, moved = self.unknown[:, None].expand(-1, 3), (self.unknown & framed)[:, None].expand(-1, 2)
         return torch.cat((turned, (self.unknown & self.settings.lens)[:, None], moved), 1)
 
@@ -375,7 +375,11 @@ def _mean(steps: Sequence[Pool]) -> Pool:
 
 
 def _glanced(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:
-    return None if model.glance is None or photo.camera else glanced(model.glance, photo.pixels, photo.mask)
+    return (
+        None
+        if model.viewpoint_classifier is None or photo.camera
+        else glanced(model.viewpoint_classifier, photo.pixels, photo.mask)
+    )
 
 
 def _nominal(photo: Photo, model: Model) -> Camera:

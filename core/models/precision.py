@@ -16,7 +16,7 @@ def require_device(name: str) -> torch.device:
 
 
 @cache
-def linear_dtype(device_type: str) -> torch.dtype:
+def matmul_dtype(device_type: str) -> torch.dtype:
     """bfloat16 where this machine multiplies it clearly faster than float32, else float32.
 
     Processors with bfloat16 units run a field's layers 2 to 5 times faster; without them bfloat16 is emulated and
@@ -32,8 +32,8 @@ def linear_dtype(device_type: str) -> torch.dtype:
 
 
 def autocast(device: torch.device) -> torch.autocast:
-    """A context in which linear layers run in :func:`linear_dtype`."""
-    dtype = linear_dtype(device.type)
+    """A context in which linear layers run in :func:`matmul_dtype`."""
+    dtype = matmul_dtype(device.type)
     return torch.autocast(device.type, dtype=torch.bfloat16, enabled=dtype == torch.bfloat16)
 
 

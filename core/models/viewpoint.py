@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from core.geometry.camera import rotation
+from core.geometry.camera import camera_rotation
 
 AZIMUTHS = 24
 ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
@@ -68,7 +68,7 @@ def nearness(
     azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"], blur: float = _BLUR
 ) -> Float[Tensor, "*batch directions"]:
     """How near cameras (rad) are to the directions of the grid: shares that add up to 1, a bell of width ``blur``."""
-    turned = rotation(azimuth, elevation).flatten(-2) @ rotation(*directions()).flatten(-2).T
+    turned = camera_rotation(azimuth, elevation).flatten(-2) @ camera_rotation(*directions()).flatten(-2).T
     angle = ((turned - 1) / 2).clamp(-1, 1).acos()
     return (-(angle / blur).square() / 2).softmax(-1)
 

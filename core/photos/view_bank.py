@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import rotation
+from core.geometry.camera import camera_rotation, project
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.precision import autocast
@@ -136,8 +136,8 @@ def ranked(
         apart = (bank.offsets - middles[:, None, None]).norm(dim=-1)
         scores = scores - _SIZE_SHARE * (bank.sizes / size).log().abs() - _PLACE_SHARE * apart / size
     best, which = scores.flatten(0, 1).max(0)
-    if model.glance:
-        best = best + _GLANCE_SHARE * glanced(model.glance, pixels, mask).log()
+    if model.viewpoint_classifier:
+        best = best + _GLANCE_SHARE * glanced(model.viewpoint_classifier, pixels, mask).log()
     chosen = _spread(bank, best, count)
     look, prototype = which[chosen] // len(bank.masks), which[chosen] % len(bank.masks)
     scale = sizes[look] / bank.sizes[prototype, chosen]
@@ -159,8 +159,8 @@ def likenesses(
 
     The arguments are those of :func:`ranked`; angles in rad.
     """
-    given = rotation(torch.tensor(azimuth), torch.tensor(elevation))
-    nearest = (rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
+    given = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
+    nearest = (camera_rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
     masks, lights = bank.masks[:, nearest], bank.lights[:, nearest]
     return torch.stack([_scores(masks, lights, look) for look in _looks(pixels, mask, focal, beyond)]).amax(0)
 
@@ -251,9 +251,9 @@ def _making(model: Model) -> Generator[None, None, Bank]:
 def _prototypes(model: Model) -> list[Codes]:
     """The mean object, and objects spread over the shapes: the ones nearest to the centres of k-means."""
     book = model.codes
-    sound = book.sound
+    sound = book.valid
     coordinates = book.shape_space.coordinates(book.shapes[[book.objects[index].shape for index in sound]])
-    coordinates = coordinates * book.shape_space.spread
+    coordinates = coordinates * book.shape_space.std
     count = min(PROTOTYPES - 1, len(coordinates))
     generator = torch.Generator(coordinates.device).manual_seed(0)
     centres = coordinates[torch.randperm(len(coordinates), generator=generator)[:count]]
@@ -274,9 +274,9 @@ def _thrown(
     distance: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """A cloud as seen from every view: masks, lights, sizes and offsets as :class:`Bank` holds them."""
-    x, y, z = (rotation(azimuth, elevation) @ points.T).unbind(1)  # (views, points) each
-    depth = (distance - z).clamp_min(1e-3)
-    places = torch.stack((x, -y), 1) / depth[:, None]
+    local = points @ camera_rotation(azimuth, elevation).mT - torch.tensor([0.0, 0.0, distance])
+    local[..., 2].clamp_max_(-1e-3)
+    depth, places = -local[..., 2], project(local, 1.0, (0, 0)).mT  # (views, points), (views, 2, points)
     low, high = places.amin(2), places.amax(2)
     size, middle = (high - low).amax(-1), (high + low) / 2
     scaled = (places - middle[..., None]) / size[:, None, None] * (SIDE - 2) + SIDE / 2

@@ -10,7 +10,7 @@ from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.models.model import Model
-from core.rendering.progressive import frames
+from core.rendering.progressive import render_progressively
 from tests.conftest import no_opengl, random_model
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import quick_fit, quick_frames, quick_photo
@@ -133,7 +133,7 @@ def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFacto
             imgui.get_io().config_error_recovery_enable_assert = strict
             driver = Driver(app, ctx, captures)
             session.open_model("chairs")
-            driver.wait_for_view() if backend.frames is frames else driver.wait()
+            driver.wait_for_view() if backend.frames is render_progressively else driver.wait()
             act(driver)
 
         try:

@@ -19,7 +19,7 @@ from core.rendering.progressive import Frame, RenderJob
 
 def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
     """A disc whose colour follows the texture, its size the shape and the distance, its place the camera's angles."""
-    codes, camera, stages = job.codes, job.camera, job.settings.stages
+    codes, camera, stages = job.codes, job.camera, job.settings.divisors
     for stage, divisor in enumerate(stages):
         width, height = max(1, camera.width // divisor), max(1, camera.height // divisor)
         y, x = np.mgrid[0:height, 0:width] / min(width, height)

@@ -5,14 +5,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Literal
 
-from core.export.keyframes import Shot, turntable
+from core.export.keyframes import View, turntable
+from core.export.video import VideoSettings
 from core.models.model import Model
-from core.models.pictures import save_picture
-from core.models.scene import Scene
+from core.models.scene import Scene, save_image
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.grid import Grid, write_grid
 from viewer.editor import Editor
-from viewer.services.backend import VideoOptions
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
@@ -46,15 +45,15 @@ class Exporting:
             return None
         return (time.monotonic() - self._began) * (1 / self.progress - 1)
 
-    def turntable(self, path: Path, frames: int = 72, options: VideoOptions | None = None) -> None:
+    def turntable(self, path: Path, frames: int = 72, options: VideoSettings | None = None) -> None:
         """Write the object turning once round as mp4, gif, webp or a folder of images, by the name's ending."""
         self._video("turntable", path, lambda scene: turntable(scene.codes, scene.camera, frames), frames, options)
 
-    def timeline(self, path: Path, options: VideoOptions | None = None) -> None:
+    def timeline(self, path: Path, options: VideoSettings | None = None) -> None:
         """Write the timeline as mp4, gif, webp or a folder of images, by the name's ending."""
-        timeline, rate = self._editor.state.timeline, (options or VideoOptions()).rate
+        timeline, rate = self._editor.state.timeline, (options or VideoSettings()).rate
         if timeline.keys:
-            self._video("timeline", path, lambda _: timeline.shots(rate), timeline.count(rate), options)
+            self._video("timeline", path, lambda _: timeline.views(rate), timeline.frame_count(rate), options)
 
     def mesh(self, path: Path, resolution: int | None = None) -> None:
         """Write the object as a coloured mesh, glb, ply or obj by the file's name.
@@ -85,7 +84,7 @@ class Exporting:
     def image(self, path: Path, size: int = 512) -> None:
         """Write the scene as a square image on white; a PNG holds the scene as well."""
         scene = self._editor.scene
-        job = RenderJob(scene.codes, scene.camera.resized(size, size), RenderSettings(stages=(1,)))
+        job = RenderJob(scene.codes, scene.camera.resized(size, size), RenderSettings(divisors=(1,)))
 
         def ended(error: Exception | None) -> None:
             if error:
@@ -109,12 +108,12 @@ class Exporting:
         self,
         kind: Kind,
         path: Path,
-        shots: Callable[[Scene], list[Shot]],
+        views: Callable[[Scene], list[View]],
         count: int,
-        options: VideoOptions | None,
+        options: VideoSettings | None,
     ) -> None:
-        write, chosen = self._jobs.backend.video, options or VideoOptions()
-        self._begin(kind, path, lambda model, scene: write(model, shots(scene), path, chosen), count)
+        write, chosen = self._jobs.backend.video, options or VideoSettings()
+        self._begin(kind, path, lambda model, scene: write(model, views(scene), path, chosen), count)
 
     def _begin(
         self, kind: Kind, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
@@ -141,5 +140,5 @@ class Exporting:
 def _write_image(stream: Iterator[Frame | None], path: Path, scene: Scene) -> Iterator[None]:
     for frame in stream:
         if frame:
-            save_picture(frame.image, path, scene)
+            save_image(frame.image, path, scene)
         yield None

@@ -13,7 +13,7 @@ from PIL import Image
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.models.scene import Scene
-from core.photos.segmentation import NoGroundError
+from core.photos.segmentation import NoBackgroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.candidates import Candidates
 from viewer.activities.viewport import Viewport
@@ -32,8 +32,8 @@ _RENDER_EVERY = 0.3
 """s between two renders of the fit, which take their time from it"""
 _RENDER_STEPS = 4
 """steps between two renders at the least, for machines on which they are slow"""
-_LIVE = RenderSettings(samples=48, stages=(2,))
-_FINISHED = RenderSettings(stages=(1,))
+_LIVE = RenderSettings(samples=48, divisors=(2,))
+_FINISHED = RenderSettings(divisors=(1,))
 
 
 @dataclass(eq=False)
@@ -196,7 +196,7 @@ class Fitting:
                 self.history = before
                 self.candidates.reset(tiles)
             self._ended(error)
-            if isinstance(error, NoGroundError):
+            if isinstance(error, NoBackgroundError):
                 self.no_background(history.sources, read)
 
         self._jobs.submit(Job("fit", lambda: self._stream(history, settings, begin), self._receive, ended))
@@ -258,7 +258,7 @@ class Fitting:
         self.running = False
         self.candidates.finish()
         self._viewport.release("fit")
-        if not isinstance(error, NoGroundError):  # for which there is a dialog
+        if not isinstance(error, NoBackgroundError):  # for which there is a dialog
             self._jobs.report("Cannot fit this image", error)
 
     def _finish(self, how: str) -> None:

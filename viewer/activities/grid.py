@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from core.files import whole_file
+from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
-from core.models.pictures import FORMATS
+from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.services.jobs import Jobs
 from viewer.values.history import Pair
@@ -58,13 +58,13 @@ def write_grid(
     Args:
         camera: of every cell, at the size of a cell.
     """
-    if path.suffix.lower() not in FORMATS:
-        raise ValueError(f"{path.name}: the name of a grid ends in {', '.join(FORMATS)}")
+    if path.suffix.lower() not in IMAGE_FORMATS:
+        raise ValueError(f"{path.name}: the name of a grid ends in {', '.join(IMAGE_FORMATS)}")
     across, down, height, width = len(rows[0]), len(rows), camera.height, camera.width
     whole = np.empty((down * height, across * width, 3), np.uint8)
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         for row, column in product(range(down), range(across)):
-            for frame in render(RenderJob(rows[row][column], camera, RenderSettings(stages=(1,)))):
+            for frame in render(RenderJob(rows[row][column], camera, RenderSettings(divisors=(1,)))):
                 if frame:
                     whole[row * height :, column * width :][:height, :width] = frame.image
                 yield (row * across + column) / (down * across)

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from core.export.keyframes import Shot, Timeline
+from core.export.keyframes import Timeline, View
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.viewport import Viewport
@@ -19,7 +19,7 @@ _RATE = 12.0
 """frames per second while it plays: on two cores about as many as can be rendered of shapes that change"""
 _DETAIL = 128
 """px along the shorter side"""
-_SETTINGS = RenderSettings(samples=96, stages=(1,))
+_SETTINGS = RenderSettings(samples=96, divisors=(1,))
 _MAX_FRAMES = 720
 """kept: a minute"""
 
@@ -187,17 +187,17 @@ class Player:
         if self._rendered_of != (timeline, layout):
             self._rendered_of = timeline, layout
             self._frames.clear()
-        count, now = timeline.count(_RATE), int(self.seconds * _RATE)
+        count, now = timeline.frame_count(_RATE), int(self.seconds * _RATE)
         if count > _MAX_FRAMES:  # too long to keep all of it: only what comes next
             self._frames.clear()
         order = [index for index in (*range(now, count), *range(now)) if index not in self._frames][:_MAX_FRAMES]
 
         def render() -> Iterator[tuple[int, Frame, orbit.PanelCrop] | None]:
             for index in order:
-                shot = timeline.at(index / _RATE)
-                crop = orbit.fit_to_panel(shot.camera, *layout)
-                for frame in self._jobs.backend.frames(model, RenderJob(shot.codes, crop.camera, _SETTINGS)):
-                    yield (index, replace(frame, stages=2), crop) if frame else None  # a preview
+                view = timeline.at(index / _RATE)
+                crop = orbit.fit_to_panel(view.camera, *layout)
+                for frame in self._jobs.backend.frames(model, RenderJob(view.codes, crop.camera, _SETTINGS)):
+                    yield (index, replace(frame, stage_count=2), crop) if frame else None  # a preview
 
         ended = self._jobs.reporting("Cannot render the timeline")
         self._jobs.submit(Job("timeline", render, self._keep, ended))
@@ -213,10 +213,10 @@ class Player:
         return *settings.panel, _DETAIL, settings.pan
 
     @property
-    def _shown(self) -> Shot:
-        return Shot(self._editor.scene.codes, self._editor.scene.camera)
+    def _shown(self) -> View:
+        return View(self._editor.scene.codes, self._editor.scene.camera)
 
     def _show(self) -> None:
-        shot = self.timeline.at(self.seconds)
-        self._editor.show(shot.codes, shot.camera, gesture=_GESTURE)
+        view = self.timeline.at(self.seconds)
+        self._editor.show(view.codes, view.camera, gesture=_GESTURE)
         self._last_scene, self._last_timeline = self._editor.scene, self.timeline

@@ -10,7 +10,7 @@ from PIL import Image
 
 from core.models.model import Model
 from core.photos.decode import read_rgba
-from core.photos.photo import Framing, framed
+from core.photos.photo import Crop, prepare_photo
 from core.photos.segmentation import CutOut, Hints, cut_out
 from viewer.services.jobs import Jobs
 from viewer.services.messages import error_text
@@ -25,7 +25,7 @@ _DIMMED = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """What hints and framing have come to."""
+    """What hints and crop have come to."""
 
     hints: Hints
     found: CutOut
@@ -51,7 +51,7 @@ class Segmenting:
         self.index = 0
         self.plain: np.ndarray | None = None
         """the photo as it is, on white; None until it has been read"""
-        self.hints, self.framing = Hints(), Framing()
+        self.hints, self.crop = Hints(), Crop()
         self.past: tuple[Hints, ...] = ()
         """what :meth:`undo` goes back to"""
         self.result: Segmentation | None = None
@@ -65,7 +65,7 @@ class Segmenting:
         self.close()
         source = sources[index]
         self.active, self.sources, self.index = True, sources, index
-        self.hints, self.framing = source.hints or Hints(), source.framing or Framing()
+        self.hints, self.crop = source.hints or Hints(), source.crop or Crop()
 
         def read(image: Image.Image) -> None:
             self._image, self.plain = image, _on_white(image)
@@ -97,30 +97,30 @@ class Segmenting:
                 self.set_hints(before)
                 return
 
-    def set_framing(self, framing: Framing) -> None:
+    def set_crop(self, crop: Crop) -> None:
         """Move and scale the object in its frame."""
-        if framing != self.framing:
-            self.framing = framing
+        if crop != self.crop:
+            self.crop = crop
             self._start()
 
     def fit(self) -> None:
         """Fit the photos, this one as it was segmented; stays open while another fit runs."""
-        source = self.sources[self.index]._replace(hints=self.hints or None, framing=self.framing)
+        source = self.sources[self.index]._replace(hints=self.hints or None, crop=self.crop)
         if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :]):
             self.close()
 
     def _start(self) -> None:
-        image, hints, framing, known = self._image, self.hints, self.framing, self.result
+        image, hints, crop, known = self._image, self.hints, self.crop, self.result
         if image is None:
             return
 
         def stream() -> Iterator[Segmentation | None]:
             result = known if known and known.hints == hints else _segment(image, hints)
             waiting: Segmentation | None = result
-            for _ in self._jobs.backend.view_bank(self._model):  # framing needs it, and it may take seconds
+            for _ in self._jobs.backend.view_bank(self._model):  # crop needs it, and it may take seconds
                 yield waiting
                 waiting = None
-            yield _framed(result, self._model, framing)
+            yield _framed(result, self._model, crop)
 
         def keep(result: Segmentation) -> None:
             self.result, self.problem = result, ""
@@ -140,8 +140,8 @@ def _segment(image: Image.Image, hints: Hints) -> Segmentation:
     return Segmentation(hints, found, (shown * np.where(mask[..., None], 1, _DIMMED)).astype(np.uint8))
 
 
-def _framed(result: Segmentation, model: Model, framing: Framing) -> Segmentation:
-    photo = framed(result.found, model, framing=framing)
+def _framed(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
+    photo = prepare_photo(result.found, model, crop=crop)
     return replace(result, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
 
 

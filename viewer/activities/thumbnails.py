@@ -64,7 +64,7 @@ class Thumbnails:
             self._frames.move_to_end(key)
             return self._frames[key]
         if key not in self._failed:
-            wanted = {key: RenderJob(codes, camera, RenderSettings(samples, stages=(1,)))}
+            wanted = {key: RenderJob(codes, camera, RenderSettings(samples, divisors=(1,)))}
             self._queue = wanted | self._queue if soon else self._queue | wanted
         return None
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from core.rendering.frame_budget import Pace
+from core.rendering.frame_budget import FrameBudget
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
@@ -25,7 +25,7 @@ class ViewSettings:
     pan: tuple[float, float] = (0.0, 0.0)
     """how far the object is moved right and down in the view, in shares of its shorter side"""
     quality: Quality = QUALITIES[DEFAULT_QUALITY]
-    budget: Pace = field(default_factory=Pace)
+    budget: FrameBudget = field(default_factory=FrameBudget)
 
 
 class Viewport:
@@ -76,8 +76,8 @@ class Viewport:
             return
         quality, scene, budget = self.settings.quality, self._editor.scene, self.settings.budget
         crop = orbit.fit_to_panel(scene.camera, *self.settings.panel, quality.detail, self.settings.pan)
-        stages = budget.stages
-        settings = RenderSettings(quality.samples, stages, across=_SUPERSAMPLING)
+        stages = budget.divisors
+        settings = RenderSettings(quality.samples, stages, supersampling=_SUPERSAMPLING)
         job = RenderJob(scene.codes, crop.camera, settings)
 
         def rendered(frame: Frame) -> None:
@@ -85,7 +85,7 @@ class Viewport:
             self.times = (*earlier, (frame.resolution, frame.seconds))
             self._show(frame, crop)
             if frame.stage == 0:
-                budget.seen(stages[0], frame.seconds)
+                budget.observe(stages[0], frame.seconds)
 
         frames, model = self._jobs.backend.frames, self._editor.model
         ended = self._jobs.reporting("Cannot render the object")

@@ -4,7 +4,7 @@ from functools import partial
 
 from imgui_bundle import icons_fontawesome_4, imgui
 
-from core.models.pictures import FORMATS
+from core.models.scene import IMAGE_FORMATS
 from viewer.context import MESHES, VIDEOS, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.widgets.controls import action_button, button, choose, draw_progress
@@ -46,7 +46,7 @@ class ExportPanel:
         imgui.same_line()
         if button(f"{_CAMERA}  Save image…###save image", _IMAGE_HELP):
             save = partial(context.exporting.image, size=self.image_size)
-            context.files.ask(FileRequest("Save the image as", save, FORMATS, True, "image.png"))
+            context.files.ask(FileRequest("Save the image as", save, IMAGE_FORMATS, True, "image.png"))
         imgui.separator_text("Scene")
         action_button(context, "save_scene")
         imgui.same_line()

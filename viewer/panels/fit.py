@@ -127,7 +127,7 @@ def _draw_cost(context: PanelContext, fitting: Fitting) -> None:
     step = fitting.history.last
     if step is None or not any(step.directions):
         return
-    shape, texture = (len(context.editor.space(part).spread) for part in ("shape", "texture"))
+    shape, texture = (len(context.editor.space(part).std) for part in ("shape", "texture"))
     parts = f"{step.directions[0]} of {shape} shape, {step.directions[1]} of {texture} texture directions"
     imgui.push_text_wrap_pos(0.0)
     imgui.text_disabled(f"{parts}, {step.step} steps")

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
 
-from core.models.pictures import FORMATS
+from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame
 from viewer.activities.grid import MAX_OBJECTS
 from viewer.context import PanelContext
@@ -55,7 +55,7 @@ class GridPanel:
         if draw_progress(context, "grid"):
             return
         if button("Export grid…###export grid", "All pairs as one image", enabled=not exporting.running):
-            context.files.ask(FileRequest("Export the grid as", exporting.grid, FORMATS, True, "grid.png"))
+            context.files.ask(FileRequest("Export the grid as", exporting.grid, IMAGE_FORMATS, True, "grid.png"))
         imgui.same_line()
         if button("Clear###clear grid", "An empty grid"):
             grid.clear()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui
 
-from core.models.library import samples, shipped_models
+from core.models.library import sample_images, shipped_models
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.widgets.controls import tooltip
@@ -67,7 +67,7 @@ def _draw_models(context: PanelContext) -> None:
 
 def _draw_samples(context: PanelContext) -> None:
     if imgui.begin_menu("Fit a sample", ACTIONS["fit_image"].enabled(context)):
-        for path in samples(context.editor.model.category):
+        for path in sample_images(context.editor.model.category):
             if imgui.menu_item_simple(path.stem):
                 context.fit(path)
         imgui.end_menu()

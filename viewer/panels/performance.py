@@ -2,7 +2,7 @@
 
 from imgui_bundle import imgui
 
-from core.models.precision import linear_dtype
+from core.models.precision import matmul_dtype
 from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.widgets.controls import tooltip
@@ -30,7 +30,7 @@ class PerformancePanel:
             imgui.table_headers_row()
             started = 0.0
             for number, (size, seconds) in enumerate(times, 1):
-                across = frame.across if frame.final and number == len(times) else 1
+                across = frame.supersampling if frame.final and number == len(times) else 1
                 rate = size[0] * size[1] * across**2 / max(seconds - started, 1e-6)
                 started = seconds
                 _row(str(number), f"{size[0]} x {size[1]} px", f"{1000 * seconds:.0f} ms", f"{rate:,.0f}")
@@ -47,11 +47,11 @@ class PerformancePanel:
 
 def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
     budget, device = context.viewport.settings.budget, context.editor.model.device
-    evaluated = "" if frame.asked is None else f", {frame.asked.mean():.1f} evaluated"
+    evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
     return [
         ("Samples a ray", f"{frame.samples}{evaluated}"),
         ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.budget:.0f} ms"),
-        ("Number format", str(linear_dtype(device.type)).removeprefix("torch.")),
+        ("Number format", str(matmul_dtype(device.type)).removeprefix("torch.")),
         ("Device", device.type if device.type == "cpu" else str(device)),
         ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
     ]

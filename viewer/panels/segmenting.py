@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.photos.photo import Framing
+from core.photos.photo import Crop
 from core.photos.segmentation import Hints, Stroke
 from viewer.actions import chord
 from viewer.activities.segmenting import Segmenting
@@ -140,19 +140,19 @@ def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
         texture = context.images.texture(segmenting.result.framed, context.palette)
         draw.add_image(texture, corner, corner + ImVec2(side, side))
     else:
-        label = "Framing …" if segmenting.result else f"{segmenting.problem[:1].upper()}{segmenting.problem[1:]}"
+        label = "Crop …" if segmenting.result else f"{segmenting.problem[:1].upper()}{segmenting.problem[1:]}"
         pad = 0.6 * hello_imgui.em_size()
         font, colour = imgui.get_font(), packed(context.palette.text)
         draw.add_text(font, imgui.get_font_size(), corner + ImVec2(pad, pad), colour, label, wrap_width=side - 2 * pad)
     tooltip("As it will be fitted")
-    framing, width = segmenting.framing, -1.0
+    crop, width = segmenting.crop, -1.0
     imgui.set_next_item_width(width)
-    scale = imgui.slider_float("##scale", framing.scale, 0.5, 1.5, "Size %.2f", _WITHIN)[1]
+    scale = imgui.slider_float("##scale", crop.scale, 0.5, 1.5, "Size %.2f", _WITHIN)[1]
     imgui.set_next_item_width(width)
-    across = imgui.slider_float("##across", framing.across, -0.3, 0.3, "Across %.2f", _WITHIN)[1]
+    across = imgui.slider_float("##across", crop.right, -0.3, 0.3, "Across %.2f", _WITHIN)[1]
     imgui.set_next_item_width(width)
-    down = imgui.slider_float("##down", framing.down, -0.3, 0.3, "Down %.2f", _WITHIN)[1]
-    segmenting.set_framing(Framing(scale, across, down))
+    down = imgui.slider_float("##down", crop.down, -0.3, 0.3, "Down %.2f", _WITHIN)[1]
+    segmenting.set_crop(Crop(scale, across, down))
 
 
 def _draw_end(context: PanelContext, segmenting: Segmenting) -> None:

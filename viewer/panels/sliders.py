@@ -72,7 +72,7 @@ class SlidersPanel:
                     imgui.table_next_column()
                     self._draw_part(context, part)
                 imgui.end_table()
-            most = max(len(editor.space(part).spread) for part in PARTS)
+            most = max(len(editor.space(part).std) for part in PARTS)
             if most > _FIRST:
                 _, self._all = imgui.checkbox(f"All {most} directions###all", self._all)
                 tooltip("Those that explain less as well")
@@ -100,7 +100,7 @@ class SlidersPanel:
         space = editor.space(part)
         values = space.coordinates(editor.code(part)).tolist()
         for index, value in enumerate(values if self._all else values[:_FIRST]):
-            self._draw_slider(context, part, index, value, float(space.explained[index]))
+            self._draw_slider(context, part, index, value, float(space.explained_variance[index]))
             if self._strips:
                 self._draw_strip(context, part, index)
         imgui.end_disabled()
@@ -126,7 +126,7 @@ class SlidersPanel:
         editor = context.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         space, code = editor.space(part), editor.code(part)
-        ends = (space.moved(code, index, value + step) for step in (-1.0, 1.0))
+        ends = (space.with_coordinate(code, index, value + step) for step in (-1.0, 1.0))
         codes = (replace(editor.scene.codes, **{part: end}) for end in ends)
         low, high = (context.thumbnails.get(one, camera, soon=True) for one in codes)
         if low is None or high is None:
@@ -160,7 +160,7 @@ class SlidersPanel:
         model, basis, place = context.editor.model, self._basis, (part, index, to)
         assert basis is not None
         if place not in self._targets:
-            code = context.editor.space(part).moved(getattr(basis, part), index, float(to))
+            code = context.editor.space(part).with_coordinate(getattr(basis, part), index, float(to))
             self._targets[place] = replace(basis, **{part: code}), orbit.home(model).resized(SIZE, SIZE)
         found = context.thumbnails.get(*self._targets[place])
         if found:

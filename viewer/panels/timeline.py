@@ -4,7 +4,7 @@ from functools import partial
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.export.keyframes import Key
+from core.export.keyframes import Keyframe
 from viewer.activities.player import Player
 from viewer.activities.thumbnails import SIZE
 from viewer.context import VIDEOS, PanelContext
@@ -100,7 +100,7 @@ class TimelinePanel:
         if not timeline.keys:
             return
         if self._seam[0] is not timeline and not imgui.is_mouse_down(imgui.MouseButton_.left):
-            self._seam = timeline, timeline.seam()
+            self._seam = timeline, timeline.loop_error()
         seam = self._seam[1]
         label = "Loops without a jump" if seam < _LOOPS else f"Jumps at the end ({seam:.0f} steps)"
         flow(label)
@@ -133,7 +133,7 @@ def _draw_line(context: PanelContext, player: Player) -> None:
 
 
 def _draw_key(
-    context: PanelContext, player: Player, index: int, key: Key, corner: ImVec2, side: float, width: float
+    context: PanelContext, player: Player, index: int, key: Keyframe, corner: ImVec2, side: float, width: float
 ) -> None:
     imgui.set_cursor_screen_pos(corner)
     imgui.set_next_item_allow_overlap()
@@ -152,7 +152,7 @@ def _draw_key(
         if imgui.menu_item_simple("Remove"):
             player.remove_key(index)
         imgui.end_popup()
-    thumbnail = context.thumbnails.get(key.shot.codes, key.shot.camera.resized(SIZE, SIZE), soon=True)
+    thumbnail = context.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
     object_tiles.paint_frame(context, thumbnail, corner, side)
     chosen = player.key == index
     object_tiles.outline(

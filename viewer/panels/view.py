@@ -129,13 +129,13 @@ class ViewPanel:
 def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) -> None:
     width, height = frame.resolution
     text = f"{width} x {height} px   {frame.samples} samples"
-    if frame.across > 1:
-        text += f", smoothed {frame.across} x {frame.across}"
+    if frame.supersampling > 1:
+        text += f", smoothed {frame.supersampling} x {frame.supersampling}"
     live = viewport.source == "fit"
     if live:
         text = f"The fit under way   {width} x {height} px"
     elif not frame.final:
-        text = f"Preview {frame.stage + 1} of {frame.stages}   {text}"
+        text = f"Preview {frame.stage + 1} of {frame.stage_count}   {text}"
     em = hello_imgui.em_size()
     extent = imgui.calc_text_size(text)
     low = ImVec2(corner.x + 0.7 * em, corner.y + size.y - extent.y - 1.2 * em)

@@ -1,6 +1,8 @@
 """Images from the clipboard: pixels, or files that were copied."""
 
+import shutil
 import tempfile
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urlparse
@@ -12,7 +14,7 @@ class Clipboard:
     """An image that is pasted is kept as a file, until the program ends."""
 
     def __init__(self) -> None:
-        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._folder: Path | None = None
         self._count = 0
 
     def images(self, text: str) -> Iterator[tuple[Path, ...]]:
@@ -33,13 +35,18 @@ class Clipboard:
         if isinstance(found, list):
             yield tuple(map(Path, found))
         elif found is not None:
-            self._folder = self._folder or tempfile.TemporaryDirectory(prefix="codenerf-viewer-")
             self._count += 1
-            path = Path(self._folder.name) / f"pasted {self._count}.png"
+            path = self._made_folder() / f"pasted {self._count}.png"
             found.save(path)
             yield (path,)
         else:
             raise ValueError("there is no image in the clipboard")
+
+    def _made_folder(self) -> Path:
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp(prefix="codenerf-viewer-"))
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        return self._folder
 
 
 def _named(text: str) -> tuple[Path, ...]:

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import UInt8
 
 from core.fitting.fit import FitStep
-from core.photos.photo import Framing, Photo
+from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
 
@@ -28,7 +28,7 @@ class PhotoSource(NamedTuple):
     """its camera, where that is known: an SRN pose file"""
     hints: Hints | None = None
     """where the object is, where a person pointed it out"""
-    framing: Framing | None = None
+    crop: Crop | None = None
 
 
 @dataclass(frozen=True, eq=False)

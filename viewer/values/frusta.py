@@ -4,9 +4,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from jaxtyping import Float
 
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, camera_rotation
 
 _LENGTH = 0.3
 """scene units, of a frustum as it is shown"""
@@ -59,8 +60,6 @@ def ring(radius: float, lines: int = 48) -> Float[np.ndarray, "lines 2 3"]:
 
 
 def _axes(azimuth: float, elevation: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Right, up and backward, as :func:`core.geometry.camera.rotation` has them."""
-    sin_a, cos_a, sin_e, cos_e = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
-    right = np.array((-sin_a, cos_a, 0.0))
-    up = np.array((-sin_e * cos_a, -sin_e * sin_a, cos_e))
-    return right, up, np.array((cos_e * cos_a, cos_e * sin_a, sin_e))
+    """Right, up and backward, as :func:`core.geometry.camera.camera_rotation` has them."""
+    right, up, backward = camera_rotation(*torch.tensor([azimuth, elevation], dtype=torch.float64)).numpy()
+    return right, up, backward

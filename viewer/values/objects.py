@@ -22,7 +22,7 @@ class ObjectLibrary:
 
     def __init__(self, model: Model) -> None:
         self._objects: dict[str, EditableObject] = {}
-        for index in model.codes.sound:
+        for index in model.codes.valid:
             self.add(EditableObject(model.codes.objects[index].name, model.codes[index]))
         if not self._objects:
             self.add(EditableObject("mean", model.codes.mean))

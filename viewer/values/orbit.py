@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 
-from core.geometry.camera import Camera
+from core.geometry.camera import FRONT_AZIMUTH, Camera
 from core.models.model import Model
 from core.rendering.progressive import Frame
 
@@ -12,7 +12,7 @@ HIGHEST = math.radians(89.0)
 _ZOOM_STEP = 1.1
 REACH = 0.4, 3.0
 """Nearest and farthest, in shares of the distance the model was trained at."""
-VIEWS = {"front": (math.pi / 2, 0.0), "side": (0.0, 0.0), "top": (math.pi / 2, HIGHEST)}
+VIEWS = {"front": (FRONT_AZIMUTH, 0.0), "side": (FRONT_AZIMUTH - math.pi / 2, 0.0), "top": (FRONT_AZIMUTH, HIGHEST)}
 """Azimuth and elevation (rad) of the usual views."""
 _MAX_PAN = 1.0
 """How far the object can be panned, in shares of the view's shorter side."""
@@ -93,8 +93,8 @@ class PanelCrop:
         left = min(round(scale * self.left), frame.image.shape[1] - width)
         rows, columns = slice(top, top + height), slice(left, left + width)
         image, depth, opacity = (part[rows, columns] for part in (frame.image, frame.depth, frame.opacity))
-        asked = None if frame.asked is None else frame.asked[rows, columns]
-        return replace(frame, image=image, depth=depth, opacity=opacity, asked=asked)
+        evaluations = None if frame.evaluations is None else frame.evaluations[rows, columns]
+        return replace(frame, image=image, depth=depth, opacity=opacity, evaluations=evaluations)
 
 
 def fit_to_panel(

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from PIL import Image
 
-from core.export.keyframes import Key, Shot, Timeline
+from core.export.keyframes import Keyframe, Timeline, View
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.photo import Photo
@@ -39,7 +39,7 @@ class SavedSession:
             "scene": _to_dict(scene),
             "mix": asdict(mix),
             "timeline": {
-                "keys": [(key.seconds, _to_dict(Scene(scene.model, *key.shot))) for key in timeline.keys],
+                "keys": [(key.seconds, _to_dict(Scene(scene.model, *key.view))) for key in timeline.keys],
                 **{name: getattr(timeline, name) for name in ("length", "loop", "turns", "smooth")},
             },
             "objects": [
@@ -64,7 +64,7 @@ class SavedSession:
         about = json.loads(self.text)
         try:
             scene, mix, timeline = _scene(about["scene"], model), about["mix"], about["timeline"]
-            keys = [Key(float(seconds), _shot(_scene(found, model))) for seconds, found in timeline.pop("keys")]
+            keys = [Keyframe(float(seconds), _shot(_scene(found, model))) for seconds, found in timeline.pop("keys")]
             objects = tuple(
                 EditableObject(one["name"], _scene(one["scene"], model).codes, one["photo"] and _decode(one["photo"]))
                 for one in (about["things"] if "things" in about else about["objects"])
@@ -83,8 +83,8 @@ def _scene(about: dict, model: Model) -> Scene:
     return Scene.from_json(json.dumps(about), model)
 
 
-def _shot(scene: Scene) -> Shot:
-    return Shot(scene.codes, scene.camera)
+def _shot(scene: Scene) -> View:
+    return View(scene.codes, scene.camera)
 
 
 def _encode_photo(photo: Photo) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
-from core.geometry.camera import Camera, rotation
+from core.geometry.camera import Camera, camera_rotation
 from core.rendering.progressive import Frame
 
 _OPAQUE = 0.5
@@ -56,7 +56,7 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
     facing = np.cross(down, across)
     length = np.linalg.norm(facing, axis=-1, keepdims=True)
     angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
-    to_camera = rotation(angles[0], angles[1]).numpy()
+    to_camera = camera_rotation(angles[0], angles[1]).numpy()
     return np.where(inner[..., None], facing / np.maximum(length, 1e-12), 0.0) @ to_camera
 
 
@@ -85,9 +85,9 @@ def _normal(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]
 
 def _samples(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"] | None:
     """How many samples of each ray were evaluated, against the most of any."""
-    if frame.asked is None:
+    if frame.evaluations is None:
         return None
-    return colour_map(frame.asked / max(1, int(frame.asked.max())))
+    return colour_map(frame.evaluations / max(1, int(frame.evaluations.max())))
 
 
 def _on_white(frame: Frame, colours: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:

@@ -86,8 +86,8 @@ def _reserve(name: str, size: ImVec2, room: float) -> ImVec2:
 
 
 def _draw_photo(context: PanelContext, corner: ImVec2, side: float) -> None:
-    shot = context.fitting.history.photo
-    _draw_image(context, "Photo", shot.pixels if shot else None, corner, side)
+    view = context.fitting.history.photo
+    _draw_image(context, "Photo", view.pixels if view else None, corner, side)
 
 
 def _draw_render(context: PanelContext, corner: ImVec2, side: float) -> None:

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.services.backend import VideoOptions
+from core.export.video import FORMATS, VideoSettings
 from viewer.widgets.controls import choose, tooltip
 
-_FORMATS = {".mp4": "mp4", ".gif": "gif", ".webp": "webp", ".frames": "png frames"}
+_FORMATS = {suffix: one.label for suffix, one in FORMATS.items()}
 _SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
 _RATES = {rate: f"{rate} fps" for rate in (12, 24, 30, 60)}
 
@@ -17,12 +17,12 @@ class VideoForm:
 
     def __init__(self) -> None:
         self.suffix = ".mp4"
-        self._options = VideoOptions()
+        self._options = VideoSettings()
 
     @property
-    def options(self) -> VideoOptions:
+    def options(self) -> VideoSettings:
         """What was chosen, as far as the format has it."""
-        return replace(self._options, transparent=self._options.transparent and self.suffix != ".mp4")
+        return replace(self._options, transparent=self._options.transparent and FORMATS[self.suffix].transparent)
 
     def draw(self) -> None:
         """Two lines."""
@@ -33,7 +33,7 @@ class VideoForm:
         size = choose("video size", options.size, _SIZES, "Width and height of the video")
         imgui.same_line()
         rate = choose("rate", options.rate, _RATES, "Frames per second", 5.5)
-        imgui.begin_disabled(self.suffix == ".frames")
+        imgui.begin_disabled(FORMATS[self.suffix].folder)
         imgui.set_next_item_width(hello_imgui.em_size(7))
         _, quality = imgui.slider_int(
             "##quality", options.quality, 1, 100, "Quality %d", imgui.SliderFlags_.always_clamp
@@ -41,9 +41,9 @@ class VideoForm:
         imgui.end_disabled()
         tooltip("More is sharper, and a larger file; png frames lose nothing")
         imgui.same_line()
-        imgui.begin_disabled(self.suffix == ".mp4")
+        imgui.begin_disabled(not FORMATS[self.suffix].transparent)
         _, clear = imgui.checkbox("Transparent background###transparent", self.options.transparent)
         imgui.end_disabled()
         tooltip("Leave the background out, so that what is behind shines through (gif, webp, png frames)")
-        clear = options.transparent if self.suffix == ".mp4" else clear
-        self._options = VideoOptions(size, rate, quality, clear)
+        clear = clear if FORMATS[self.suffix].transparent else options.transparent
+        self._options = VideoSettings(size, rate, quality, clear)

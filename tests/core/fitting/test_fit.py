@@ -90,7 +90,7 @@ def test_a_known_view_helps_an_unknown_one_and_stays_where_it_is(tiny: Model):
 def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
     truth = tiny.camera(1.2, 0.4)
     photo = photo_of(tiny, tiny.codes[0], truth)
-    moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), framed=True)
+    moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), cropped=True)
     assert rotation_error(last(tiny, moved).cameras[0], truth) < 5
 
 

@@ -75,7 +75,7 @@ def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, mo
 
 def test_the_distance_is_free_where_an_edge_cuts_the_object_off(tiny: Model):
     photo = replace(photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), framed=True)
-    cut_off = replace(photo, beyond=~photo.mask)
+    cut_off = replace(photo, unseen=~photo.mask)
     spreads = Race.of(tiny, (photo, cut_off, replace(cut_off, camera=tiny.camera(0.9, 0.3))), QUICK, 0).by.spreads[:, 1]
     assert spreads[0] < spreads[1] < spreads[2] == math.inf
 
@@ -236,7 +236,7 @@ def ends_well(model: Model, seed: int) -> None:
     mask = drawn(height, width) > drawn(1)
     mask[height // 2, width // 2] = True
     pixels = torch.where(mask[..., None], drawn(height, width, 3), torch.ones(3))
-    photo = Photo(pixels, mask, framed=seed % 2 == 0)
+    photo = Photo(pixels, mask, cropped=seed % 2 == 0)
     race = Race.of(model, (photo,), FitSettings(starts=4, steps=9, rays=48, samples=12), seed)
     pool = Pool.of(
         Numbers(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from core.photos.segmentation import CutOut, Hints, NoGroundError, Stroke, cut_out
+from core.photos.segmentation import CutOut, Hints, NoBackgroundError, Stroke, cut_out
 
 BOX = (0.2, 0.2, 0.8, 0.8)
 
@@ -40,7 +40,7 @@ def test_a_box_finds_the_object_on_busy_ground():
 
 
 def test_without_hints_busy_ground_is_told():
-    with pytest.raises(NoGroundError, match="box"):
+    with pytest.raises(NoBackgroundError, match="box"):
         cut_out(busy())
 
 
@@ -91,7 +91,7 @@ def test_hints_of_no_use_are_told():
         Hints((0.5, 0.2, 0.5, 0.8))
     with pytest.raises(ValueError, match="inside"):
         Hints((-0.5, 0.2, 0.5, 0.8))
-    with pytest.raises(NoGroundError, match="whole picture"):
+    with pytest.raises(NoBackgroundError, match="whole image"):
         cut_out(busy(), Hints((0.0, 0.0, 1.0, 1.0)))
     with pytest.raises(ValueError, match="nothing is left"):
         cut_out(busy(), Hints(BOX, (Stroke(((0.0, 0.5), (1.0, 0.5)), 0.5, False),)))
@@ -105,5 +105,5 @@ def test_rembg_is_used_where_it_is_installed(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "rembg", module)
     assert overlap(cut_out(busy()), disc()) > 0.95
     monkeypatch.setattr(module, "remove", lambda *_, **__: 1 / 0)
-    with pytest.raises(NoGroundError):
+    with pytest.raises(NoBackgroundError):
         cut_out(busy())

@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from core.export.video import VideoSettings
 from tests.viewer.driver import finish
 from viewer.editor import Editor
-from viewer.services.backend import VideoOptions
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.workspace import Workspace
@@ -29,7 +29,7 @@ def test_a_saved_image_brings_its_scene_back_exactly(
 
 def test_a_turntable_is_written_with_progress(session: Session, workspace: Workspace, tmp_path: Path) -> None:
     seen: list[float] = []
-    workspace.exporting.turntable(tmp_path / "turn.gif", 4, VideoOptions(size=16))
+    workspace.exporting.turntable(tmp_path / "turn.gif", 4, VideoSettings(size=16))
     finish(session, lambda: bool(seen.append(workspace.exporting.progress)) or not workspace.exporting.running)
     assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
@@ -38,7 +38,7 @@ def test_a_turntable_is_written_with_progress(session: Session, workspace: Works
 
 
 def test_a_cancelled_turntable_leaves_no_file(session: Session, workspace: Workspace, tmp_path: Path) -> None:
-    workspace.exporting.turntable(tmp_path / "turn.mp4", 5000, VideoOptions(size=16))
+    workspace.exporting.turntable(tmp_path / "turn.mp4", 5000, VideoSettings(size=16))
     while workspace.exporting.progress == 0:
         session.jobs.worker.deliver()
     assert workspace.exporting.remaining > 0
@@ -51,7 +51,7 @@ def test_a_cancelled_turntable_leaves_no_file(session: Session, workspace: Works
 def test_a_turntable_that_cannot_be_written_is_reported(
     session: Session, workspace: Workspace, tmp_path: Path, name: str
 ) -> None:
-    workspace.exporting.turntable(tmp_path / name, 2, VideoOptions(size=16))
+    workspace.exporting.turntable(tmp_path / name, 2, VideoSettings(size=16))
     finish(session)
     assert len(session.messages.errors) == 1
     assert not workspace.exporting.running

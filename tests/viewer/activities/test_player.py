@@ -2,10 +2,10 @@ from pathlib import Path
 
 import pytest
 
+from core.export.video import VideoSettings
 from tests.viewer.driver import finish
 from viewer.activities.player import Player
 from viewer.editor import Editor
-from viewer.services.backend import VideoOptions
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.workspace import Workspace
@@ -142,7 +142,7 @@ def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Pa
 def test_what_cannot_be_written_is_reported(
     session: Session, workspace: Workspace, player: Player, tmp_path: Path
 ) -> None:
-    workspace.exporting.timeline(tmp_path / "a.mp4", VideoOptions(transparent=True))
+    workspace.exporting.timeline(tmp_path / "a.mp4", VideoSettings(transparent=True))
     finish(session)
     assert "transparent" in session.messages.errors[0]
     assert not list(tmp_path.iterdir())

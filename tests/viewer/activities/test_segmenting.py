@@ -3,7 +3,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from core.models.model import Model
-from core.photos.photo import Framing
+from core.photos.photo import Crop
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_frames
@@ -22,7 +22,7 @@ def test_a_image_that_is_segmented_by_hand_must_be_one(
     for path in bad_files.values():
         session.messages.clear()
         workspace.segmenting.open((PhotoSource(path),), 0)
-        workspace.segmenting.set_framing(Framing(0.8))
+        workspace.segmenting.set_crop(Crop(0.8))
         finish(session)
         assert editor.history is before
         assert session.messages.errors or workspace.segmenting.problem, path.name

@@ -9,13 +9,12 @@ import pytest
 import torch
 import trimesh
 from imgui_bundle import imgui
-from PIL import Image
 
-from core.files import whole_file
+from core.files import atomic_file
 from core.models.field import Field
 from core.models.model import Model
-from core.models.pictures import save_picture
-from core.models.scene import Scene
+from core.models.scene import Scene, save_image
+from tests.conftest import picture_size
 from tests.viewer.driver import Drive, Driver
 from viewer.panels.export import ExportPanel
 from viewer.services.backend import Backend
@@ -42,7 +41,7 @@ def test_a_turntable_is_exported(drive: Drive, tmp_path: Path, real_backend: Bac
         window.wait(lambda: not workspace.exporting.running, 60)
         assert session.messages.errors == []
         with av.open(str(tmp_path / "turn.mp4")) as video:
-            assert (video.backend.video[0].frames, video.backend.video[0].width) == (36, 128)
+            assert (video.streams.video[0].frames, video.streams.video[0].width) == (36, 128)
 
     air = filled(model, -100.0)
     drive(act, replace(real_backend, load_model=lambda name: air))
@@ -76,7 +75,7 @@ def test_an_export_is_cancelled_and_leaves_nothing(
     drive: Drive, tmp_path: Path, backend: Backend, kind: str, name: str
 ) -> None:
     def slow(*_: object) -> Iterator[float]:
-        with whole_file(tmp_path / name):
+        with atomic_file(tmp_path / name):
             for number in range(1000):
                 time.sleep(0.01)
                 yield number / 1000
@@ -110,7 +109,7 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
         export.image_size = 128  # too late: what stood there at the click counts
         window.type(str(tmp_path / "mine"))
         window.wait()
-        assert Image.open(tmp_path / "mine.png").size == (512, 512)
+        assert picture_size(tmp_path / "mine.png") == (512, 512)
         window.click("View/###reset_view")
         assert editor.scene != scene
         window.press(imgui.Key.mod_ctrl, imgui.Key.o)
@@ -131,7 +130,7 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
     drive: Drive, tmp_path: Path, model: Model, photo: Path
 ) -> None:
     other = Scene("another model", model.codes[0], model.camera(0, 0))
-    save_picture(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
+    save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
 
     def act(window: Driver) -> None:
         session, workspace, editor = window.session, window.workspace, window.workspace.editor

@@ -23,7 +23,7 @@ def test_a_photo_on_busy_background_is_segmented_by_hand(drive: Drive, backend: 
         before = editor.history
         window.context.drop([str(tmp_path / "busy.png")])
         window.wait(lambda: segmenting.active and not session.jobs.busy())
-        assert "no plain ground" in segmenting.problem
+        assert "no plain background" in segmenting.problem
         window.press(imgui.Key.f1)
         assert not window.context.help_open
         assert session.messages.errors == []
@@ -61,7 +61,7 @@ def test_a_photo_on_busy_background_is_segmented_by_hand(drive: Drive, backend: 
         assert not covered(0.58, 0.7)
         window.set("Segment###segment/**/##scale", 0.8)
         window.wait()
-        assert segmenting.framing.scale == pytest.approx(0.8)
+        assert segmenting.crop.scale == pytest.approx(0.8)
         hints = segmenting.hints
         window.click("Segment###segment/**/###fit segmentation")
         assert not segmenting.active
@@ -70,7 +70,7 @@ def test_a_photo_on_busy_background_is_segmented_by_hand(drive: Drive, backend: 
         fitted = workspace.fitting.history.photo
         assert fitted is not None
         assert fitted.source.hints == hints
-        assert fitted.photo.framed
+        assert fitted.photo.cropped
         window.click("Fit/###segment")
         window.wait(lambda: segmenting.result is not None)
         assert segmenting.hints == hints

@@ -6,15 +6,16 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.export.keyframes import Shot
+from core.export.keyframes import View
+from core.export.video import VideoSettings, write_video
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
-from viewer.services.backend import Backend, VideoOptions
+from viewer.services.backend import Backend
 
 
 def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_path: Path) -> None:
-    def small(model: Model, shots: list[Shot], path: Path, choice: VideoOptions) -> Iterator[int]:
-        return film(model, shots, path, replace(choice, size=choice.size // 16))
+    def small(model: Model, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
+        return write_video(model, views, path, replace(settings, size=settings.size // 16))
 
     def act(window: Driver) -> None:
         session, workspace, editor = window.session, window.workspace, window.workspace.editor

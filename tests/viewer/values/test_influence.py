@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from core.models.model import Model
-from core.rendering.progressive import Frame, picture
+from core.rendering.progressive import Frame, render_frame
 from viewer.values.influence import CodeInfluence
 
 
@@ -38,9 +38,9 @@ def test_nothing_is_no_change(frame: Frame) -> None:
 def test_texture_leaves_the_silhouette_exactly_and_shape_moves_it(model: Model) -> None:
     camera = model.camera(0.4, 0.3).resized(24, 24)
     first, other = model.codes[0], model.codes[1]
-    before = picture(model, first, camera)
-    repainted = CodeInfluence.between(before, picture(model, replace(first, texture=other.texture), camera))
-    reshaped = CodeInfluence.between(before, picture(model, replace(first, shape=other.shape), camera))
+    before = render_frame(model, first, camera)
+    repainted = CodeInfluence.between(before, render_frame(model, replace(first, texture=other.texture), camera))
+    reshaped = CodeInfluence.between(before, render_frame(model, replace(first, shape=other.shape), camera))
     assert repainted.leak == 0.0
     assert repainted.image.std() > 0
     assert reshaped.leak > 0

@@ -5,7 +5,7 @@ import torch
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 from core.models.model import Model
-from core.rendering.progressive import Frame, RenderJob, RenderSettings, frames
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.values.view_modes import MODES, in_mode, normals
 
 CAMERA = Camera(0.7, 0.4, 2.0, 131.25, 64, 64)
@@ -64,8 +64,8 @@ def test_a_picture_of_nothing_is_no_trouble(mode: str) -> None:
 @pytest.mark.parametrize("mode", MODES)
 def test_every_mode_takes_what_the_renderer_gives(mode: str, model: Model) -> None:
     camera = model.camera(0.4, 0.3).resized(24, 20)
-    (frame,) = filter(None, frames(model, RenderJob(model.codes[0], camera, RenderSettings(24, (1,)))))
-    assert frame.asked.shape == (20, 24)
-    assert frame.asked.max() > 0
-    assert (frame.asked[frame.opacity > 0] > 0).all()
+    (frame,) = filter(None, render_progressively(model, RenderJob(model.codes[0], camera, RenderSettings(24, (1,)))))
+    assert frame.evaluations.shape == (20, 24)
+    assert frame.evaluations.max() > 0
+    assert (frame.evaluations[frame.opacity > 0] > 0).all()
     assert in_mode(frame, camera, mode).image.dtype == np.uint8
