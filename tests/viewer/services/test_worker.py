@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from tests.viewer.machine import Patience, slowness
 from viewer.services.worker import Job, Worker
 
 
 def wait(worker: Worker, until: Callable[[], bool], longest: float = 5.0) -> None:
-    end = time.monotonic() + longest
+    patience = Patience(longest)
     while not until():
         worker.deliver()
-        assert time.monotonic() < end, "waited in vain"
+        assert not patience.is_over(), "waited in vain"
         time.sleep(0.001)
 
 
@@ -75,15 +76,15 @@ def test_a_stream_of_newer_renders_does_not_keep_every_picture_from_being_shown(
         yield from ticking()
 
     seen: list[int] = []
-    end = time.monotonic() + 1.0
+    patience = Patience(1.0)
     number = 0
-    while time.monotonic() < end:  # a hand that never rests, a new wish every 2 ms
+    while len(seen) <= 10 or not patience.is_over():  # a drag that never rests, a new job every 2 ms
+        assert number < 20_000, "no render is shown"
         worker.submit(Job("view", lambda number=number: picture(number), seen.append, urgent=True))
         number += 1
         time.sleep(0.002)
         worker.deliver()
     wait(worker, lambda: number - 1 in seen)
-    assert len(seen) > 10
     first = [value for value in seen if value > 1]
     assert first == sorted(first)
 
@@ -97,16 +98,16 @@ def test_an_urgent_job_goes_between_the_steps_of_another(worker: Worker) -> None
         began = time.monotonic()
         worker.submit(Job("view", lambda: iter([1]), seen.append, urgent=True))
         wait(worker, lambda: bool(seen))  # noqa: B023
-        assert time.monotonic() - began < 0.5
+        assert time.monotonic() - began < 0.5 * slowness()
     assert worker.busy("fit")
 
 
 def test_time_is_shared_fairly_between_long_and_short_steps(worker: Worker) -> None:
     long: list[int] = []
     short: list[int] = []
-    worker.submit(Job("long", lambda: ticking(pause=0.02), long.append))
-    worker.submit(Job("short", lambda: ticking(pause=0.002), short.append))
-    wait(worker, lambda: len(long) >= 15)
+    worker.submit(Job("long", lambda: ticking(pause=0.1), long.append))
+    worker.submit(Job("short", lambda: ticking(pause=0.01), short.append))
+    wait(worker, lambda: len(long) >= 8)
     assert len(short) > 3 * len(long)
 
 
@@ -123,7 +124,7 @@ def test_nothing_of_a_cancelled_job_is_delivered(worker: Worker) -> None:
     assert not worker.busy()
 
 
-def test_closing_ends_within_a_second_and_cleans_up() -> None:
+def test_closing_ends_at_once_and_cleans_up() -> None:
     worker, closed, seen = Worker(), list[str](), list[int]()
     for name in ("fit", "export"):
         worker.submit(Job(name, lambda name=name: ticking(closed, name, 0.02), seen.append))
@@ -131,7 +132,7 @@ def test_closing_ends_within_a_second_and_cleans_up() -> None:
     began = time.monotonic()
     worker.close()
     worker.close()
-    assert time.monotonic() - began < 1.0
+    assert time.monotonic() - began < 1.0 * slowness()
     assert sorted(closed) == ["export", "fit"]
 
 
@@ -139,7 +140,7 @@ def test_the_window_is_woken_for_every_delivery() -> None:
     woken = threading.Event()
     worker = Worker(woken.set)
     worker.submit(Job("one", lambda: iter([1]), lambda value: None))
-    assert woken.wait(5.0)
+    assert woken.wait(60.0)
     worker.close()
 
 
