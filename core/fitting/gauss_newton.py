@@ -101,7 +101,7 @@ def camera_uncertainty(
     hessian = equations.hessian[0][movable][:, movable].double()
     first = view * CAMERA_PARAMETERS  # azimuth, then elevation
     angles = ((movable == first) | (movable == first + 1)).nonzero()[:, 0]
-    variance = torch.linalg.pinv(hessian, hermitian=True)[angles][:, angles].render_with_jacobian()
+    variance = torch.linalg.pinv(hessian, hermitian=True)[angles][:, angles].trace()
     deviation = (equations.objective[0] * variance / _EFFECTIVE_PIXELS).clamp_min(0).sqrt()
     return min(float(deviation.nan_to_num(math.pi, math.pi)), math.pi)
 

@@ -63,7 +63,7 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
         log_distance = (found.distance[:count] / model.distance).log()
         # Objects differ in size too: only what that does not explain is put down to the distance.
         parameters.distance[:, view] = log_distance - log_distance.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
-        parameters.shift[:, view] = found.shift[:count] * problem.photos[view].framed
+        parameters.shift[:, view] = found.shift[:count] * problem.photos[view].cropped
         if problem.components.prototype_shapes and problem.components.view_bank:
             prototypes = space.coordinates(view_bank(model).codes.shape)[found.prototype[:count]]
             parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))

@@ -115,7 +115,7 @@ def test_hypotheses_are_told_the_leader_first(tiny: Model):
 
 def test_a_fit_resumes_where_another_ended(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
-    photo = replace(photo_of(tiny, tiny.codes[0], truth), framed=True)
+    photo = replace(photo_of(tiny, tiny.codes[0], truth), cropped=True)
     begin = replace(last(tiny, photo, settings=SHORT).hypotheses[0], origin=3)
     steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), resume_from=begin)))
     assert {step.active for step in steps} == {1}

@@ -14,7 +14,7 @@ def seen(tiny: Model) -> Photo:
     beyond = torch.zeros_like(photo.mask)
     beyond[:, 2 * photo.mask.shape[1] // 3 :] = True
     mask = photo.mask & ~beyond
-    return replace(photo, mask=mask, pixels=photo.pixels.where(mask[..., None], torch.ones(())), beyond=beyond)
+    return replace(photo, mask=mask, pixels=photo.pixels.where(mask[..., None], torch.ones(())), unseen=beyond)
 
 
 def test_pixels_stand_for_the_whole_photo(tiny: Model):

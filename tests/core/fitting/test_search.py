@@ -79,8 +79,8 @@ def test_an_early_stop_is_as_good_in_fewer_steps(tiny: Model):
 
 
 def test_the_distance_is_free_where_an_edge_cuts_the_object_off(tiny: Model):
-    photo = replace(stool(tiny), framed=True)
-    truncated = replace(photo, beyond=~photo.mask)
+    photo = replace(stool(tiny), cropped=True)
+    truncated = replace(photo, unseen=~photo.mask)
     known = replace(truncated, camera=tiny.camera(0.9, 0.3))
     scale = problem_of(tiny, photo, truncated, known).objective(math.inf).camera_scale[:, 1]
     torch.testing.assert_close(scale, torch.tensor([CROPPED_DISTANCE_SCALE, TRUNCATED_DISTANCE_SCALE, math.inf]))
@@ -241,7 +241,7 @@ def ends_well(model: Model, seed: int) -> None:
     mask = random(height, width) > random(1)
     mask[height // 2, width // 2] = True
     pixels = torch.where(mask[..., None], random(height, width, 3), torch.ones(3))
-    photo = Photo(pixels, mask, framed=seed % 2 == 0)
+    photo = Photo(pixels, mask, cropped=seed % 2 == 0)
     settings = FitSettings(hypotheses=4, steps=9, rays=48, samples=12)
     problem, dice = problem_of(model, photo, settings=settings, seed=seed), seeded(seed)
     coarse, local, final = build_schedule(settings, ALL_COMPONENTS, unknown=True)
