@@ -16,7 +16,7 @@ from PIL import Image
 from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.models.scene import Scene
-from core.photos.segmentation import NoBackgroundError
+from core.photos.plain_background import NoBackgroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer import orbit
 from viewer.course import Course, Shot, Source, paired
