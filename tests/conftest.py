@@ -1,7 +1,6 @@
 """Shapes and types are checked at run time, and what core and viewer tests share is made here."""
 
 import os
-import sys
 from pathlib import Path
 from typing import NoReturn
 
@@ -14,8 +13,6 @@ import tests.checked  # noqa: F401  (the hook finds it by name)
 # Before torch is imported, here and in the processes that tests start: threads that share a processor with another busy
 # process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# Cuts pictures out wherever it is installed; what a machine happens to have is not tested.
-sys.modules["rembg"] = None  # type: ignore[assignment]
 
 # Before anything of core or viewer is.
 install_import_hook(("core", "viewer"), "tests.checked.checked")

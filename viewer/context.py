@@ -10,6 +10,7 @@ from imgui_bundle import ImVec2, imgui
 
 from core.export import mesh, video
 from core.models.scene import embedded_scene
+from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.exporting import Exporting
 from viewer.activities.fitting import Fitting
 from viewer.activities.grid import Grid
@@ -29,7 +30,6 @@ from viewer.values.preferences import Preferences
 from viewer.values.view_modes import MODES
 from viewer.workspace import Workspace
 
-IMAGES = (".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 VIDEOS = tuple(video.FORMATS)
 SCENES = (".json", ".png")
 MESHES = tuple(mesh.FORMATS)
@@ -139,13 +139,13 @@ class PanelContext:
 
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""
-        self.files.ask(FileRequest("Image to fit", self.fit, IMAGES))
+        self.files.ask(FileRequest("Image to fit", self.fit, IMAGE_SUFFIXES))
 
     def fit(self, *paths: Path) -> None:
         """Fit images of one object and show how it goes."""
         self.focus = "Fit"
         for path in paths:
-            if path.suffix.lower() in IMAGES:
+            if path.suffix.lower() in IMAGE_SUFFIXES:
                 self._remember(path)
         self.session.fit_photos(*paths)
 

@@ -19,7 +19,8 @@ from core.models.library import load_model
 from core.models.scene import Scene
 from core.photos.decode import upright_size
 from core.photos.photo import load_photo
-from core.photos.segmentation import Hints, NoBackgroundError
+from core.photos.plain_background import NoBackgroundError
+from core.photos.segmentation import Hints
 
 
 def fit(chosen: argparse.Namespace) -> None:

@@ -12,6 +12,10 @@ MAX_PIXELS = 400_000_000
 """of a file, 20,000 x 20,000: beyond, decoding it may take more memory than a small machine has."""
 WORKING_SIDE = 1024
 """px: the longer side at which images are cut out"""
+_HEIF = (".heic", ".heif", ".hif")
+"""what phones write"""
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", *_HEIF, ".bmp", ".tif", ".tiff")
+"""of the files that a dialog offers; any other format that Pillow knows is read as well"""
 _TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""
 
@@ -53,6 +57,10 @@ def upright_size(path: Path) -> tuple[int, int]:
 
 def _opened(path: Path) -> Image.Image:
     """Opened without Pillow's own limit, for which ours stands in; only the header is read."""
+    if path.suffix.lower() in _HEIF:
+        from pillow_heif import register_heif_opener  # costs 50 ms, and few images need it
+
+        register_heif_opener()
     limit = Image.MAX_IMAGE_PIXELS
     try:
         Image.MAX_IMAGE_PIXELS = None

@@ -13,8 +13,9 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.decode import read_rgba
+from core.photos.plain_background import NoBackgroundError
 from core.photos.ranking import ObjectImage, offset_from_expected
-from core.photos.segmentation import CutOut, Hints, NoBackgroundError, cut_out
+from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
 _MAX_OFFSET = 0.02

@@ -13,7 +13,7 @@ from PIL import Image
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.models.scene import Scene
-from core.photos.segmentation import NoBackgroundError
+from core.photos.plain_background import NoBackgroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.candidates import Candidates
 from viewer.activities.viewport import Viewport

@@ -5,8 +5,9 @@ from functools import partial
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
+from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.fitting import CHOICES, Fitting
-from viewer.context import IMAGES, PanelContext
+from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import WARM
 from viewer.widgets.comparison import Comparison
@@ -92,7 +93,7 @@ def _draw_start(context: PanelContext, fitting: Fitting) -> None:
     flow(_ADD)
     if button(f"{_ADD}###add photo", "Refit with another photo of the same object beside this one", enabled=fitted):
         context.files.ask(
-            FileRequest("Another photo of the same object", partial(fitting.add_photo, fitting.history), IMAGES)
+            FileRequest("Another photo of the same object", partial(fitting.add_photo, fitting.history), IMAGE_SUFFIXES)
         )
     flow(_SEGMENT)
     if button(f"{_SEGMENT}###segment", _SEGMENT_HELP, enabled=fitted):
