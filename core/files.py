@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path) -> Iterator[Path]:
     """A place beside ``path`` to write to, renamed to it at the end and removed should the end not come.
 
     Raises ``ValueError`` naming ``path`` where it cannot be written.
@@ -26,8 +26,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside ``path`` to write to, as :func:`whole_file`; what is at ``path`` is never replaced.
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """A new folder beside ``path`` to write to, as :func:`atomic_file`; what is at ``path`` is never replaced.
 
     Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already.
     """
@@ -47,7 +47,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 def write_json(path: Path, content: dict) -> None:
     """Numbers as JSON, what is not a number as null."""
-    with whole_file(path) as partial:
+    with atomic_file(path) as partial:
         partial.write_text(json.dumps(_without_nan(content), indent=1) + "\n")
 
 

@@ -1,4 +1,4 @@
-"""How close a picture and a camera come to the true ones."""
+"""Image and camera errors: PSNR, SSIM, rotation, direction, translation and distance."""
 
 import math
 
@@ -9,36 +9,36 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 
-Picture = Float[Tensor, "_ _ 3"] | Float[np.ndarray, "_ _ 3"]
+Image = Float[Tensor, "_ _ 3"] | Float[np.ndarray, "_ _ 3"]
 """height, width, rgb in 0..1"""
 
-MOST_PSNR = 100.0
-"""dB at which two pictures count as the same: a finite number where the ratio itself is infinite."""
+MAX_PSNR = 100.0
+"""dB at which two images count as the same: a finite number where the ratio itself is infinite."""
 
 
-def psnr(picture: Picture, truth: Picture) -> float:
-    """Peak signal-to-noise ratio in dB of a picture in [0, 1], at most :data:`MOST_PSNR`."""
-    first, second = _arrays(picture, truth)
-    return psnr_of(float(np.mean((first - second) ** 2)))
+def psnr(image: Image, truth: Image) -> float:
+    """Peak signal-to-noise ratio in dB of an image in [0, 1], at most :data:`MAX_PSNR`."""
+    first, second = _arrays(image, truth)
+    return psnr_from_mse(float(np.mean((first - second) ** 2)))
 
 
-def psnr_of(squared_error: float) -> float:
-    """The PSNR in dB of a mean squared error per channel, at most :data:`MOST_PSNR`.
+def psnr_from_mse(squared_error: float) -> float:
+    """The PSNR in dB of a mean squared error per channel, at most :data:`MAX_PSNR`.
 
     Example:
         >>> psnr_of(0.01)
         20.0
     """
-    return MOST_PSNR if squared_error <= 10 ** (-MOST_PSNR / 10) else -10 * math.log10(squared_error)
+    return MAX_PSNR if squared_error <= 10 ** (-MAX_PSNR / 10) else -10 * math.log10(squared_error)
 
 
-def ssim(picture: Picture, truth: Picture) -> float:
+def ssim(image: Image, truth: Image) -> float:
     """Structural similarity over colour, -1..1 (scikit-image, 7 px window). Raises ``ValueError`` below 7 px."""
     from skimage.metrics import structural_similarity  # imports scipy.stats, which takes as long as half of torch
 
-    first, second = _arrays(picture, truth)
+    first, second = _arrays(image, truth)
     if min(first.shape[:2]) < 7:
-        raise ValueError(f"SSIM needs pictures of at least 7x7 px, got {first.shape[1]}x{first.shape[0]}")
+        raise ValueError(f"SSIM needs images of at least 7x7 px, got {first.shape[1]}x{first.shape[0]}")
     return float(structural_similarity(first, second, channel_axis=-1, data_range=1.0))
 
 
@@ -71,8 +71,8 @@ def camera_direction(camera: Camera) -> Float[Tensor, "3"]:
     return torch.nn.functional.normalize(camera.pose()[:3, 3], dim=0)
 
 
-def _arrays(picture: Picture, truth: Picture) -> tuple[np.ndarray, np.ndarray]:
-    first, second = (np.asarray(part, dtype=np.float64) for part in (picture, truth))
+def _arrays(image: Image, truth: Image) -> tuple[np.ndarray, np.ndarray]:
+    first, second = (np.asarray(part, dtype=np.float64) for part in (image, truth))
     if first.shape != second.shape:
-        raise ValueError(f"pictures of different sizes: {first.shape} and {second.shape}")
+        raise ValueError(f"images of different sizes: {first.shape} and {second.shape}")
     return first, second

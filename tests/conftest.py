@@ -10,16 +10,28 @@ from jaxtyping import install_import_hook
 
 import tests.checked  # noqa: F401  (the hook finds it by name)
 
-# Before anything of core is.
-install_import_hook("core", "tests.checked.checked")
+# Before torch is imported, here and in the processes that tests start: threads that share a processor with another busy
+# process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-hypothesis.settings.register_profile("shared machine", deadline=None, derandomize=True, max_examples=50)
+# Before anything of core or viewer is.
+install_import_hook(("core", "viewer"), "tests.checked.checked")
+
+hypothesis.settings.register_profile(
+    "shared machine",
+    deadline=None,  # no clock: another process may hold the processor at any moment
+    suppress_health_check=(hypothesis.HealthCheck.too_slow,),
+    derandomize=True,
+    max_examples=50,
+)
 hypothesis.settings.load_profile("shared machine")
 
 import torch  # noqa: E402
+from PIL import Image  # noqa: E402
 
 from core.models.codes import CodeBook, Entry  # noqa: E402
-from core.models.field import Field, FieldConfig  # noqa: E402
+from core.models.field import Field  # noqa: E402
+from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
 
 
@@ -40,12 +52,18 @@ def no_opengl(error: Exception) -> NoReturn:
     pytest.skip(said)
 
 
-def random_model(seed: int = 0, painted_ground: bool = False) -> Model:
+def picture_size(path: Path) -> tuple[int, int]:
+    """Width and height in px of a picture file, which is closed again."""
+    with Image.open(path) as picture:
+        return picture.size
+
+
+def random_model(seed: int = 0, white_from_network: bool = False) -> Model:
     """An untrained model of six objects in six textures: a mist, but a different one for every code."""
     torch.manual_seed(seed)
-    config = FieldConfig(width=16, shape_latent=8, texture_latent=4, point_octaves=4, direction_octaves=2)
+    config = FieldConfig(width=16, shape_latent=8, texture_latent=4, position_frequencies=4, direction_frequencies=2)
     book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
-    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, painted_ground)
+    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, white_from_network)
 
 
 @pytest.fixture

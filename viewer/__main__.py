@@ -1,4 +1,4 @@
-"""``python -m viewer``: opens the window, or draws it into a picture where there is no display."""
+"""``python -m viewer``: opens the window, or renders it into an image where there is no display."""
 
 import argparse
 import sys
@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 _LONGEST = 900.0
-"""s that a picture of the window may wait for its fit"""
+"""s that an image of the window may wait for its fit"""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -16,20 +16,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     # Imported late: `--help` and a wrong word answer before torch is loaded.
     from core.models.library import load_model
     from viewer.app import App
+    from viewer.screen.window import NoDisplayError, config_folder
     from viewer.screenshot import Screenshot
-    from viewer.session import Session, Streams
-    from viewer.window import NoDisplayError, config_folder
-    from viewer.worker import Worker
+    from viewer.services.backend import Backend
+    from viewer.services.worker import Worker
+    from viewer.session import Session
 
     worker = Worker()
     try:
-        session = Session(worker, Streams(partial(load_model, device=chosen.device)))
+        session = Session(worker, Backend(partial(load_model, device=chosen.device)))
         headless = chosen.screenshot is not None
         app = App(session, chosen.size, None if headless else config_folder(), headless)
         path = Path(chosen.model)
         session.open_model(str(path.resolve()) if path.is_file() else chosen.model)  # found again from other folders
         if chosen.image:
-            app.desk.fit(chosen.image)
+            app.context.fit(chosen.image)
         if headless:
             Screenshot(app, _LONGEST).save(chosen.screenshot)
         else:
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(f"python -m viewer: {error}")
     finally:
         worker.close()
-    if headless and (failed := session.errors):
+    if headless and (failed := session.messages.errors):
         sys.exit(f"python -m viewer: {failed[-1]}")
 
 
@@ -46,26 +47,24 @@ def parser() -> argparse.ArgumentParser:
     """The words of the command line."""
     words = argparse.ArgumentParser(
         prog="python -m viewer",
-        description="Opens the window; without a display, draws it into a picture.",
+        description="Opens the window; without a display, renders it into an image.",
         allow_abbrev=False,
     )
     words.add_argument("--model", default="chairs", help="a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--image", type=_image, help="fit this image at once")
-    words.add_argument(
-        "--screenshot", type=_picture, metavar="PNG", help="draw the window with no display, save it, end"
-    )
+    words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")
     words.add_argument("--size", type=_size, default=(1280, 800), metavar="WxH", help="of the window (1280x800)")
     return words
 
 
 def _image(text: str) -> Path:
     if not Path(text).is_file():
-        raise argparse.ArgumentTypeError(f"no such picture: {text}")
+        raise argparse.ArgumentTypeError(f"no such image: {text}")
     return Path(text)
 
 
-def _picture(text: str) -> Path:
+def _png(text: str) -> Path:
     path = Path(text)
     if path.suffix.lower() != ".png" or not path.absolute().parent.is_dir():
         raise argparse.ArgumentTypeError(f"a screenshot is a .png in a folder that is there; got {text!r}")

@@ -1,6 +1,4 @@
-"""The session written down while it goes on, and what a run that ended badly has left."""
-
-from __future__ import annotations
+"""The session written down while it is edited, and what a run that ended badly has left."""
 
 import os
 import secrets
@@ -8,13 +6,10 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from core.files import whole_file
-from viewer.saved import Saved
-
-if TYPE_CHECKING:
-    from viewer.session import Session
+from core.files import atomic_file
+from viewer.session import Session
+from viewer.values.saved_session import SavedSession
 
 _EVERY = 5.0
 """s between two writings at the least"""
@@ -23,11 +18,18 @@ _EVERY = 5.0
 class Autosave:
     """A file for every run, which goes when the run ends well; one that is left belongs to a run that did not."""
 
-    def __init__(self, session: Session, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        self._session, self._clock = session, clock
+    def __init__(
+        self,
+        session: Session,
+        folder: Path,
+        clock: Callable[[], float] = time.monotonic,
+        every: float = _EVERY,
+    ) -> None:
+        """Look for what was left in ``folder``, and write there, at most once in so many seconds."""
+        self._session, self._clock, self.every = session, clock, every
         self._file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}.json"
         self._written: object = None
-        """the state in the file, or the first one, which is worth no file"""
+        """the state in the file"""
         self._when = clock()
         found = [path for path in folder.glob("session-*.json") if path != self._file and not _runs(path)]
         self.left: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
@@ -36,24 +38,24 @@ class Autosave:
         """s since the epoch, when each was written"""
 
     def tick(self) -> None:
-        """Once a frame: write, if there is something new and the hand rests."""
-        history = self._session.history
-        if history is None or history.gesture or not history.past or history.now is self._written:
+        """Once a frame: write, if there is something new and no drag is under way."""
+        workspace = self._session.workspace
+        if workspace is None or workspace.editor.history.gesture or workspace.editor.state is self._written:
             return
-        if self._clock() - self._when >= _EVERY:
-            self._write()
+        if self._clock() - self._when >= self.every and (saved := self._session.save()):
+            self._write(saved, workspace.editor.state)
 
     def restore(self) -> None:
-        """Go on with what was left last. Where that cannot be, it stays until it is put away."""
+        """Continue what was left last. Where that cannot be, it stays until it is discarded."""
         try:
-            saved = Saved.read(self.left[-1].read_text())
+            saved = SavedSession.read(self.left[-1].read_text())
         except (ValueError, OSError) as error:
-            self._session.report("Cannot restore the session", error)
+            self._session.messages.report("Cannot restore the session", error)
         else:
             self._session.restore(saved, self.discard)
 
     def discard(self) -> None:
-        """Put away what was left last."""
+        """Delete what was left last."""
         self.left[-1].unlink(missing_ok=True)
         self.left, self.times = self.left[:-1], self.times[:-1]
 
@@ -61,14 +63,13 @@ class Autosave:
         """The run ends well; what an earlier one left stays until someone has decided."""
         self._file.unlink(missing_ok=True)
 
-    def _write(self) -> None:
-        session, self._when = self._session, self._clock()
-        self._written = session.state
+    def _write(self, saved: SavedSession, state: object) -> None:
+        self._when, self._written = self._clock(), state
         try:
-            with whole_file(self._file) as partial:
-                partial.write_text(Saved.of(session.opened, session.state, session.gallery.added).text)
+            with atomic_file(self._file) as partial:
+                partial.write_text(saved.text)
         except ValueError as error:
-            self._session.report("Cannot save the session as it goes on", error)
+            self._session.messages.report("Cannot save the session", error)
 
 
 def _runs(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""A picture of the window, taken by the program itself once everything is drawn."""
+"""An image of the window, taken by the program itself once everything is rendered."""
 
 import time
 from pathlib import Path
@@ -24,21 +24,21 @@ class Screenshot:
         self._app = app
         self._until = time.monotonic() + longest
         self._busy = 0.0
-        """s on the monotonic clock, when the last large picture was finished"""
+        """s on the monotonic clock, when the last large frame was finished"""
         self._still = 0
-        app.each_frame = self._look
+        app.each_frame = self._check
         app.params.fps_idling.fps_max = _RATE
 
     def save(self, path: Path) -> None:
-        """Run the window, and write the picture."""
+        """Run the window, and write the image."""
         self._app.run()
         Image.fromarray(hello_imgui.final_app_window_screenshot()[..., :3]).save(path)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         session, now = self._app.session, time.monotonic()
-        if session.loading or session.worker.busy("model", "view", "fit", "fit picture"):
+        if session.loading or session.jobs.busy("model", "view", "fit", "fit frame"):
             self._busy, self._still = now, 0
-        elif not session.worker.busy() or now - self._busy > _FOR_THUMBNAILS:
+        elif not session.jobs.busy() or now - self._busy > _FOR_THUMBNAILS:
             self._still += 1
         if self._still > _SETTLED or now > self._until:
-            self._app.desk.quit()
+            self._app.context.quit()

@@ -1,29 +1,31 @@
 """Seconds against degrees: blind fits by every preset, on views whose cameras are known.
 
-One view of every object is fitted without its camera; the stream's own timestamps make the curves. What the
-same fits know of themselves, in the end, calibrates :mod:`core.fitting.confidence`.
+One view of every object is fitted without its camera; the time stamps of the steps make the curves. The margins and
+uncertainties of the same fits calibrate :mod:`core.fitting.confidence`.
 """
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
 
-from core.benchmarks.held_out_views import OTHERS, Subject, looks_alike
-from core.benchmarks.rendering import machine
-from core.evaluation.protocol import Mean, compared, mean_of, photo
-from core.fitting.confidence import RIGHT_DEGREES, Calibration, calibrated, separation
+from core.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
+from core.benchmarks.machine import describe_machine
+from core.evaluation.protocol import as_photo, score_view
+from core.evaluation.statistics import Mean, mean_of, share_within
+from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
-from core.photos.view_bank import bank_of
+from core.photos.view_bank import view_bank
 
 _FAR = 20.0
-"""degrees: a camera that is further off may be another right one"""
-_ALIKE = 5.0
-"""degrees: if the object looks no less alike than when turned by this"""
+"""degrees: a camera that is further off than this may be right by symmetry"""
+_SYMMETRY_TOLERANCE = 5.0
+"""degrees: it is, if the object looks from there no less like itself than when turned by this"""
 TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))
 """s, at which the curves are read"""
 
@@ -34,31 +36,32 @@ class Trial:
 
     preset: str
     name: str
+    """of the object"""
     view: int
     seconds: float
-    first_rotation: float
-    """degrees, after the first step"""
+    initial_rotation: float
+    """degrees, error after the first step"""
     rotation: float
-    """degrees"""
+    """degrees, error of the fitted camera"""
     translation: float
-    """share of the true distance"""
+    """error as a share of the true distance"""
     psnr: float
-    """dB, of the picture itself"""
+    """dB, of the fitted image"""
     held_out: float
     """dB, mean over some other views, from their true cameras"""
     margin: float | None
-    """over the alternative; None where there is none"""
-    spread: float | None
+    """over the runner-up; None where there is none"""
+    uncertainty: float | None
     """degrees, as in :class:`core.fitting.fit.FitStep`"""
     confidence: float | None
-    trace: tuple[float, ...]
-    """degrees at :data:`TIMES`"""
+    rotation_curve: tuple[float, ...]
+    """degrees, error at :data:`TIMES`"""
     symmetric: bool
     """far off, and yet the object looks as from its true camera, as far as the model knows it"""
 
     @property
-    def off(self) -> float:
-        """Degrees, but 0 for another camera that is as right."""
+    def effective_rotation(self) -> float:
+        """Rotation error in degrees; 0 for a camera that is right by symmetry."""
         return 0.0 if self.symmetric else self.rotation
 
 
@@ -70,111 +73,127 @@ class Summary:
     fits: int
     seconds: float
     """median"""
-    first_rotation: float
+    initial_rotation: float
     """degrees, mean"""
     rotation: float
     """degrees, median"""
     symmetric: int
-    """cameras that count as right for the object's symmetry"""
+    """cameras that are right by the object's symmetry"""
     within_5_degrees: Mean
     within_10_degrees: Mean
     within_3_percent: Mean
     held_out: Mean
     """dB"""
-    separation: float | None
-    """of right cameras from wrong ones by the confidence (AUROC); None where it has none, or all are right or wrong"""
+    auroc: float | None
+    """of the confidence, right cameras against wrong ones; None without confidence, or where all are right or wrong"""
     curve: tuple[tuple[float, float, float], ...]
     """seconds, median rotation error in degrees, share within 5 degrees"""
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Everything that one run found."""
+class FitResults:
+    """All trials of one run."""
 
     machine: str
     trials: tuple[Trial, ...]
-    summaries: tuple[Summary, ...]
-    calibration: Calibration | None
-    """that these fits would give the confidence; None where all were right, or all wrong"""
 
-    def told(self) -> dict:
-        """As plain values."""
-        return asdict(self)
+    @property
+    def summaries(self) -> tuple[Summary, ...]:
+        """One per preset."""
+        presets = dict.fromkeys(trial.preset for trial in self.trials)
+        return tuple(summarise(name, [trial for trial in self.trials if trial.preset == name]) for name in presets)
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """What these fits would make of the confidence; None where all cameras are right, or all wrong."""
+        trials = [trial for trial in self.trials if trial.confidence is not None]
+        right = [trial.effective_rotation <= RIGHT_DEGREES for trial in trials]
+        if len(set(right)) < 2:
+            return None
+        margins = [trial.margin or 0.0 for trial in trials]
+        return fit_calibration(margins, [trial.uncertainty or 0.0 for trial in trials], right)
 
 
-def measured(
-    model: Model, subjects: Sequence[Subject], presets: dict[str, FitSettings] = PRESETS
-) -> Iterator[str | Measured]:
-    """What is being measured now, and in the end all that was found. To stop, ask for no more."""
-    yield "bank of views"
-    bank_of(model)
+def run(
+    model: Model, targets: Sequence[HeldOutView], presets: dict[str, FitSettings] = PRESETS
+) -> Iterator[str | FitResults]:
+    """Yields what is being measured, and at the end the results."""
+    yield "view bank"
+    view_bank(model)
     trials = list[Trial]()
-    for number, subject in enumerate(subjects):
+    for number, target in enumerate(targets):
         for name, settings in presets.items():
-            yield f"{subject.views.name}, {name}"
-            trials.append(trial(model, subject, name, settings, number))
-    summaries = tuple(summary(name, [one for one in trials if one.preset == name]) for name in presets)
-    yield Measured(machine(model.device), tuple(trials), summaries, _calibration(trials))
+            yield f"{target.views.name}, {name}"
+            trials.append(fit_view(model, target, name, settings, number))
+    yield FitResults(describe_machine(model.device), tuple(trials))
 
 
-def trial(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
-    """Fit a subject's view without its camera. ``preset`` is only a name."""
-    views, index = subject.views, subject.view
-    steps = list(fit(model, FitJob((photo(views, index, False),), settings, seed)))
-    last, errors = steps[-1], [rotation_error(step.cameras[0], subject.camera) for step in steps]
+def fit_view(
+    model: Model,
+    target: HeldOutView,
+    preset: str,
+    settings: FitSettings,
+    seed: int,
+    components: Components = ALL_COMPONENTS,
+) -> Trial:
+    """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
+    views, index = target.views, target.index
+    steps = list(fit(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
+    last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     rest = [other for other in range(len(views.cameras)) if other != index]
-    some = rest[:: max(1, len(rest) // OTHERS)][:OTHERS]
-    held_out = [compared(model, last.codes, views, other)[0] for other in some]
-    away = translation_error(last.cameras[0], subject.camera)
-    quality = last.psnr, float(np.mean(held_out)) if held_out else math.nan
-    trace = tuple(errors[_reached(steps, time)] for time in TIMES)
-    symmetric = errors[-1] > _FAR and looks_alike(model, subject.codes, last.cameras[0], subject.camera, _ALIKE)
-    turned, trust = (errors[0], errors[-1]), (last.margin, last.spread, last.confidence)
-    return Trial(preset, views.name, index, last.seconds, *turned, away, *quality, *trust, trace, symmetric)
+    compared = rest[:: max(1, len(rest) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
+    held_out = [score_view(model, last.codes, views, other)[0] for other in compared]
+    symmetric = errors[-1] > _FAR and is_symmetric_view(
+        model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
+    )
+    return Trial(
+        preset,
+        views.name,
+        index,
+        seconds=last.seconds,
+        initial_rotation=errors[0],
+        rotation=errors[-1],
+        translation=translation_error(last.cameras[0], target.camera),
+        psnr=last.psnr,
+        held_out=float(np.mean(held_out)) if held_out else math.nan,
+        margin=last.margin,
+        uncertainty=last.uncertainty,
+        confidence=last.confidence,
+        rotation_curve=tuple(errors[_step_at(steps, time)] for time in TIMES),
+        symmetric=symmetric,
+    )
 
 
-def _reached(steps: Sequence[FitStep], seconds: float) -> int:
-    """The step that a fit had reached by then; before its first, the first."""
+def _step_at(steps: Sequence[FitStep], seconds: float) -> int:
+    """Index of the last step that a fit had finished by then; the first before that."""
     return max((index for index, step in enumerate(steps) if step.seconds <= seconds), default=0)
 
 
-def summary(preset: str, trials: Sequence[Trial]) -> Summary:
-    """What the fits of one preset come to."""
-
-    def share(values: Sequence[float], most: float) -> Mean:
-        return mean_of([float(value <= most) for value in values])
-
-    turns = [trial.off for trial in trials]
-    shifts = [0.0 if trial.symmetric else trial.translation for trial in trials]
+def summarise(preset: str, trials: Sequence[Trial]) -> Summary:
+    """Medians and shares over the trials of one preset."""
+    rotations = [trial.effective_rotation for trial in trials]
+    translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
     curve = []
     for number, time in enumerate(TIMES):
-        then = [trial.trace[number] for trial in trials]
-        curve.append((time, median(then), share(then, 5.0).mean))
+        errors = [trial.rotation_curve[number] for trial in trials]
+        curve.append((time, median(errors), share_within(errors, 5.0).mean))
     return Summary(
         preset,
         len(trials),
         median(trial.seconds for trial in trials),
-        float(np.mean([trial.first_rotation for trial in trials])),
+        float(np.mean([trial.initial_rotation for trial in trials])),
         median(trial.rotation for trial in trials),
         sum(trial.symmetric for trial in trials),
-        share(turns, 5.0),
-        share(turns, 10.0),
-        share(shifts, 0.03),
+        share_within(rotations, 5.0),
+        share_within(rotations, 10.0),
+        share_within(translations, 0.03),
         mean_of([trial.held_out for trial in trials]),
-        _separation(trials),
+        _confidence_auroc(trials),
         tuple(curve),
     )
 
 
-def _separation(trials: Sequence[Trial]) -> float | None:
-    told = [(trial.confidence, trial.off <= RIGHT_DEGREES) for trial in trials if trial.confidence is not None]
-    right = [one for _, one in told]
-    return separation([one for one, _ in told], right) if len(set(right)) == 2 else None
-
-
-def _calibration(trials: Sequence[Trial]) -> Calibration | None:
-    told = [trial for trial in trials if trial.confidence is not None]
-    right = [trial.off <= RIGHT_DEGREES for trial in told]
-    if len(set(right)) < 2:
-        return None
-    return calibrated([trial.margin or 0.0 for trial in told], [trial.spread or 0.0 for trial in told], right)
+def _confidence_auroc(trials: Sequence[Trial]) -> float | None:
+    pairs = [(one.confidence, one.effective_rotation <= RIGHT_DEGREES) for one in trials if one.confidence is not None]
+    right = [correct for _, correct in pairs]
+    return auroc([confidence for confidence, _ in pairs], right) if len(set(right)) == 2 else None

@@ -1,51 +1,47 @@
-"""Milliseconds against decibels: the fast renderer, the naive recipe, and the fast one without each of its parts.
+"""Milliseconds against decibels: the naive renderer, the fast one, and the fast one without each of its parts.
 
-Everything is judged by the exact renderer with 256 samples a ray in float32. Times are the median of several rounds
-in which all settings take turns, so that what else the machine does falls on all alike: read them as ratios.
+PSNR is against the exact renderer with 256 samples a ray in float32. Times are the median of several rounds in which
+all settings take turns, so that other load on the machine affects all alike: read them as ratios.
 """
 
 import math
-import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
 
-import torch
 from torch import Tensor
 
-from core.benchmarks.held_out_views import spread_objects
-from core.benchmarks.patched import Change, changed
+from core.benchmarks.held_out_views import evenly_spaced_objects
+from core.benchmarks.machine import describe_machine
 from core.geometry.camera import Camera
 from core.metrics import psnr
-from core.models import precision
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering import fast as march
-from core.rendering import folded_field as folded
-from core.rendering import occupancy
-from core.rendering.folded_field import Tables
-from core.rendering.frame_budget import Pace
-from core.rendering.progressive import RenderJob, RenderSettings, frames
+from core.rendering import fast
+from core.rendering.frame_budget import FrameBudget
+from core.rendering.occupancy import Tolerances, tolerances
+from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
 from core.rendering.reference import render_exact
 
+FULL = "full renderer"
 REFERENCE_SAMPLES = 256
 NAIVE_SAMPLES = (8, 16, 32, 64, 96)
 FAST_SAMPLES = (32, 48, 60, 64, 96, 128, 192, 256)
 SIZES = (64, 128, 256, 512)
-DRAG_SIZES = (128, 256)
+INTERACTION_SIZES = (128, 256)
 """px"""
 _ROUNDS = 7
-_DRAGGED = 40
-"""frames of a drag"""
-_UNSETTLED = 12
-"""frames before them, in which caches fill and the frame budget finds its size"""
-_RESTS = 3
+_INTERACTION_FRAMES = 40
+_WARMUP_FRAMES = 12
+"""frames before these, in which caches fill and the frame budget settles"""
+_SETTLES = 3
+"""times that the movement stops"""
 
 
 @dataclass(frozen=True)
-class Point:
+class Timing:
     """One setting of one recipe."""
 
     recipe: str
@@ -63,39 +59,36 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Drag:
-    """How long pictures take while something moves."""
+class Interaction:
+    """How long images take while the camera or a code moves."""
 
     what: str
+    """that moves: the camera ("orbit"), the texture or the shape"""
     size: int
-    """px, of the finished picture"""
+    """px, of the final image"""
     p50: float
-    """ms for the whole picture with all samples"""
+    """ms for the full image with all samples"""
     p95: float
-    first_p50: float
-    """ms for the first picture, as coarse as the frame budget makes it"""
-    first_p95: float
-    first_size: int
-    """px, of that picture in the end"""
-    rest: float
-    """s from the hand's rest to the finished picture, smoothed 2 x 2, mean over a few"""
+    preview_p50: float
+    """ms for the preview, as coarse as the frame budget makes it"""
+    preview_p95: float
+    preview_size: int
+    """px, of the last preview"""
+    settle_time: float
+    """s from the end of the movement to the final image with 2 x 2 supersampling, mean over a few"""
 
 
 @dataclass(frozen=True)
-class Measured:
-    """Everything that one run found."""
+class RenderingResults:
+    """All measurements of one run."""
 
     machine: str
     views: int
-    naive: tuple[Point, ...]
-    fast: tuple[Point, ...]
-    sizes: tuple[Point, ...]
-    ablation: tuple[Point, ...]
-    drags: tuple[Drag, ...]
-
-    def told(self) -> dict:
-        """As plain values."""
-        return asdict(self)
+    naive: tuple[Timing, ...]
+    fast: tuple[Timing, ...]
+    sizes: tuple[Timing, ...]
+    ablation: tuple[Timing, ...]
+    interactions: tuple[Interaction, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,44 +97,50 @@ class _View:
     camera: Camera
 
 
-def measured(model: Model, views: int = 3) -> Iterator[str | Measured]:
-    """What is being measured now, and in the end all that was found."""
+def run(model: Model, views: int = 3) -> Iterator[str | RenderingResults]:
+    """Yields what is being measured, and at the end the results."""
     seen = _views(model, views)
     yield "reference, 128 px"
     truth = [_exact(model, view, REFERENCE_SAMPLES) for view in seen]
     recipes = {("naive", samples): _naive(samples) for samples in NAIVE_SAMPLES}
     recipes |= {("fast", samples): _fast(samples) for samples in FAST_SAMPLES}
     yield "naive and fast, 128 px"
-    points = _points(model, seen, truth, recipes)
-    yield "without each part"
+    timings = _time_all(model, seen, truth, recipes)
+    yield "ablation"
     default = RenderSettings().samples
-    parts = {(name, default): _fast(default, _PARTS.get(name, ())) for name in ("nothing left out", *_PARTS)}
-    ablation = _points(model, seen, truth, parts)
+    ablations = {(name, default): _fast(default, cutoff) for name, cutoff in _ablations(default).items()}
+    ablation = _time_all(model, seen, truth, ablations)
     sizes = []
     for size in SIZES:
         yield f"{size} px"
         some = [_View(view.codes, view.camera.resized(size, size)) for view in seen[:1]]
         exact = [_exact(model, view, REFERENCE_SAMPLES) for view in some]
-        sizes += _points(model, some, exact, {("fast", default): _fast(default)})
-    yield "drags"
-    drags = tuple(drag for size in DRAG_SIZES for drag in _drags(model, size))
-    naive, fast = ([point for point in points if point.recipe == name] for name in ("naive", "fast"))
-    yield Measured(machine(model.device), len(seen), tuple(naive), tuple(fast), tuple(sizes), tuple(ablation), drags)
+        sizes += _time_all(model, some, exact, {("fast", default): _fast(default)})
+    yield "interaction"
+    interactions = tuple(one for size in INTERACTION_SIZES for one in _interactions(model, size))
+    naive, fast = ([one for one in timings if one.recipe == name] for name in ("naive", "fast"))
+    yield RenderingResults(
+        describe_machine(model.device),
+        len(seen),
+        tuple(naive),
+        tuple(fast),
+        tuple(sizes),
+        tuple(ablation),
+        interactions,
+    )
 
 
 def _views(model: Model, count: int) -> list[_View]:
-    """Objects spread over the model, from cameras spread over the upper half, none of which was trained from."""
-    some = spread_objects(model, count)
+    """Objects evenly spaced over the model, from cameras spread over the upper hemisphere."""
+    some = evenly_spaced_objects(model, count)
     directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (len(some) + 0.9))) for index in range(len(some))]
     return [_View(codes, model.camera(*angles)) for (_, codes), angles in zip(some, directions, strict=True)]
 
 
 class _Recipe(NamedTuple):
-    draw: Callable[[Model, _View], Tensor]
-    changes: tuple[Change, ...] = ()
-    """that hold while it draws"""
+    render: Callable[[Model, _View], Tensor]
     warm: bool = True
-    """It is drawn once before it is timed: a shape has been seen before, and the recipe before has left the caches."""
+    """It is rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
 
 
 def _exact(model: Model, view: _View, samples: int) -> Tensor:
@@ -152,20 +151,20 @@ def _naive(samples: int) -> _Recipe:
     return _Recipe(lambda model, view: _exact(model, view, samples), warm=False)
 
 
-def _fast(samples: int, changes: tuple[Change, ...] = ()) -> _Recipe:
-    """A new view of a known shape: an orbit."""
+def _fast(samples: int, cutoff: Tolerances | None = None) -> _Recipe:
+    """A new view of a known shape."""
 
-    def draw(model: Model, view: _View) -> Tensor:
-        march.forget_views()
-        return march.marched(model, view.codes, view.camera, samples).colour.clamp(0, 1)
+    def render(model: Model, view: _View) -> Tensor:
+        fast.clear_views()
+        return fast.render(model, view.codes, view.camera, samples, cutoff=cutoff).colour.clamp(0, 1)
 
-    return _Recipe(draw, changes)
+    return _Recipe(render)
 
 
-def _points(
+def _time_all(
     model: Model, views: Sequence[_View], truth: Sequence[Tensor], recipes: dict[tuple[str, int], _Recipe]
-) -> list[Point]:
-    """All recipes on all views, taking turns."""
+) -> list[Timing]:
+    """Times all recipes on all views, taking turns."""
     seconds: dict[tuple[str, int], list[list[float]]] = {key: [[] for _ in views] for key in recipes}
     found: dict[tuple[str, int], list[Tensor]] = {}
     for turn in range(_ROUNDS + 1):
@@ -173,49 +172,42 @@ def _points(
             # The slow ones vary little, and one round of them takes as long as all others together.
             if key[0] == "naive" and turn > 2:
                 continue
-            with changed(recipe.changes):
-                pictures = []
-                for index, view in enumerate(views):
-                    picture, spent = _timed(recipe, model, view)
-                    pictures.append(picture)
-                    if turn:
-                        seconds[key][index].append(spent)
-            found[key] = pictures
-    points = []
-    for (name, samples), pictures in found.items():
+            found[key] = []
+            for view, times in zip(views, seconds[key], strict=True):
+                image, spent = _timed(recipe, model, view)
+                found[key].append(image)
+                times += [spent] if turn else []
+    timings = []
+    for (name, samples), images in found.items():
         ms = 1000 * sum(median(times) for times in seconds[name, samples]) / len(views)
-        quality = [psnr(picture, exact) for picture, exact in zip(pictures, truth, strict=True)]
-        off = max(float((picture - exact).abs().max()) for picture, exact in zip(pictures, truth, strict=True))
+        quality = [psnr(image, exact) for image, exact in zip(images, truth, strict=True)]
+        off = max(float((image - exact).abs().max()) for image, exact in zip(images, truth, strict=True))
         size = views[0].camera.width
-        points.append(Point(name, size, samples, ms, sum(quality) / len(quality), min(quality), off))
-    return points
+        timings.append(Timing(name, size, samples, ms, sum(quality) / len(quality), min(quality), off))
+    return timings
 
 
 def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
     if recipe.warm:
-        march.forget()
-        recipe.draw(model, view)
+        fast.clear_cache()
+        recipe.render(model, view)
     began = time.perf_counter()
-    picture = recipe.draw(model, view).cpu()  # which waits for a graphics card to be done
-    return picture, time.perf_counter() - began
+    image = recipe.render(model, view).cpu()  # which waits for a graphics card to be done
+    return image, time.perf_counter() - began
 
 
-def _looking(**at: float) -> Change:
-    """At more of a ray than is worth it."""
-    return Change(march, "overlooked", lambda samples: occupancy.overlooked(samples)._replace(**at))
+def _ablations(samples: int) -> dict[str, Tolerances]:
+    """The fast renderer, and without each of what it leaves out of a ray."""
+    cutoff = tolerances(samples)
+    return {
+        FULL: cutoff,
+        "without early ray termination": cutoff._replace(termination=math.inf),
+        "colouring all intervals": cutoff._replace(min_weight=-1.0),
+    }
 
 
-_PARTS: dict[str, tuple[Change, ...]] = {
-    "without occupancy": (Change(occupancy, "_EMPTY", -1.0),),
-    "without stopping spent rays": (_looking(spent=math.inf),),
-    "colouring all intervals": (_looking(unseen=-1.0),),
-    "encoding instead of tables": (Change(Tables, "__call__", Tables.exactly),),
-    "in float32": (Change(folded, "linear_dtype", lambda device: torch.float32),),
-}
-
-
-def _drags(model: Model, size: int) -> Iterator[Drag]:
-    """While the camera, the texture or the shape moves by itself."""
+def _interactions(model: Model, size: int) -> Iterator[Interaction]:
+    """The camera moves, then the texture, then the shape."""
     codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
     other = model.codes[len(model.codes.objects) // 2]
 
@@ -225,38 +217,37 @@ def _drags(model: Model, size: int) -> Iterator[Drag]:
         return RenderJob(mixed, turned if what == "orbit" else camera, settings)
 
     for what in ("orbit", "texture", "shape"):
-        shares = [(index + 1) / (_DRAGGED + _UNSETTLED) for index in range(_DRAGGED + _UNSETTLED)]
-        whole = [_until(model, at(what, share, RenderSettings(stages=(1,))), last=True) for share in shares]
-        march.forget()
-        _until(model, at(what, 0.0, RenderSettings()), last=True)
-        pace, first = Pace(), []
+        shares = [
+            (index + 1) / (_INTERACTION_FRAMES + _WARMUP_FRAMES)
+            for index in range(_INTERACTION_FRAMES + _WARMUP_FRAMES)
+        ]
+        whole = [_seconds_until(model, at(what, share, RenderSettings(divisors=(1,))), last=True) for share in shares]
+        fast.clear_cache()
+        _seconds_until(model, at(what, 0.0, RenderSettings()), last=True)
+        budget, previews = FrameBudget(), []
         for share in shares:
-            settings = RenderSettings(stages=pace.stages, across=2)
-            first.append(_until(model, at(what, share, settings), last=False))
-            pace.seen(settings.stages[0], first[-1])
-        ends = [at(what, 1.0 + index, RenderSettings(stages=pace.stages, across=2)) for index in range(_RESTS)]
-        rest = sum(_until(model, job, last=True) for job in ends) / len(ends)
-        p50, p95, first_p50, first_p95 = *_quantiles(whole), *_quantiles(first)
-        yield Drag(what, size, p50, p95, first_p50, first_p95, max(1, size // pace.divisor), rest)
+            settings = RenderSettings(divisors=budget.divisors, supersampling=2)
+            previews.append(_seconds_until(model, at(what, share, settings), last=False))
+            budget.observe(settings.divisors[0], previews[-1])
+        ends = [
+            at(what, 1.0 + index, RenderSettings(divisors=budget.divisors, supersampling=2))
+            for index in range(_SETTLES)
+        ]
+        settle = sum(_seconds_until(model, job, last=True) for job in ends) / len(ends)
+        preview_size = max(1, size // budget.divisor)
+        yield Interaction(what, size, *_quantiles(whole), *_quantiles(previews), preview_size, settle)
 
 
-def _until(model: Model, job: RenderJob, last: bool) -> float:
-    """Seconds until a job's first picture is there, or its last."""
+def _seconds_until(model: Model, job: RenderJob, last: bool) -> float:
+    """Seconds until a job's first image is there, or its last."""
     began = time.perf_counter()
-    for frame in frames(model, job):
+    for frame in render_progressively(model, job):
         if frame and (frame.final or not last):
             break
     return time.perf_counter() - began
 
 
 def _quantiles(values: Sequence[float]) -> tuple[float, float]:
-    """ms: the median and the 95th percentile, once things have settled."""
-    ordered = sorted(1000 * value for value in values[_UNSETTLED:])
+    """ms: the median and the 95th percentile, without the warm-up."""
+    ordered = sorted(1000 * value for value in values[_WARMUP_FRAMES:])
     return median(ordered), ordered[int(0.95 * (len(ordered) - 1))]
-
-
-def machine(device: torch.device) -> str:
-    """What the numbers were taken on."""
-    dtype = str(precision.linear_dtype(device.type)).removeprefix("torch.")
-    card = f"{torch.cuda.get_device_name(device)}, " if device.type == "cuda" else ""
-    return f"{card}{platform.machine()}, {torch.get_num_threads()} threads, {dtype}, torch {torch.__version__}"

@@ -10,16 +10,17 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from core.cli.progress import require_place
+from core.cli.progress import require_writable
 from core.fitting import fit as fits
 from core.fitting.confidence import DOUBTFUL
-from core.fitting.fit import PRESETS, Alternative, FitJob, FitStep
+from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.geometry.camera import Camera
 from core.models.library import load_model
 from core.models.scene import Scene
 from core.photos.decode import upright_size
 from core.photos.photo import load_photo
-from core.photos.segmentation import Hints, NoGroundError
+from core.photos.plain_background import NoBackgroundError
+from core.photos.segmentation import Hints
 
 
 def fit(chosen: argparse.Namespace) -> None:
@@ -28,20 +29,20 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     if chosen.box and len(chosen.box) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
-    if chosen.lens and chosen.pose:
-        raise ValueError("--lens searches for the focal length of unknown cameras, and --pose gives them")
+    if chosen.estimate_focal and chosen.pose:
+        raise ValueError("--estimate-focal searches for the focal length of unknown cameras, and --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
     for path in filter(None, (chosen.out, chosen.log)):
-        require_place(path)
-    settings = replace(PRESETS[chosen.preset], lens=chosen.lens)
+        require_writable(path)
+    settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
     hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
     each = zip(chosen.images, poses, hints, strict=True)
     try:
         photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
-    except NoGroundError as error:
+    except NoBackgroundError as error:
         raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
@@ -50,17 +51,14 @@ def fit(chosen: argparse.Namespace) -> None:
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()
             if log:
-                log.write(json.dumps(_told(last) | {"start": last.start}) + "\n")
+                log.write(json.dumps(_to_dict(last) | {"origin": last.origin}) + "\n")
     if last is None:
         raise ValueError("the fit made no step")
     if chosen.out:
         Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
-    if last.alternative and last.confidence is not None and last.confidence < DOUBTFUL:
-        print(f"python -m core: {_doubt(last.confidence, last.alternative)}", file=sys.stderr)
-    book = model.codes
-    (shape, texture), shapes, textures = last.directions, len(book.shape_space.spread), len(book.texture_space.spread)
-    spent = {"shape_directions": [shape, shapes], "texture_directions": [texture, textures]}
-    print(json.dumps(_told(last) | (spent if chosen.preset != "paper" else {})), flush=True)
+    if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
+        print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
+    print(json.dumps(_to_dict(last)), flush=True)
 
 
 def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:
@@ -75,23 +73,23 @@ def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:
         raise ValueError(f"{image}: {error} of {width}x{height} px") from None
 
 
-def _told(step: FitStep) -> dict[str, object]:
-    other = step.alternative
+def _to_dict(step: FitStep) -> dict[str, object]:
+    other = step.runner_up
     return {
-        **_camera_told(step.cameras[0]),
+        **_camera_to_dict(step.cameras[0]),
         "psnr": round(step.psnr, 3),
         "seconds": round(step.seconds, 3),
         "steps": step.step,
         "loss": step.loss,
         "confidence": step.confidence and round(step.confidence, 3),
-        "spread": step.spread and round(step.spread, 3),
+        "uncertainty_deg": step.uncertainty and round(step.uncertainty, 3),
         "focal": _focal(step.cameras[0]),
-        "alternative": other
-        and {**_camera_told(other.cameras[0]), "focal": _focal(other.cameras[0]), "loss": other.loss},
+        "runner_up": other
+        and {**_camera_to_dict(other.cameras[0]), "focal": _focal(other.cameras[0]), "loss": other.loss},
     }
 
 
-def _camera_told(camera: Camera) -> dict[str, float]:
+def _camera_to_dict(camera: Camera) -> dict[str, float]:
     return {
         "azimuth": round(math.degrees(camera.azimuth), 4),
         "elevation": round(math.degrees(camera.elevation), 4),
@@ -104,7 +102,7 @@ def _focal(camera: Camera) -> float:
     return round(camera.focal / camera.height, 4)
 
 
-def _doubt(trust: float, other: Alternative) -> str:
-    told = _camera_told(other.cameras[0])
-    where = f"azimuth {told['azimuth']:.0f}, elevation {told['elevation']:.0f}"
+def _doubt(trust: float, other: RunnerUp) -> str:
+    camera = _camera_to_dict(other.cameras[0])
+    where = f"azimuth {camera['azimuth']:.0f}, elevation {camera['elevation']:.0f}"
     return f"the camera is doubtful (confidence {trust:.2f}): it may be {where}, or the object none of the model's kind"

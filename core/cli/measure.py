@@ -8,100 +8,126 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
-from core.benchmarks import ablations as parts
-from core.benchmarks import charts, rendering
-from core.benchmarks import fits as fitting
-from core.benchmarks import model_sizes as sizes
-from core.benchmarks import robustness as stability
-from core.benchmarks.held_out_views import Subject, dataset_subjects, own_subjects
-from core.cli.progress import require_place
-from core.datasets.srn import ObjectPlace, find_objects
-from core.evaluation.disentanglement import CellScore, swap, table
+from core.benchmarks import ablations, charts, fits, gate, model_sizes, rendering, robustness, tables
+from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
+from core.cli.progress import require_writable
+from core.datasets.srn import ObjectEntry, index_objects
+from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
-from core.evaluation.report import swap_told, told, write_report, write_swap_report
+from core.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
 from core.models.library import load_model
 from core.models.model import Model
 
-_Score = TypeVar("_Score", ObjectScore, CellScore)
+_Score = TypeVar("_Score", ObjectScore, PairScore)
 _Thing = TypeVar("_Thing")
 _Found = TypeVar("_Found")
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
-    """``evaluate``: the paper's table on a test set, or with ``--swap`` how well shape and texture are told apart."""
-    protocol = Protocol(chosen.inputs, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.every)
-    if chosen.swap and protocol != Protocol(seed=chosen.seed):
-        raise ValueError("--swap draws all of a cell from its true cameras: no --inputs, --pose, --preset or --every")
+    """``evaluate``: the paper's table on a test set, or how well shape and texture are separated."""
+    protocol = Protocol(chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride)
+    if chosen.disentanglement and protocol != Protocol(seed=chosen.seed):
+        raise ValueError(
+            "--disentanglement renders all of a pair from its true cameras: "
+            "no --input-views, --pose, --preset or --view-stride"
+        )
     model = load_model(chosen.model, chosen.device)
     places = _places(model, chosen.datasets)
     if chosen.report:
-        require_place(chosen.report)
+        require_writable(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
-    if chosen.swap:
+    if chosen.disentanglement:
         _evaluate_swap(chosen, model, places, about)
         return
     places = _spread(places, chosen.objects)
     scores = _collected(scored(model, (place.read() for place in places), protocol), len(places))
-    print(told(scores, protocol), flush=True)
+    print(format_table(scores, protocol), flush=True)
     if chosen.report:
         write_report(chosen.report, scores, protocol, about)
 
 
 def bench_render(chosen: argparse.Namespace) -> None:
-    """``bench render``: speed and accuracy of the renderer, as numbers, table and chart."""
-    charts.prepare(chosen.out)
-    found = _watched(rendering.measured(load_model(chosen.model, chosen.device), chosen.views))
-    charts.write_rendering(found, chosen.out)
-    print(charts.rendering_table(found), flush=True)
+    """``bench render``: speed and accuracy of the renderer; with ``--gate`` only compared with a baseline."""
+    baseline = charts.read_rendering(chosen.gate) if chosen.gate else None
+    _prepare(chosen)
+    found = _last_value(rendering.run(load_model(chosen.model, chosen.device), chosen.views))
+    print(tables.rendering_table(found), flush=True)
+    if baseline:
+        _require_no_worse(gate.compare_rendering(found, baseline))
+    else:
+        charts.write_rendering(found, chosen.out)
 
 
 def bench_fit(chosen: argparse.Namespace) -> None:
-    """``bench fit``: speed and accuracy of blind fits, as numbers, table and chart."""
+    """``bench fit``: speed and accuracy of blind fits; with ``--gate`` only compared with a baseline."""
+    baseline = charts.read_fits(chosen.gate) if chosen.gate else None
+    _prepare(chosen)
+    found = _last_value(fits.run(*_held_out_views(chosen)))
+    print(tables.fit_table(found), flush=True)
+    if baseline:
+        _require_no_worse(gate.compare_fits(found, baseline))
+    else:
+        charts.write_fits(found, chosen.out)
+
+
+def bench_ablations(chosen: argparse.Namespace) -> None:
+    """``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(fitting.measured(*_subjects(chosen)))
-    charts.write_fitting(found, chosen.out)
-    print(charts.fitting_table(found), flush=True)
+    found = _last_value(ablations.run(*_held_out_views(chosen)))
+    charts.write_ablations(found, chosen.out)
+    print(tables.ablations_table(found), flush=True)
 
 
-def bench_parts(chosen: argparse.Namespace) -> None:
-    """``bench parts``: blind fits without each part of the method, as numbers, table and chart."""
+def bench_robustness(chosen: argparse.Namespace) -> None:
+    """``bench robustness``: where blind fits fail, as CSV, table and chart."""
     charts.prepare(chosen.out)
-    found = _watched(parts.measured(*_subjects(chosen)))
-    charts.write_parts(found, chosen.out)
-    print(charts.parts_table(found), flush=True)
+    found = _last_value(robustness.run(load_model(chosen.model, chosen.device), chosen.objects, chosen.seed))
+    charts.write_robustness(found, chosen.out)
+    print(tables.robustness_table(found), flush=True)
 
 
-def bench_stability(chosen: argparse.Namespace) -> None:
-    """``bench stability``: the atlas of where fits fail, as numbers, table and chart."""
-    charts.prepare(chosen.out)
-    found = _watched(stability.measured(load_model(chosen.model, chosen.device), chosen.objects, chosen.seed))
-    charts.write_stability(found, chosen.out)
-    print(charts.stability_table(found), flush=True)
-
-
-def bench_size(chosen: argparse.Namespace) -> None:
-    """``bench size``: what sizes of network and codes buy, as numbers, table and chart."""
+def bench_model_size(chosen: argparse.Namespace) -> None:
+    """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
     charts.prepare(chosen.out)
     if not chosen.models.is_dir():
         raise ValueError(f"there is no folder {chosen.models}")
-    tests = _spread(find_objects(chosen.tests)[1], chosen.objects)
-    found = _watched(sizes.measured(chosen.datasets, tests, chosen.steps, chosen.models))
-    charts.write_sizes(found, chosen.out)
-    print(charts.sizes_table(found), flush=True)
+    tests = _spread(index_objects(chosen.tests)[1], chosen.objects)
+    found = _last_value(model_sizes.run(chosen.datasets, tests, chosen.steps, chosen.models))
+    charts.write_model_sizes(found, chosen.out)
+    print(tables.model_sizes_table(found), flush=True)
 
 
-def _subjects(chosen: argparse.Namespace) -> tuple[Model, tuple[Subject, ...]]:
+def bench_redraw(chosen: argparse.Namespace) -> None:
+    """``bench redraw``: tables and charts again from the CSV files."""
+    charts.prepare(chosen.out)
+    for path in charts.redraw(chosen.out):
+        print(path, flush=True)
+
+
+def _prepare(chosen: argparse.Namespace) -> None:
+    if not chosen.gate:
+        charts.prepare(chosen.out)
+
+
+def _require_no_worse(lines: Sequence[str]) -> None:
+    """Ends with status 1 and one line where something is worse than the baseline."""
+    if lines:
+        raise SystemExit(f"worse than the baseline: {'; '.join(lines)}")
+    print("no worse than the baseline", flush=True)
+
+
+def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:
     model = load_model(chosen.model, chosen.device)
     generator = torch.Generator().manual_seed(chosen.seed)
     if not chosen.dataset:
-        return model, tuple(own_subjects(model, chosen.objects, generator))
+        return model, tuple(training_object_views(model, chosen.objects, generator))
     places = _spread(_places(model, chosen.dataset), chosen.objects)
-    return model, tuple(dataset_subjects(model, places, generator))
+    return model, tuple(dataset_views(model, places, generator))
 
 
-def _watched(stream: Iterator[str | _Found]) -> _Found:
-    """The last value of a benchmark, whose words until then are shown beside the time."""
+def _last_value(stream: Iterator[str | _Found]) -> _Found:
+    """The results of a benchmark; what it says until then is shown beside the time."""
     with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
         for value in stream:
             if not isinstance(value, str):
@@ -111,20 +137,20 @@ def _watched(stream: Iterator[str | _Found]) -> _Found:
 
 
 def _evaluate_swap(
-    chosen: argparse.Namespace, model: Model, places: tuple[ObjectPlace, ...], about: dict[str, str]
+    chosen: argparse.Namespace, model: Model, places: tuple[ObjectEntry, ...], about: dict[str, str]
 ) -> None:
-    cells = table(model, places)
-    kinds = ([cell for cell in cells if cell.trained == trained] for trained in (False, True))
-    some = [cell for kind in kinds for cell in _spread(tuple(kind), chosen.objects)]
-    scores = _collected(swap(model, some, chosen.seed), len(some))
-    print(swap_told(scores), flush=True)
+    found = pairs(model, places)
+    kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
+    some = [pair for kind in kinds for pair in _spread(tuple(kind), chosen.objects)]
+    scores = _collected(score_pairs(model, some, chosen.seed), len(some))
+    print(format_disentanglement(scores), flush=True)
     if chosen.report:
-        write_swap_report(chosen.report, scores, about)
+        write_disentanglement_report(chosen.report, scores, about)
 
 
-def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectPlace, ...]:
+def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
     """The objects of datasets, which must be of the model's category."""
-    category, places = find_objects(datasets)
+    category, places = index_objects(datasets)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
     return places

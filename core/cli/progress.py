@@ -1,4 +1,4 @@
-"""What commands share: progress on the screen, and a place for the result."""
+"""What commands share: a progress bar, and a check of where the result goes."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,17 +6,18 @@ from pathlib import Path
 from tqdm import tqdm
 
 
-def drive(stream: Iterator[object], total: int, unit: str) -> None:
-    """Run a stream to its end under a progress bar, which appears once the first value is there and all is well."""
+def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
+    """Run a stream to its end under a progress bar, which appears with the first value."""
     next(stream, None)
     with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
         for _ in stream:
             bar.update()
 
 
-def require_place(path: Path) -> None:
-    """Raises ``ValueError`` where a file cannot be written for want of its folder, or because it is one itself: before
-    the work, not after it.
+def require_writable(path: Path) -> None:
+    """Check before the work that its result can be written.
+
+    Raises ``ValueError`` where the path is a folder or its folder does not exist.
     """
     if path.is_dir():
         raise ValueError(f"cannot write {path}: it is a folder")

@@ -1,4 +1,4 @@
-"""``render``, ``turntable`` and ``mesh``: an object as a picture, a film and a mesh."""
+"""``render``, ``turntable`` and ``mesh``: an object as an image, a video and a mesh."""
 
 import argparse
 import math
@@ -7,64 +7,65 @@ from itertools import chain, pairwise
 
 from tqdm import tqdm
 
-from core.cli.progress import drive, require_place
+from core.cli.progress import require_writable, run_with_progress
 from core.export import keyframes as timeline
-from core.export.keyframes import Key, Shot, Timeline
+from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import export_mesh
-from core.export.video import VideoSettings, film
+from core.export.video import VideoSettings, write_video
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.pictures import open_scene, save_picture
-from core.models.scene import Scene
-from core.rendering.progressive import picture
+from core.models.scene import Scene, open_scene, save_image
+from core.rendering.progressive import render_frame
 from core.rendering.reference import render_exact
 
 
 def render(chosen: argparse.Namespace) -> None:
-    """``render``: one picture."""
-    model, codes, camera = _viewed(chosen)
-    require_place(chosen.out)
+    """``render``: one image."""
+    model, codes, camera = _load_view(chosen)
+    require_writable(chosen.out)
     camera = camera.resized(chosen.size, chosen.size)
     if chosen.exact:
         colour = render_exact(model, codes, camera).colour.clamp(0, 1)
         image = (colour * 255 + 0.5).byte().cpu().numpy()
     else:
-        image = picture(model, codes, camera).image
-    save_picture(image, chosen.out, Scene(model.fingerprint, codes, camera))
+        image = render_frame(model, codes, camera).image
+    save_image(image, chosen.out, Scene(model.fingerprint, codes, camera))
 
 
 def turntable(chosen: argparse.Namespace) -> None:
-    """``turntable``: a video of one turn, into another object and back if told."""
-    model, codes, camera = _viewed(chosen)
+    """``turntable``: a video of one turn, morphing into another object and back with ``--morph-to``."""
+    model, codes, camera = _load_view(chosen)
     settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, chosen.transparent)
     shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
-        there, length = Shot(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
-        keys = Key(0.0, Shot(codes, camera)), Key(length / 2, there)
-        shots = Timeline(keys, length, turns=1).shots(chosen.fps)
-    written = film(model, shots, chosen.out, settings)
-    drive((count for before, count in pairwise(chain((0,), written)) if count > before), len(shots), "frame")
+        there, length = View(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
+        keys = Keyframe(0.0, View(codes, camera)), Keyframe(length / 2, there)
+        shots = Timeline(keys, length, turns=1).views(chosen.fps)
+    written = write_video(model, shots, chosen.out, settings)
+    run_with_progress(
+        (count for before, count in pairwise(chain((0,), written)) if count > before), len(shots), "frame"
+    )
 
 
 def mesh(chosen: argparse.Namespace) -> None:
     """``mesh``: an object as triangles."""
-    model, codes, _ = _chosen(chosen)
+    model, codes, _ = _load_selection(chosen)
     shares = export_mesh(model, codes, chosen.out, chosen.resolution)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:
             bar.update(share - bar.n)
 
 
-def _viewed(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
-    """The model, codes and camera that the options name: a scene's or an object's, seen from the front unless told."""
-    model, codes, camera = _chosen(chosen)
-    told = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
-    return model, codes, replace(camera, **{name: value for name, value in told.items() if value is not None})
+def _load_view(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
+    """The model, codes and camera that the options name."""
+    model, codes, camera = _load_selection(chosen)
+    given = {name: getattr(chosen, name) for name in ("azimuth", "elevation", "distance")}
+    return model, codes, replace(camera, **{name: value for name, value in given.items() if value is not None})
 
 
-def _chosen(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
+def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     """The model and the codes that the options name, with the scene's own camera or one from the front."""
     model = load_model(chosen.model, chosen.device)
     if chosen.scene:

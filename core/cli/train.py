@@ -1,137 +1,140 @@
-"""``dataset``, ``train``, ``glance`` and ``convert``: what models are made of, and from."""
+"""``dataset``, ``train``, ``train-viewpoint`` and ``convert``: everything that makes datasets and models."""
 
 import argparse
-import json
 import math
 from dataclasses import replace
 
 import torch
 from tqdm import tqdm
 
-from core.benchmarks.charts import write_training
-from core.cli.progress import drive, require_place
-from core.datasets.glb_objects import mesh_plan, render_meshes
-from core.datasets.mesh_variants import cells
-from core.datasets.procedural.table import procedural_plan, render_procedural, swap_plan
+from core.cli.progress import require_writable, run_with_progress
+from core.datasets.glb_objects import render_meshes, select_meshes
+from core.datasets.mesh_variants import pairs
+from core.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
 from core.datasets.srn import Dataset, read_dataset
 from core.datasets.srn_cameras import SPIRAL_VIEWS
 from core.models.authors_checkpoint import load_authors
-from core.models.field import FieldConfig
+from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.viewpoint import Glance
-from core.training.trainer import RECIPES, Trainer, held_out_psnr, hold_out
-from core.training.viewpoint import glimpses, share_recognised, taught
+from core.models.viewpoint import ViewpointClassifier
+from core.training.curve import CurvePoint, read_curve, write_curve
+from core.training.recipes import RECIPES
+from core.training.trainer import Trainer, held_out_psnr, hold_out
+from core.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
 
-_MEASURED_EVERY = 5000
-"""Steps between two measurements of a model in training, which is saved at the same time."""
-_GLANCE_SHARE = 12
-"""One of so many steps of training is one of the glance's."""
-_ASKED = 20
-"""One of so many objects is kept to measure a glance by."""
-_RECOGNISED = math.radians(15)
-_VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
+_CHECKPOINT_EVERY = 5000
+"""Steps between two measurements of a model in training; it is saved at the same time."""
+_VIEWPOINT_FRACTION = 12
+"""The viewpoint classifier is trained for one step per so many steps of the model."""
+_VALIDATION_STRIDE = 20
+"""One of so many objects is held out to measure the viewpoint classifier."""
+_VALIDATION_ANGLE = math.radians(15)
+"""A predicted direction within this of the true one is counted as right."""
+_DEFAULT_VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
 
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:
     """``dataset meshes``: GLB files rendered into SRN folders."""
-    plan = mesh_plan(chosen.folder, chosen.category, chosen.split)
-    views = chosen.views or _VIEWS[chosen.split]
+    meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
+    views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
-    made = render_meshes(*where, views, chosen.size, chosen.variants)
-    drive(made, len(plan) * len(cells(chosen.variants)), "object")
+    rendered = render_meshes(*where, views, chosen.size, chosen.variants)
+    run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
 
 
 def dataset_procedural(chosen: argparse.Namespace) -> None:
     """``dataset procedural``: generated objects rendered into SRN folders."""
-    plan = procedural_plan(chosen.category, chosen.count, chosen.split)
-    views = chosen.views or _VIEWS[chosen.split]
-    made = render_procedural(plan, chosen.category, chosen.out, chosen.split, views, chosen.size)
-    drive(made, len(plan), "object")
+    objects = procedural_table(chosen.category, chosen.count, chosen.split)
+    views = chosen.views or _DEFAULT_VIEWS[chosen.split]
+    rendered = render_procedural(objects, chosen.category, chosen.out, chosen.split, views, chosen.size)
+    run_with_progress(rendered, len(objects), "object")
 
 
-def dataset_swap(chosen: argparse.Namespace) -> None:
-    """``dataset swap``: trained and untrained pairs of procedural shapes and textures, for ``evaluate --swap``."""
-    plan = swap_plan(chosen.category, chosen.count, chosen.blocks)
-    made = render_procedural(plan, chosen.category, chosen.out, "test", chosen.views, chosen.size)
-    drive(made, len(plan), "object")
+def dataset_pairs(chosen: argparse.Namespace) -> None:
+    """``dataset pairs``: trained and untrained pairs of procedural shapes and
+    textures, for ``evaluate --disentanglement``."""
+    objects = disentanglement_pairs(chosen.category, chosen.count, chosen.tables)
+    rendered = render_procedural(objects, chosen.category, chosen.out, "test", chosen.views, chosen.size)
+    run_with_progress(rendered, len(objects), "object")
 
 
 def train(chosen: argparse.Namespace) -> None:
-    """``train``: a model from datasets, saved with its state and its curve as it goes."""
-    require_place(chosen.out)
+    """``train``: a model from datasets, saved regularly with its state and its training curve."""
+    require_writable(chosen.out)
     recipe = RECIPES[chosen.recipe]
-    begin = load_model(chosen.begin) if chosen.begin else None
-    settings = replace(recipe, field=_field(chosen, recipe.field, begin), steps=chosen.steps, seed=chosen.seed)
+    initial = load_model(chosen.init) if chosen.init else None
+    settings = replace(recipe, field=_field_config(chosen, recipe.field, initial), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
-    trainer = Trainer(training, settings.gentler if begin else settings, chosen.device)
-    if begin:
-        trainer.begin_from(begin)
+    trainer = Trainer(training, settings.finetuning if initial else settings, chosen.device)
+    if initial:
+        trainer.initialise_from(initial)
     state, curve = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json")
-    points: list[dict[str, float]] = []
     if chosen.resume:
         trainer.load_state(state)
-        points = next(iter(json.loads(curve.read_text()).values())) if curve.exists() else []
+    points = read_curve(curve) if chosen.resume else []
     with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
         for step in trainer.steps():
             bar.update()
             if step.step % 100 == 0:
                 bar.set_postfix_str(f"rays {step.psnr:.2f} dB")
-            if step.step % _MEASURED_EVERY == 0 or step.step == step.steps:
+            if step.step % _CHECKPOINT_EVERY == 0 or step.step == step.steps:
                 model = trainer.model()
                 model.save(chosen.out)
                 trainer.save_state(state)
                 found = held_out_psnr(model, held_out)
-                tqdm.write(f"step {step.step}: {found:.2f} dB on views not trained on, {step.seconds:.0f} s")
-                points.append({"step": step.step, "seconds": step.seconds, "psnr": found})
-                write_training({chosen.out.stem: points}, curve)
-    if chosen.recipe == "ours":
-        steps = max(1, chosen.steps // _GLANCE_SHARE)
-        _taught(trainer.model(), training, steps, chosen.seed).save(chosen.out)
+                tqdm.write(f"step {step.step}: {found:.2f} dB on held-out views, {step.seconds:.0f} s")
+                points.append(CurvePoint(step.step, step.seconds, found))
+                write_curve(curve, chosen.out.stem, points)
+    if chosen.recipe == "default":
+        steps = max(1, chosen.steps // _VIEWPOINT_FRACTION)
+        _with_viewpoint(trainer.model(), training, steps, chosen.seed).save(chosen.out)
 
 
-def glance(chosen: argparse.Namespace) -> None:
-    """``glance``: teach a trained model to tell at a glance from where a picture is taken, as ``train`` does last."""
-    require_place(chosen.out)
+def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
+    """``train-viewpoint``: train a model's viewpoint classifier, as ``train`` does last."""
+    require_writable(chosen.out)
     model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
     if model.category not in ("", dataset.category):
-        raise ValueError(f"the dataset shows {dataset.category}, and the model knows {model.category}")
-    _taught(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
+        raise ValueError(f"the dataset shows {dataset.category}, and the model is one of {model.category}")
+    _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
 
 
-def _taught(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
-    """The model with a glance; some objects are only looked at to say how well it recognises."""
-    asked = dataset.objects[::_ASKED]
-    shown = [views for index, views in enumerate(dataset.objects) if index % _ASKED] or asked
-    seen = glimpses(replace(dataset, objects=tuple(shown)))
+def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
+    """The model with a viewpoint classifier, trained on most of the objects and measured on the others."""
+    validation = dataset.objects[::_VALIDATION_STRIDE]
+    shown = [views for index, views in enumerate(dataset.objects) if index % _VALIDATION_STRIDE] or validation
+    training = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
     torch.manual_seed(seed)
-    pupil = Glance()
-    with tqdm(total=steps, desc="glance", unit="step", disable=None) as bar:
-        for _ in taught(pupil, seen, steps, seed):
+    classifier = ViewpointClassifier()
+    with tqdm(total=steps, desc="viewpoint", unit="step", disable=None) as bar:
+        for _ in train_viewpoint(classifier, training, steps, seed):
             bar.update()
-    share = 100 * share_recognised(pupil, glimpses(replace(dataset, objects=asked)), _RECOGNISED)
-    tqdm.write(f"of objects not looked at, {share:.0f} % of views are told to {math.degrees(_RECOGNISED):.0f} degrees")
-    return replace(model, glance=pupil)
+    share = 100 * accuracy_within(
+        classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE
+    )
+    tqdm.write(
+        f"viewpoint: {share:.0f} % of held-out objects' views within {math.degrees(_VALIDATION_ANGLE):.0f} degrees"
+    )
+    return replace(model, viewpoint_classifier=classifier)
 
 
-def _field(chosen: argparse.Namespace, usual: FieldConfig, begin: Model | None) -> FieldConfig:
-    """The network's sizes, as told or as the model has them that training goes on from."""
-    if begin:
-        if chosen.width or chosen.latent or chosen.recipe != "ours":
-            raise ValueError("--from has the sizes and the design of its model: no --width, --latent or --recipe")
-        return begin.field.config
-    shape, texture = chosen.latent or (usual.shape_latent, usual.texture_latent)
-    return replace(usual, width=chosen.width or usual.width, shape_latent=shape, texture_latent=texture)
+def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Model | None) -> FieldConfig:
+    """The network's sizes: those of the options, or of the model that training starts from."""
+    if initial:
+        if chosen.width or chosen.latent or chosen.recipe != "default":
+            raise ValueError("--init has the sizes and the architecture of its model: no --width, --latent or --recipe")
+        return initial.field.config
+    shape, texture = chosen.latent or (default.shape_latent, default.texture_latent)
+    return replace(default, width=chosen.width or default.width, shape_latent=shape, texture_latent=texture)
 
 
 def convert(chosen: argparse.Namespace) -> None:
     """``convert``: a checkpoint of the authors' trainer as a model file."""
-    require_place(chosen.out)
+    require_writable(chosen.out)
     if chosen.out.suffix != ".safetensors":
         raise ValueError(f"{chosen.out.name}: a model file is called .safetensors")
     model = load_authors(chosen.checkpoint, chosen.config)
     model.save(chosen.out)
-    lost = ", ".join(str(index) for index in sorted(model.codes.broken))
-    print(
-        f"{len(model.codes)} {model.category}" + (f"; next to empty, so left out of the mean: {lost}" if lost else "")
-    )
+    lost = ", ".join(str(index) for index in sorted(model.codes.collapsed))
+    print(f"{len(model.codes)} {model.category}" + (f"; nearly empty, so left out of the mean: {lost}" if lost else ""))

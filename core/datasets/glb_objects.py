@@ -11,14 +11,14 @@ import trimesh
 from jaxtyping import Float, UInt8
 from PIL import Image
 
-from core.datasets.mesh_variants import cells, deformed, recoloured
+from core.datasets.categories import Split
+from core.datasets.mesh_variants import deformed, pairs, recoloured
 from core.datasets.rasteriser import Surface
-from core.datasets.render_objects import Sitter, picture_all
-from core.datasets.splits import Split, held_out
+from core.datasets.render_objects import RenderTask, render_objects
+from core.datasets.splits import held_out_meshes
+from core.geometry.camera import WORLD_FROM_GLTF
 
-WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and the front at +z; the world has z up and the front at +y."""
-_TURNED = {
+_TURN_TO_FRONT = {
     "quaternius_oct2017_chair": -90,
     "quaternius_oct2017_chaircushioned": -90,
     "quaternius_oct2017_chairhandle": -90,
@@ -35,7 +35,7 @@ class MeshEntry:
     path: Path
 
 
-def mesh_plan(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
+def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
     """The meshes that a split renders, in the index's order. Raises ``ValueError`` for a folder without an index."""
     index = Path(folder) / "index.json"
     try:
@@ -43,40 +43,43 @@ def mesh_plan(folder: Path | str, category: str, split: Split) -> tuple[MeshEntr
         entries = [MeshEntry(line["id"], line["category"], Path(folder) / line["file"]) for line in lines]
     except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
         raise ValueError(f"{index}: not a mesh index ({error!r})") from error
-    kept = held_out(category)
-    plan = tuple(e for e in entries if e.category == category and (e.name in kept) == (split == "test"))
-    if not plan:
+    kept = held_out_meshes(category)
+    selected = tuple(e for e in entries if e.category == category and (e.name in kept) == (split == "test"))
+    if not selected:
         raise ValueError(f"{index}: no {category} for the {split} split")
-    return plan
+    return selected
 
 
 def render_meshes(
     folder: Path | str, out: Path | str, category: str, split: Split, views: int, size: int, variants: int = 0
 ) -> Iterator[str]:
-    """Renders every mesh of ``mesh_plan`` into the dataset ``out`` as :func:`core.datasets.render_objects.picture_all`
-    does.
+    """Renders every mesh of ``select_meshes`` into the dataset ``out``, by
+    :func:`core.datasets.render_objects.render_objects`.
 
-    ``variants`` deformed forms of each are added, in as many colourings: see :mod:`core.datasets.mesh_variants`.
+    ``variants`` deformed shapes of each are added, in as many recolourings: see :mod:`core.datasets.mesh_variants`.
     Raises ``ValueError`` for a negative number of them.
     """
     if variants < 0:
         raise ValueError(f"a mesh has no {variants} variants")
-    plan = mesh_plan(folder, category, split)
-    sitters = [_sitter(entry, form, look) for entry in plan for form, look in cells(variants)]
-    yield from picture_all(sitters, out, category, split, views, size)
+    meshes = select_meshes(folder, category, split)
+    tasks = [_render_task(entry, *pair) for entry in meshes for pair in pairs(variants)]
+    yield from render_objects(tasks, out, category, split, views, size)
 
 
-def _sitter(entry: MeshEntry, form: int, look: int) -> Sitter:
-    """A mesh in one of its forms and looks; form 0 and look 0 carry its own name."""
-    shape = f"{entry.name}-form{form}" if form else entry.name
-    texture = f"{entry.name}-look{look}" if look else entry.name
-    name = f"{shape}-look{look}" if look else shape
-    return Sitter(name, shape, texture, partial(_variant, entry, form, look))
+def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:
+    """A mesh in one of its shapes and recolourings; where one is 0 it has the mesh's own name.
+
+    The names are those of the objects in the shipped models, and the cameras' seeds.
+    """
+    shape_id = f"{entry.name}-form{shape}" if shape else entry.name
+    texture_id = f"{entry.name}-look{recolouring}" if recolouring else entry.name
+    name = f"{shape_id}-look{recolouring}" if recolouring else shape_id
+    return RenderTask(name, shape_id, texture_id, partial(_variant, entry, shape, recolouring))
 
 
-def _variant(entry: MeshEntry, form: int, look: int) -> tuple[Surface, ...]:
-    surfaces = load_mesh(entry.path, _TURNED.get(entry.name, 0.0))
-    return normalised(deformed(recoloured(surfaces, entry.name, look), entry.name, form))
+def _variant(entry: MeshEntry, shape: int, recolouring: int) -> tuple[Surface, ...]:
+    surfaces = load_mesh(entry.path, _TURN_TO_FRONT.get(entry.name, 0.0))
+    return normalised(deformed(recoloured(surfaces, entry.name, recolouring), entry.name, shape))
 
 
 def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
@@ -121,14 +124,14 @@ def _surface(geometry: trimesh.Trimesh, placed: Float[np.ndarray, "3 4"]) -> Sur
     # Normals turn with the inverse transpose; the cofactors are that up to scale and never divide by zero.
     a, b, c = placed[:, :3].T
     normals = geometry.vertex_normals @ np.stack((np.cross(b, c), np.cross(c, a), np.cross(a, b)))
-    colours, uvs, texture = _look(geometry)
+    colours, uvs, texture = _appearance(geometry)
     return Surface(vertices, normals, np.asarray(geometry.faces), colours, uvs, texture)
 
 
-def _look(
+def _appearance(
     geometry: trimesh.Trimesh,
 ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "v 2"] | None, UInt8[np.ndarray, "h w 4"] | None]:
-    """Colours, texture coordinates and texture: from vertex colours, or from the material's factor and picture."""
+    """Colours, texture coordinates and texture: from vertex colours, or from the material's factor and image."""
     count, visual = len(geometry.vertices), geometry.visual
     if isinstance(visual, trimesh.visual.ColorVisuals):
         return np.asarray(visual.vertex_colors)[:, :3] / 255.0, None, None
@@ -138,9 +141,9 @@ def _look(
     factor = getattr(material, "baseColorFactor", None)
     factor = (255, 255, 255) if factor is None else np.asarray(factor)[:3]
     colours = np.tile(np.asarray(factor, np.float64) / 255.0, (count, 1))
-    picture = getattr(material, "baseColorTexture", None)
-    if not isinstance(picture, Image.Image) or visual.uv is None:
+    image = getattr(material, "baseColorTexture", None)
+    if not isinstance(image, Image.Image) or visual.uv is None:
         return colours, None, None
-    # trimesh counts v from the picture's bottom.
+    # trimesh counts v from the image's bottom.
     uvs = np.asarray(visual.uv) * (1.0, -1.0) + (0.0, 1.0)
-    return colours, uvs, np.asarray(picture.convert("RGBA"))
+    return colours, uvs, np.asarray(image.convert("RGBA"))

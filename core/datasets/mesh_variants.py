@@ -22,26 +22,26 @@ _TEXELS = 1024
 Recolouring = Callable[[Float[np.ndarray, "*colours 3"]], Float[np.ndarray, "*colours 3"]]
 
 
-def cells(variants: int) -> tuple[tuple[int, int], ...]:
-    """The pairs (form, look) that are rendered of a mesh with so many deformed forms beside its own.
+def pairs(variants: int) -> tuple[tuple[int, int], ...]:
+    """The pairs (shape, recolouring) that are rendered of a mesh with so many deformed shapes beside its own.
 
-    With n forms there are n - 1 looks, each form wears one or two of them, and neighbouring forms share one: about
-    half of the table. (0, 0) is the mesh as it is.
+    With n shapes there are n - 1 recolourings, each shape has one or two of them, and neighbouring shapes share one:
+    about half of the table. (0, 0) is the mesh as it is.
     """
-    looks = max(1, variants)
-    filled = [(form, look) for form in range(looks) for look in (form, form + 1) if look < looks]
+    colourings = max(1, variants)
+    filled = [(shape, colours) for shape in range(colourings) for colours in (shape, shape + 1) if colours < colourings]
     return (*filled, (variants, 0)) if variants else ((0, 0),)
 
 
-def deformed(surfaces: Sequence[Surface], name: str, form: int) -> tuple[Surface, ...]:
-    """The object in other proportions; the mesh as it is for form 0.
+def deformed(surfaces: Sequence[Surface], name: str, shape: int) -> tuple[Surface, ...]:
+    """The object in other proportions; the mesh as it is for shape 0.
 
     Length, width and height are stretched, and along length and height the part below a random place and the
-    part above it differently. Left and right stay alike.
+    part above it differently. The object stays symmetric.
     """
-    if form == 0:
+    if shape == 0:
         return tuple(surfaces)
-    generator = _generator(name, 1, form)
+    generator = _generator(name, 1, shape)
     used = np.vstack([surface.vertices for surface in surfaces])
     low, high = used.min(0), used.max(0)
     knee = low + generator.uniform(0.35, 0.65, 3) * (high - low)
@@ -52,15 +52,15 @@ def deformed(surfaces: Sequence[Surface], name: str, form: int) -> tuple[Surface
     return tuple(_stretched(surface, knee, factors) for surface in surfaces)
 
 
-def recoloured(surfaces: Sequence[Surface], name: str, look: int) -> tuple[Surface, ...]:
-    """The object in other colours; the mesh as it is for look 0.
+def recoloured(surfaces: Sequence[Surface], name: str, recolouring: int) -> tuple[Surface, ...]:
+    """The object in other colours; the mesh as it is for recolouring 0.
 
-    Colours that are alike belong to one part and change together; what is black or grey mostly stays (tyres, glass).
+    Similar colours belong to one part and change together; what is black or grey mostly stays (tyres, glass).
     """
-    if look == 0:
+    if recolouring == 0:
         return tuple(surfaces)
-    recolour = _recolouring(surfaces, _generator(name, 2, look))
-    return tuple(_painted(surface, recolour) for surface in surfaces)
+    recolour = _recolouring(surfaces, _generator(name, 2, recolouring))
+    return tuple(_repainted(surface, recolour) for surface in surfaces)
 
 
 def _stretched(surface: Surface, knee: Float[np.ndarray, "3"], factors: Float[np.ndarray, "2 3"]) -> Surface:
@@ -91,7 +91,7 @@ def _recolouring(surfaces: Sequence[Surface], generator: np.random.Generator) ->
 
 
 def _seen_colours(surfaces: Sequence[Surface], generator: np.random.Generator) -> Float[np.ndarray, "4096 3"]:
-    """Colours of points drawn evenly over the surfaces."""
+    """Colours of points sampled evenly over the surfaces."""
     found, areas = [], []
     for surface in surfaces:
         a, b, c = surface.vertices[surface.faces.T]
@@ -104,17 +104,17 @@ def _seen_colours(surfaces: Sequence[Surface], generator: np.random.Generator) -
             colours = colours * (texels / 255.0)
         found.append(colours)
     share = np.concatenate(areas) + 1e-12
-    drawn = generator.choice(len(share), 4096, p=share / share.sum())
-    return np.concatenate(found)[drawn]
+    sampled = generator.choice(len(share), 4096, p=share / share.sum())
+    return np.concatenate(found)[sampled]
 
 
-def _painted(surface: Surface, recolour: Recolouring) -> Surface:
+def _repainted(surface: Surface, recolour: Recolouring) -> Surface:
     """A surface in its new colours; the factor of a textured one moves into its texture."""
     if surface.texture is None:
         return replace(surface, colours=recolour(surface.colours))
-    picture = Image.fromarray(surface.texture)
-    picture.thumbnail((_TEXELS, _TEXELS))
-    texels = np.asarray(picture)
+    image = Image.fromarray(surface.texture)
+    image.thumbnail((_TEXELS, _TEXELS))
+    texels = np.asarray(image)
     fresh = recolour(texels[..., :3] / 255.0 * surface.colours[0])
     texture = np.concatenate((np.round(fresh * 255).astype(np.uint8), texels[..., 3:]), -1)
     return replace(surface, colours=np.ones_like(surface.colours), texture=texture)

@@ -1,8 +1,4 @@
-"""Draws coloured triangles off screen: one object, fixed daylight, white ground, smooth edges.
-
-The light is fixed to the world and every surface is matt, so a point has one colour from wherever it is seen:
-what a radiance field without highlights can learn.
-"""
+"""Renders coloured triangles off screen: one object under one light, on white, antialiased."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,10 +6,10 @@ from types import TracebackType
 
 import moderngl
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Int, UInt8
 
-from core.geometry.camera import Camera, position, rotation
+from core.datasets.light import DAYLIGHT, Light
+from core.geometry.camera import Camera
 
 SUPERSAMPLES = 4
 """Samples a pixel along each axis; the mean of the 16 is the pixel."""
@@ -31,30 +27,32 @@ void main() {
 
 _FRAGMENT = """
 #version 330
-uniform sampler2D picture;
+uniform sampler2D albedo;
 uniform vec3 eye;
+uniform vec3 key; uniform vec3 fill;  // unit vectors
+uniform vec3 powers;  // of key, fill and back
+uniform vec2 sky; uniform vec2 gloss;
 in vec3 world; in vec3 facing; in vec3 paint; in vec2 coordinate;
 out vec4 result;
-const vec3 KEY = normalize(vec3(0.5, 0.65, 1.0));
-const vec3 FILL = normalize(vec3(-0.8, 0.1, 0.35));
 const vec3 BACK = normalize(vec3(0.2, -1.0, 0.2));
 vec3 linear(vec3 c) { return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c)); }
 vec3 display(vec3 c) { return mix(c * 12.92, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c)); }
 void main() {
-    vec4 texel = texture(picture, coordinate);
+    vec4 texel = texture(albedo, coordinate);
     if (texel.a < 0.5) discard;
     // Meshes disagree on which side is out: the side that is seen is the one that is lit.
     vec3 flat_normal = normalize(cross(dFdx(world), dFdy(world)));
     flat_normal *= sign(dot(flat_normal, eye - world));
     vec3 n = length(facing) > 0.1 ? normalize(facing) : flat_normal;
     n *= dot(n, flat_normal) < 0.0 ? -1.0 : 1.0;
-    float sky = mix(0.26, 0.46, 0.5 + 0.5 * n.z);
-    float light = sky + 0.52 * max(dot(n, KEY), 0.0) + 0.20 * max(dot(n, FILL), 0.0) + 0.14 * max(dot(n, BACK), 0.0);
-    result = vec4(display(min(linear(paint * texel.rgb) * light, 1.0)), 1.0);
+    vec3 lit = powers * max(vec3(dot(n, key), dot(n, fill), dot(n, BACK)), 0.0);
+    float light = mix(sky.x, sky.y, 0.5 + 0.5 * n.z) + lit.x + lit.y + lit.z;
+    float shine = gloss.x * pow(max(dot(n, normalize(key + normalize(eye - world))), 0.0), gloss.y);
+    result = vec4(display(min(linear(paint * texel.rgb) * light + shine, 1.0)), 1.0);
 }
 """
 
-_SHRINK = """
+_DOWNSAMPLE = """
 #version 330
 uniform sampler2D fine;
 uniform int factor;
@@ -68,7 +66,7 @@ void main() {
 }
 """
 
-_WHOLE = """
+_FULL_SCREEN = """
 #version 330
 void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
 """
@@ -103,7 +101,7 @@ class Surface:
 
 
 class Rasteriser:
-    """An off-screen GL context for pictures of one size. Use as a context manager, on one thread.
+    """An off-screen GL context for images of one size. Use as a context manager, on one thread.
 
     Raises ``RuntimeError`` in one line where the machine has no OpenGL.
     """
@@ -112,18 +110,19 @@ class Rasteriser:
         try:
             self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
         except Exception as error:  # moderngl raises bare Exception
-            raise RuntimeError(f"drawing needs OpenGL 3.3 through EGL, and this machine gives none: {error}") from error
+            raise RuntimeError(f"rendering needs OpenGL 3.3 through EGL, and this machine has none: {error}") from error
         context, fine = self._context, size * SUPERSAMPLES
         self._size = size
         self._samples = context.texture((fine, fine), 4)
         self._fine = context.framebuffer([self._samples], context.depth_renderbuffer((fine, fine)))
         self._small = context.framebuffer([context.renderbuffer((size, size), 4)])
         self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
-        shrink = context.program(vertex_shader=_WHOLE, fragment_shader=_SHRINK)
-        shrink["factor"] = SUPERSAMPLES
-        self._shrink = context.vertex_array(shrink, [])
+        downsample = context.program(vertex_shader=_FULL_SCREEN, fragment_shader=_DOWNSAMPLE)
+        downsample["factor"] = SUPERSAMPLES
+        self._downsample = context.vertex_array(downsample, [])
         self._plain = context.texture((1, 1), 4, b"\xff\xff\xff\xff")
         self._batches: list[tuple[moderngl.VertexArray, moderngl.Texture, list[moderngl.Buffer]]] = []
+        self.set_light(DAYLIGHT)
 
     def __enter__(self) -> "Rasteriser":
         return self
@@ -132,35 +131,54 @@ class Rasteriser:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         with self._context:
-            self._forget()
+            self._release()
         self._context.release()
 
+    def set_light(self, light: Light) -> None:
+        """The light of all that is rendered from now on; daylight in the beginning."""
+        uniforms = {
+            "key": np.array(light.key) / np.linalg.norm(light.key),
+            "fill": np.array(light.fill) / np.linalg.norm(light.fill),
+            "powers": (light.key_power, light.fill_power, light.back_power),
+            "sky": light.sky,
+            "gloss": (light.gloss, light.gloss_exponent),
+        }
+        with self._context:
+            for name, value in uniforms.items():
+                self._program[name].write(np.asarray(value, np.float32).tobytes())  # type: ignore[union-attr]
+
     def upload(self, surfaces: Sequence[Surface]) -> None:
-        """Puts an object on the card in place of the last one."""
+        """Load an object in place of the last one."""
         plain = [surface for surface in surfaces if surface.texture is None]
         with self._context:
-            self._forget()
+            self._release()
             for group in ([plain] if plain else []) + [[s] for s in surfaces if s.texture is not None]:
                 self._batches.append(self._batch(group))
 
-    def draw(self, camera: Camera) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
-        """The object's picture on white, and the mask of pixels that it covers by half or more."""
+    def render(self, camera: Camera) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
+        """The object's image on white, and the mask of pixels that it covers by half or more.
+
+        Raises ``ValueError`` for a camera of another size.
+        """
         if (camera.width, camera.height) != (self._size, self._size):
-            raise ValueError(f"this rasteriser draws {self._size} px, not {camera.width}x{camera.height}")
+            raise ValueError(f"this rasteriser renders {self._size} px, not {camera.width}x{camera.height}")
+        # Planes that clear the object, whose bounding box has a diagonal of 1.
+        clip_from_world = camera.clip_from_world(max(camera.distance - 0.75, 0.02), camera.distance + 0.75)
+        eye = camera.pose()[:3, 3].numpy().astype(np.float32)
         # Entering makes the context this thread's own: the program's window, or another rasteriser, may have been.
         with self._context as context:
             self._fine.use()
             context.enable_only(moderngl.DEPTH_TEST)
             context.clear(1.0, 1.0, 1.0, 0.0)
-            self._program["clip_from_world"].write(_clip_from_world(camera).T.tobytes())  # type: ignore[union-attr]
-            self._program["eye"].write(_eye(camera).astype(np.float32).tobytes())  # type: ignore[union-attr]
+            self._program["clip_from_world"].write(clip_from_world.T.tobytes())  # type: ignore[union-attr]
+            self._program["eye"].write(eye.tobytes())  # type: ignore[union-attr]
             for array, texture, _ in self._batches:
                 texture.use(0)
                 array.render(moderngl.TRIANGLES)
             self._small.use()
             context.enable_only(moderngl.NOTHING)
             self._samples.use(0)
-            self._shrink.render(moderngl.TRIANGLES, vertices=3)
+            self._downsample.render(moderngl.TRIANGLES, vertices=3)
             read = np.frombuffer(self._small.read(components=4), np.uint8)
         # GL counts rows from the bottom.
         pixels = read.reshape(self._size, self._size, 4)[::-1]
@@ -186,7 +204,7 @@ class Rasteriser:
         texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
         return texture
 
-    def _forget(self) -> None:
+    def _release(self) -> None:
         for array, texture, buffers in self._batches:
             array.release()
             for buffer in buffers:
@@ -194,23 +212,3 @@ class Rasteriser:
             if texture is not self._plain:
                 texture.release()
         self._batches = []
-
-
-def _eye(camera: Camera) -> Float[np.ndarray, "3"]:
-    """The camera's place in the world."""
-    angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance], dtype=torch.float64)
-    return position(angles[0], angles[1], angles[2]).numpy()
-
-
-def _clip_from_world(camera: Camera) -> Float[np.ndarray, "4 4"]:
-    """GL's projection: x, y of the picture in -1..1 (y up), depth between planes that clear the object."""
-    angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
-    view = np.eye(4)
-    view[:3, :3] = rotation(angles[0], angles[1]).numpy()
-    view[:3, 3] = -view[:3, :3] @ _eye(camera)
-    near, far = max(camera.distance - 0.75, 0.02), camera.distance + 0.75
-    lens = np.zeros((4, 4))
-    lens[0, 0], lens[1, 1] = 2 * camera.focal / camera.width, 2 * camera.focal / camera.height
-    lens[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
-    lens[3, 2] = -1.0
-    return (lens @ view).astype(np.float32)

@@ -3,24 +3,23 @@
 import json
 import zlib
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
-from core.datasets.srn_cameras import SRN_DISTANCES, spiral_views, training_views
+from core.datasets.categories import SRN_DISTANCES, Split
+from core.datasets.srn_cameras import spiral_views, training_views
 from core.geometry.camera import Camera
 
-Split = Literal["train", "test"]
 _HELD_OUT = Path(__file__).resolve().parents[2] / "assets" / "held_out.json"
 
 
-def held_out(category: str) -> frozenset[str]:
+def held_out_meshes(category: str) -> frozenset[str]:
     """Names of the meshes that are kept for testing and never trained on."""
     return frozenset(json.loads(_HELD_OUT.read_text())["meshes"].get(category, ()))
 
 
 def first_seed(split: Split) -> int:
-    """Where a split's seeds of procedural shapes and textures begin."""
+    """The first seed of a split's procedural shapes and textures."""
     return int(json.loads(_HELD_OUT.read_text())["procedural_first_seed"][split])
 
 

@@ -18,19 +18,19 @@ from PIL import Image
 
 from core.geometry.camera import Camera
 
-_WHITE_FROM = 253
-"""A pixel whose channels are all this bright is ground where no mask says more: resaved pictures waver by 1-2."""
+_WHITE_LEVEL = 253
+"""A pixel whose channels are all this bright is background where there is no mask; saving again changes 1-2 levels."""
 
 
 @dataclass(frozen=True)
 class ObjectViews:
-    """One object's pictures and the cameras that took them. Raises ``ValueError`` where they do not belong together."""
+    """One object's images and the cameras that took them. Raises ``ValueError`` where they do not belong together."""
 
     name: str
     shape_id: str
     """objects with the same shape_id have one geometry"""
     texture_id: str
-    """objects with the same texture_id have one look"""
+    """objects with the same texture_id have the same colours"""
     images: UInt8[np.ndarray, "views height width 3"]
     """on white"""
     masks: Bool[np.ndarray, "views height width"]
@@ -51,7 +51,7 @@ class ObjectViews:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Objects of one category, all seen through the same square picture and focal length."""
+    """Objects of one category, all seen through the same square image and focal length."""
 
     objects: tuple[ObjectViews, ...]
     category: str
@@ -63,7 +63,7 @@ class Dataset:
 
 
 @dataclass(frozen=True)
-class ObjectPlace:
+class ObjectEntry:
     """An object of a dataset that has not been read yet: a test set need not fit into memory."""
 
     folder: Path
@@ -76,18 +76,18 @@ class ObjectPlace:
         return self.folder.name
 
     def read(self) -> ObjectViews:
-        """Its pictures. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
+        """Its images. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
         return _read_object(self.folder, (self.shape_id, self.texture_id))
 
 
-def find_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectPlace, ...]]:
+def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry, ...]]:
     """The category ('' where no manifest says) and the objects of dataset folders, in order of folder, then of name.
 
     Raises ``ValueError`` naming the folder where there are none, or where categories or names clash.
     """
-    categories, places = set[str](), list[ObjectPlace]()
+    categories, places = set[str](), list[ObjectEntry]()
     for folder in map(Path, folders):
-        category, found = _find(folder)
+        category, found = _index_folder(folder)
         categories |= {category} - {""}
         places += found
     if len(categories) > 1:
@@ -111,7 +111,7 @@ def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
         category, found = _read_folder(folder)
         objects += found
         categories |= {category} - {""}
-    _refuse_contradictions(objects, categories)
+    _check_consistent(objects, categories)
     camera = objects[0].cameras[0]
     return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal)
 
@@ -141,7 +141,7 @@ def write_object(folder: Path | str, views: ObjectViews) -> None:
 def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
     """Writes ``manifest.json``: the category and, for each object's name, its (shape_id, texture_id).
 
-    It may name objects that are not there yet, so it can be written before the pictures are.
+    It may name objects that are not there yet, so it can be written before the images are.
     """
     objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
     Path(folder).mkdir(parents=True, exist_ok=True)
@@ -151,13 +151,13 @@ def write_manifest(folder: Path | str, category: str, identities: Mapping[str, t
 
 def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
     """The category and the objects of one dataset folder."""
-    category, places = _find(folder)
+    category, places = _index_folder(folder)
     # Decoding a PNG releases the interpreter lock, so threads are enough.
     with ThreadPoolExecutor() as pool:
-        return category, list(pool.map(ObjectPlace.read, places))
+        return category, list(pool.map(ObjectEntry.read, places))
 
 
-def _find(folder: Path) -> tuple[str, list[ObjectPlace]]:
+def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
     """The category and the places of one dataset folder. Without a manifest, an object shares neither shape nor
     texture (the paper's setting).
     """
@@ -167,7 +167,7 @@ def _find(folder: Path) -> tuple[str, list[ObjectPlace]]:
     places = sorted(place for place in folder.iterdir() if place.is_dir() and not place.name.startswith("."))
     if not places:
         raise ValueError(f"{folder}: no object folders in it")
-    return category, [ObjectPlace(place, *identities.get(place.name, (place.name, place.name))) for place in places]
+    return category, [ObjectEntry(place, *identities.get(place.name, (place.name, place.name))) for place in places]
 
 
 def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
@@ -185,26 +185,26 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
 
 def _read_object(place: Path, identity: tuple[str, str]) -> ObjectViews:
     """One object's folder."""
-    pictures = sorted((place / "rgb").glob("*.png"))
-    if not pictures:
-        raise ValueError(f"{place / 'rgb'}: no pictures (*.png)")
-    stems = [picture.stem for picture in pictures]
-    poses = {path.stem: path for path in (place / "pose").glob("*.txt")}
+    paths = sorted((place / "rgb").glob("*.png"))
+    if not paths:
+        raise ValueError(f"{place / 'rgb'}: no images (*.png)")
+    stems = [path.stem for path in paths]
+    poses = {pose.stem: pose for pose in (place / "pose").glob("*.txt")}
     if set(poses) != set(stems):
-        raise ValueError(f"{place / 'pose'}: {len(poses)} poses do not match the {len(stems)} pictures by name")
+        raise ValueError(f"{place / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
     focal, made_for = _read_intrinsics(place / "intrinsics.txt")
-    images, masks = zip(*(_read_picture(picture, place / "mask" / picture.name) for picture in pictures), strict=True)
+    images, masks = zip(*(_read_image(path, place / "mask" / path.name) for path in paths), strict=True)
     height, width = images[0].shape[:2]
-    for picture, image in zip(pictures, images, strict=True):
+    for path, image in zip(paths, images, strict=True):
         if image.shape != (height, width, 3):
-            raise ValueError(f"{picture}: its size is not the {width}x{height} of the object's other pictures")
+            raise ValueError(f"{path}: its size is not the {width}x{height} of the object's other images")
     scaled = focal * height / made_for
     cameras = tuple(_read_pose(poses[stem], scaled, width, height) for stem in stems)
     return ObjectViews(place.name, *identity, np.stack(images), np.stack(masks), cameras)
 
 
 def _read_intrinsics(path: Path) -> tuple[float, int]:
-    """Focal length in px and the picture height in px that it belongs to."""
+    """Focal length in px and the image height in px that it belongs to."""
     try:
         lines = [line.split() for line in path.read_text().splitlines() if line.strip()]
         focal, height = float(lines[0][0]), int(lines[-1][0])
@@ -227,10 +227,10 @@ def _read_pose(path: Path, focal: float, width: int, height: int) -> Camera:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _read_picture(
+def _read_image(
     path: Path, mask_path: Path
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
-    """A picture laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
+    """An image laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
     try:
         with Image.open(path) as opened:
             rgba = np.asarray(opened.convert("RGBA"))
@@ -244,15 +244,15 @@ def _read_picture(
             with Image.open(mask_path) as opened:
                 mask = np.asarray(opened.convert("L")) > 127
         else:
-            mask = alpha[..., 0] > 127 if clear else image.min(-1) < _WHITE_FROM
+            mask = alpha[..., 0] > 127 if clear else image.min(-1) < _WHITE_LEVEL
     except (OSError, SyntaxError) as error:
         raise ValueError(f"{path}: cannot be read ({error})") from error
     if mask.shape != image.shape[:2]:
-        raise ValueError(f"{mask_path}: its size {mask.shape} is not the picture's {image.shape[:2]}")
+        raise ValueError(f"{mask_path}: its size {mask.shape} is not the image's {image.shape[:2]}")
     return np.ascontiguousarray(image), mask
 
 
-def _refuse_contradictions(objects: Sequence[ObjectViews], categories: set[str]) -> None:
+def _check_consistent(objects: Sequence[ObjectViews], categories: set[str]) -> None:
     """Raises ``ValueError`` unless the objects make one dataset."""
     if not objects:
         raise ValueError("no dataset folder was given")
@@ -260,7 +260,7 @@ def _refuse_contradictions(objects: Sequence[ObjectViews], categories: set[str])
         raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
     first, names = objects[0].cameras[0], set[str]()
     if first.width != first.height:
-        raise ValueError(f"{objects[0].name}: pictures must be square, got {first.width}x{first.height}")
+        raise ValueError(f"{objects[0].name}: images must be square, got {first.width}x{first.height}")
     for views in objects:
         if views.name in names:
             raise ValueError(f"{views.name}: two folders hold an object of this name")
@@ -268,6 +268,6 @@ def _refuse_contradictions(objects: Sequence[ObjectViews], categories: set[str])
         camera = views.cameras[0]
         if (camera.width, camera.height) != (first.width, first.height):
             size = f"{camera.width}x{camera.height}"
-            raise ValueError(f"{views.name}: pictures of {size} among others of {first.width}x{first.height}")
+            raise ValueError(f"{views.name}: images of {size} among others of {first.width}x{first.height}")
         if abs(camera.focal - first.focal) > 1e-3 * first.focal:
             raise ValueError(f"{views.name}: focal length {camera.focal} among others of {first.focal}")

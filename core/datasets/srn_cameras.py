@@ -7,10 +7,8 @@ import numpy as np
 from core.geometry.camera import Camera
 
 SRN_FOCAL = 131.25
-"""px, at SRN's 128 px pictures."""
+"""px, at SRN's 128 px images."""
 SRN_SIZE = 128
-SRN_DISTANCES = {"cars": 1.3, "chairs": 2.0}
-"""Scene units; chairs are taller, so SRN steps back to hold them in the picture."""
 SPIRAL_VIEWS = 251
 _SPIRAL_TURN = 150.0
 """rad of azimuth on SRN's way from the horizon to the pole: 0.6 a step, about 24 turns."""

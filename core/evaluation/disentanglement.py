@@ -1,7 +1,7 @@
-"""Whether shape and texture are told apart: pairs of codes that were never trained together, and what leaks.
+"""Whether shape and texture are disentangled: codes recombined in pairs never trained together, and leaks.
 
 A factorial dataset says in its manifest which objects share a shape and which a texture. Objects that the model knows
-by name give the codes; an object it does not know, but whose shape and texture two of those have, is a held-out cell.
+by name give the codes; an object it does not know, but whose shape and texture two of those have, is a held-out pair.
 """
 
 from collections.abc import Hashable, Iterator, Sequence
@@ -12,28 +12,29 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from core.datasets.srn import ObjectPlace, ObjectViews
-from core.evaluation.protocol import Mean, compared, drawn_view, fitted, mean_of, photo
+from core.datasets.srn import ObjectEntry, ObjectViews
+from core.evaluation.protocol import as_photo, fit_first_last, render_view, score_view
+from core.evaluation.statistics import Mean, mean_of
 from core.fitting.fit import FitJob
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.reference import Rendered, render_exact
 
-_VIEWS = 12
-"""of a cell are drawn, spread over all"""
+_RENDERED_VIEWS = 12
+"""of a pair, evenly spaced over all"""
 _FITTED_VIEWS = 6
-"""of a cell, others than the drawn ones where it has more, with their cameras"""
-_GROUND = 1e-3
-"""A pixel that is less opaque than this shows the ground."""
+"""of a pair, with their cameras; others than the rendered ones where it has more"""
+_BACKGROUND_OPACITY = 1e-3
+"""A pixel that is less opaque than this shows the background."""
 _EDIT_SAMPLES = 96
 
 
 @dataclass(frozen=True)
-class Cell:
-    """An object of the table of shapes and textures, and the rows of the code book that stand for it."""
+class ShapeTexturePair:
+    """A combination of a shape and a texture, and the rows of the code book that stand for them."""
 
-    place: ObjectPlace
+    entry: ObjectEntry
     shape: int
     texture: int
     trained: bool
@@ -41,99 +42,97 @@ class Cell:
 
 
 @dataclass(frozen=True, eq=False)
-class CellScore:
-    """A cell drawn with the codes of its shape and its texture."""
+class PairScore:
+    """How well a pair is rendered with the codes of its shape and its texture."""
 
-    cell: Cell
+    pair: ShapeTexturePair
     psnr: float
     """dB"""
     ssim: float
-    direct: tuple[float, float] | None
-    """PSNR in dB and SSIM of the same views, drawn with :attr:`fitted`"""
+    refitted: tuple[float, float] | None
+    """PSNR in dB and SSIM of the same views, rendered with :attr:`fitted_codes`"""
     opacity_change: float
-    """0..1, the largest at any pixel when it wears another cell's texture"""
-    ground_change: float
-    """0..1, the largest of a colour beside the object"""
-    fitted: Codes | None
-    """found from pictures of the cell alone; None for entangled designs, which are not fitted"""
-    pictures: UInt8[np.ndarray, "height two_widths 3"]
-    """the true view and the drawn one"""
+    """0..1, the largest at any pixel when the texture code is replaced by another pair's"""
+    background_change: float
+    """0..1, the largest change of a colour beside the object"""
+    fitted_codes: Codes | None
+    """fitted to images of the pair alone; None for entangled designs, which cannot be fitted"""
+    images: UInt8[np.ndarray, "height two_widths 3"]
+    """the true view and the rendered one"""
 
 
-def table(model: Model, places: Sequence[ObjectPlace]) -> tuple[Cell, ...]:
-    """The cells that the model has codes for. Raises ``ValueError`` where none of them is held out.
+def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePair, ...]:
+    """The pairs that the model has codes for. Raises ``ValueError`` where none of them is held out.
 
-    Broken objects lend no codes.
+    Objects whose training collapsed lend no codes.
     """
     book = model.codes
-    known = {book.objects[index].name: book.objects[index] for index in book.sound}
-    trained = [place for place in places if place.name in known]
-    shapes = {place.shape_id: known[place.name].shape for place in trained}
-    textures = {place.texture_id: known[place.name].texture for place in trained}
-    cells = tuple(
-        Cell(place, shapes[place.shape_id], textures[place.texture_id], place.name in known)
-        for place in places
-        if place.shape_id in shapes and place.texture_id in textures
+    known = {book.objects[index].name: book.objects[index] for index in book.valid}
+    trained = [entry for entry in entries if entry.name in known]
+    shapes = {entry.shape_id: known[entry.name].shape for entry in trained}
+    textures = {entry.texture_id: known[entry.name].texture for entry in trained}
+    found = tuple(
+        ShapeTexturePair(entry, shapes[entry.shape_id], textures[entry.texture_id], entry.name in known)
+        for entry in entries
+        if entry.shape_id in shapes and entry.texture_id in textures
     )
-    if all(cell.trained for cell in cells):
+    if all(pair.trained for pair in found):
         raise ValueError(
-            f"no held-out cell: the model knows {len(trained)} of the {len(places)} objects by name, and no other "
+            f"no held-out pair: the model knows {len(trained)} of the {len(entries)} objects by name, and no other "
             "object has the shape of one of these and the texture of another"
         )
-    return cells
+    return found
 
 
-def swap(model: Model, cells: Sequence[Cell], seed: int = 0) -> Iterator[CellScore]:
-    """A score per cell, in their order. To stop, ask for no more."""
-    for index, cell in enumerate(cells):
-        yield _scored(model, cell, cells[index - 1].texture, seed)
+def score_pairs(model: Model, chosen: Sequence[ShapeTexturePair], seed: int = 0) -> Iterator[PairScore]:
+    """Yields a score per pair, in order."""
+    for index, pair in enumerate(chosen):
+        yield _score_pair(model, pair, chosen[index - 1].texture, seed)
 
 
-def _scored(model: Model, cell: Cell, other_texture: int, seed: int) -> CellScore:
-    views, book = cell.place.read(), model.codes
-    codes = Codes(book.shapes[cell.shape], book.textures[cell.texture])
-    every = range(len(views.cameras))
-    drawn = _spread(every, _VIEWS)
-    found = (
-        None if model.entangled else _fitted(model, views, [view for view in every if view not in drawn] or drawn, seed)
-    )
+def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: int) -> PairScore:
+    views, book = pair.entry.read(), model.codes
+    codes = Codes(book.shapes[pair.shape], book.textures[pair.texture])
+    indices = range(len(views.cameras))
+    rendered = _evenly_spaced(indices, _RENDERED_VIEWS)
+    rest = [view for view in indices if view not in rendered] or rendered
+    fitted = None if model.is_ablation else _fit_codes(model, views, rest, seed)
     edited = Codes(codes.shape, book.textures[other_texture])
-    before, after = (_seen(model, worn, views) for worn in (codes, edited))
-    ground = before.opacity < _GROUND
-    change = (before.colour - after.colour).abs().amax(-1)[ground]
-    picture = (drawn_view(model, codes, views.cameras[0]).numpy() * 255 + 0.5).astype(np.uint8)
-    return CellScore(
-        cell,
-        *_compared(model, codes, views, drawn),
-        None if found is None else _compared(model, found, views, drawn),
+    before, after = (_render_first_view(model, either, views) for either in (codes, edited))
+    background = before.opacity < _BACKGROUND_OPACITY
+    change = (before.colour - after.colour).abs().amax(-1)[background]
+    image = (render_view(model, codes, views.cameras[0]).numpy() * 255 + 0.5).astype(np.uint8)
+    return PairScore(
+        pair,
+        *_mean_score(model, codes, views, rendered),
+        None if fitted is None else _mean_score(model, fitted, views, rendered),
         float((before.opacity - after.opacity).abs().max()),
         float(change.max()) if len(change) else 0.0,
-        found,
-        np.hstack((views.images[0], picture)),
+        fitted,
+        np.hstack((views.images[0], image)),
     )
 
 
-def _compared(model: Model, codes: Codes, views: ObjectViews, drawn: Sequence[int]) -> tuple[float, float]:
-    psnr, ssim = np.mean([compared(model, codes, views, index) for index in drawn], axis=0)
+def _mean_score(model: Model, codes: Codes, views: ObjectViews, rendered: Sequence[int]) -> tuple[float, float]:
+    psnr, ssim = np.mean([score_view(model, codes, views, index) for index in rendered], axis=0)
     return float(psnr), float(ssim)
 
 
-def _fitted(model: Model, views: ObjectViews, among: Sequence[int], seed: int) -> Codes:
-    photos = tuple(photo(views, index, True) for index in _spread(among, _FITTED_VIEWS))
-    return fitted(model, FitJob(photos, seed=seed))[1].codes
+def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed: int) -> Codes:
+    photos = tuple(as_photo(views, index, True) for index in _evenly_spaced(candidates, _FITTED_VIEWS))
+    return fit_first_last(model, FitJob(photos, seed=seed))[1].codes
 
 
-def _spread(views: Sequence[int], most: int) -> list[int]:
+def _evenly_spaced(views: Sequence[int], most: int) -> list[int]:
     count = min(most, len(views))
     return [views[index * len(views) // count] for index in range(count)]
 
 
-def _seen(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
-    """The first view with its opacity."""
+def _render_first_view(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
     camera = views.cameras[0]
-    if model.painted_ground or model.entangled:
+    if model.white_from_network or model.is_ablation:
         return render_exact(model, codes, camera, _EDIT_SAMPLES)
-    return marched(model, codes, camera, _EDIT_SAMPLES)
+    return render(model, codes, camera, _EDIT_SAMPLES)
 
 
 # Leaks
@@ -141,21 +140,21 @@ def _seen(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
 
 @dataclass(frozen=True)
 class Probe:
-    """How often a classifier reads an identity from codes."""
+    """How often a classifier recovers an identity from codes."""
 
     accuracy: Mean
-    """share of cells, 0..1"""
+    """share of pairs, 0..1"""
     chance: float
-    cells: int
-    """that could be asked"""
+    pairs: int
+    """whose label could be predicted"""
 
 
-def probe(codes: Float[Tensor, "cells latent"], labels: Sequence[Hashable], groups: Sequence[Hashable]) -> Probe | None:
-    """A classifier by the nearest centroid, shown only cells of other groups than the one asked; None where no label
-    has a cell in another group.
+def probe(codes: Float[Tensor, "pairs latent"], labels: Sequence[Hashable], groups: Sequence[Hashable]) -> Probe | None:
+    """Accuracy of a nearest-centroid classifier that sees only pairs of other groups than the one it classifies.
 
-    Asked for the texture, cells of the same shape are a group: what a shape looks like in its other textures would
-    otherwise tell against the right one. Chance is one in as many labels as could be answered.
+    To predict the texture, pairs of the same shape are a group: what a shape looks like in its other textures would
+    otherwise count against the right one. Chance is one in as many labels as can be predicted. None where no label
+    has a pair in another group.
     """
     hits, chances = [], []
     for index, (label, group) in enumerate(zip(labels, groups, strict=True)):
@@ -172,55 +171,57 @@ def probe(codes: Float[Tensor, "cells latent"], labels: Sequence[Hashable], grou
 
 
 @dataclass(frozen=True)
-class SwapSummary:
-    """What the cells say together."""
+class DisentanglementSummary:
+    """Means over all pairs."""
 
-    swapped: Mean
-    """PSNR in dB, of held-out cells"""
-    swapped_ssim: Mean
-    swapped_cells: int
-    direct: Mean
-    """of the same cells and views, with codes fitted to other pictures of each cell; NaN for entangled designs"""
-    direct_ssim: Mean
+    recombined: Mean
+    """PSNR in dB of held-out pairs, with the codes of two training objects"""
+    recombined_ssim: Mean
+    recombined_pairs: int
+    refitted: Mean
+    """of the same pairs and views, with codes fitted to other images of each pair; NaN for entangled designs"""
+    refitted_ssim: Mean
     trained: Mean
-    """of trained cells; flattered where their views were trained on"""
+    """of trained pairs; higher where their views were trained on"""
     trained_ssim: Mean
-    trained_cells: int
+    trained_pairs: int
     opacity_change: float
-    ground_change: float
+    background_change: float
     probes: dict[str, Probe | None]
-    """empty for entangled designs"""
+    """empty for entangled architectures"""
 
 
-def swap_summary(scores: Sequence[CellScore]) -> SwapSummary:
-    """Means, the largest changes, and the four probes on the fitted codes."""
-    held, own = ([score for score in scores if score.cell.trained == trained] for trained in (False, True))
-    fits = [score.direct for score in held if score.direct]
-    opacity, ground = (max(getattr(score, name) for score in scores) for name in ("opacity_change", "ground_change"))
-    return SwapSummary(
-        swapped=mean_of([score.psnr for score in held]),
-        swapped_ssim=mean_of([score.ssim for score in held]),
-        swapped_cells=len(held),
-        direct=mean_of([psnr for psnr, _ in fits]),
-        direct_ssim=mean_of([ssim for _, ssim in fits]),
-        trained=mean_of([score.psnr for score in own]),
-        trained_ssim=mean_of([score.ssim for score in own]),
-        trained_cells=len(own),
+def summarise_pairs(scores: Sequence[PairScore]) -> DisentanglementSummary:
+    """Means, the largest changes, and four probes on the fitted codes."""
+    held, trained = ([score for score in scores if score.pair.trained == trained] for trained in (False, True))
+    fits = [score.refitted for score in held if score.refitted]
+    opacity, background = (
+        max(getattr(score, name) for score in scores) for name in ("opacity_change", "background_change")
+    )
+    return DisentanglementSummary(
+        recombined=mean_of([score.psnr for score in held]),
+        recombined_ssim=mean_of([score.ssim for score in held]),
+        recombined_pairs=len(held),
+        refitted=mean_of([psnr for psnr, _ in fits]),
+        refitted_ssim=mean_of([ssim for _, ssim in fits]),
+        trained=mean_of([score.psnr for score in trained]),
+        trained_ssim=mean_of([score.ssim for score in trained]),
+        trained_pairs=len(trained),
         opacity_change=opacity,
-        ground_change=ground,
+        background_change=background,
         probes=_probes(scores),
     )
 
 
-def _probes(scores: Sequence[CellScore]) -> dict[str, Probe | None]:
-    fits = [score.fitted for score in scores if score.fitted is not None]
+def _probes(scores: Sequence[PairScore]) -> dict[str, Probe | None]:
+    fits = [score.fitted_codes for score in scores if score.fitted_codes is not None]
     if len(fits) < len(scores):
         return {}
-    shapes = [score.cell.place.shape_id for score in scores]
-    textures = [score.cell.place.texture_id for score in scores]
+    shapes = [score.pair.entry.shape_id for score in scores]
+    textures = [score.pair.entry.texture_id for score in scores]
     codes = {kind: torch.stack([getattr(fit, kind) for fit in fits]) for kind in ("shape", "texture")}
     return {
-        f"{what} from {kind} codes": probe(codes[kind], *asked)
-        for what, asked in (("texture", (textures, shapes)), ("shape", (shapes, textures)))
+        f"{label} from {kind} codes": probe(codes[kind], *ids)
+        for label, ids in (("texture", (textures, shapes)), ("shape", (shapes, textures)))
         for kind in ("shape", "texture")
     }

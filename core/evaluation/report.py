@@ -1,4 +1,4 @@
-"""What an evaluation says: a table and a histogram in text, the numbers as JSON, a chart as PNG."""
+"""Reports of an evaluation: tables and histograms as text, the numbers as JSON, a chart as PNG."""
 
 import math
 from collections.abc import Sequence
@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from PIL import Image, ImageDraw
 
-from core.evaluation.disentanglement import CellScore, swap_summary
-from core.evaluation.protocol import Mean, ObjectScore, PoseSummary, Protocol, Summary, summarised
+from core.evaluation.disentanglement import PairScore, summarise_pairs
+from core.evaluation.protocol import ObjectScore, PoseSummary, Protocol, Summary, summarise
+from core.evaluation.statistics import Mean
 from core.files import write_json
 
 _ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)
@@ -19,8 +20,8 @@ _TRANSLATION_BINS = (0, 1, 2, 3, 5, 10, 20, 50, 100, 200)
 _PSNR_BINS = tuple(range(10, 42, 2))
 """dB"""
 _SHEET = 24
-"""cells on the sheet of a swap, at the most"""
-_FOUND, _FIRST = "#2f6fb0", "#8cc084"
+"""pairs on the contact sheet of a disentanglement report, at the most"""
+_FINAL, _INITIAL = "#2f6fb0", "#8cc084"
 
 
 class _Panel(NamedTuple):
@@ -29,13 +30,13 @@ class _Panel(NamedTuple):
     title: str
     bins: Sequence[int]
     values: Sequence[float]
-    first: Sequence[float] = ()
-    """the same at the start of the fit"""
+    initial: Sequence[float] = ()
+    """the same after the first step of the fit"""
 
 
-def told(scores: Sequence[ObjectScore], protocol: Protocol) -> str:
-    """The paper's table for these scores, and where cameras were estimated their errors and a histogram of them."""
-    summary = summarised(scores)
+def format_table(scores: Sequence[ObjectScore], protocol: Protocol) -> str:
+    """The paper's table and, where cameras were estimated, their errors as a table and a histogram."""
+    summary = summarise(scores)
     inputs = f"{len(protocol.inputs)}-view ({', '.join(map(str, protocol.inputs))})"
     name = f"{inputs}, camera {'estimated' if protocol.estimate else 'known'}"
     lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'objects':>9}", _row(name, summary)]
@@ -48,22 +49,22 @@ def told(scores: Sequence[ObjectScore], protocol: Protocol) -> str:
 
 
 def write_report(path: Path, scores: Sequence[ObjectScore], protocol: Protocol, about: dict[str, str]) -> None:
-    """The numbers as JSON, per object too, and a chart as PNG beside it."""
+    """Writes the numbers as JSON, per object too, and a chart as PNG beside it."""
     objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
-    content = about | {"protocol": asdict(protocol), "summary": asdict(summarised(scores)), "objects": objects}
+    content = about | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
     write_json(path, content)
     chart(scores).save(path.with_suffix(".png"))
 
 
 def chart(scores: Sequence[ObjectScore]) -> Image.Image:
-    """Histograms: PSNR of objects and, where cameras were estimated, their errors with those at the start."""
+    """Histograms: PSNR of objects and, where cameras were estimated, their errors beside the initial ones."""
     panels = [_Panel("PSNR (dB), objects", _PSNR_BINS, [score.psnr for score in scores])]
     poses = [pose for score in scores for pose in score.poses]
     if poses:
-        rotation = [pose.rotation for pose in poses], [pose.first_rotation for pose in poses]
-        translation = [100 * pose.translation for pose in poses], [100 * pose.first_translation for pose in poses]
-        panels.append(_Panel("rotation error (degrees); green: at the start", _ROTATION_BINS, *rotation))
-        panels.append(_Panel("translation error (%); green: at the start", _TRANSLATION_BINS, *translation))
+        rotation = [pose.rotation for pose in poses], [pose.initial_rotation for pose in poses]
+        translation = [100 * pose.translation for pose in poses], [100 * pose.initial_translation for pose in poses]
+        panels.append(_Panel("rotation error (degrees); green: initial", _ROTATION_BINS, *rotation))
+        panels.append(_Panel("translation error (%); green: initial", _TRANSLATION_BINS, *translation))
     width, height = 460, 300
     image = Image.new("RGB", (width * len(panels), height), "white")
     for index, panel in enumerate(panels):
@@ -71,48 +72,48 @@ def chart(scores: Sequence[ObjectScore]) -> Image.Image:
     return image
 
 
-def swap_told(scores: Sequence[CellScore]) -> str:
-    """Held-out cells beside trained ones, what a texture edit changes, and what codes give away."""
-    found = swap_summary(scores)
+def format_disentanglement(scores: Sequence[PairScore]) -> str:
+    """Held-out pairs beside trained ones, what a texture edit changes, and what codes leak."""
+    found = summarise_pairs(scores)
     rows = (
-        ("held-out cells, codes of two objects", found.swapped, found.swapped_ssim, found.swapped_cells),
-        ("the same, fitted to other views", found.direct, found.direct_ssim, found.swapped_cells),
-        ("trained cells, their own codes", found.trained, found.trained_ssim, found.trained_cells),
+        ("held-out pairs, codes of two objects", found.recombined, found.recombined_ssim, found.recombined_pairs),
+        ("the same, codes fitted to other views", found.refitted, found.refitted_ssim, found.recombined_pairs),
+        ("trained pairs, their own codes", found.trained, found.trained_ssim, found.trained_pairs),
     )
-    lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'cells':>9}"]
+    lines = [f"{'':38}{'PSNR (dB)':>22}{'SSIM':>24}{'pairs':>9}"]
     lines += [
         f"{name:38}{_interval(a, 2):>22}{_interval(b, 3):>24}{count:>9}"
         for name, a, b, count in rows
         if not math.isnan(a.mean)
     ]
     lines.append(f"\nanother texture changes the silhouette by at most {found.opacity_change:.2g} of full opacity")
-    lines.append(f"and the ground by at most {found.ground_change:.2g} of full colour")
+    lines.append(f"and the background by at most {found.background_change:.2g} of full colour")
     if found.probes:
-        lines.append(f"\n{'read from fitted codes':38}{'right (%)':>22}{'chance (%)':>24}{'cells':>9}")
+        lines.append(f"\n{'predicted from fitted codes':38}{'correct (%)':>22}{'chance (%)':>24}{'pairs':>9}")
     for name, probe in found.probes.items():
-        cells = (_interval(probe.accuracy, 0, 100), f"{100 * probe.chance:.1f}", probe.cells) if probe else ("-",) * 3
+        cells = (_interval(probe.accuracy, 0, 100), f"{100 * probe.chance:.1f}", probe.pairs) if probe else ("-",) * 3
         lines.append(f"{name:38}{cells[0]:>22}{cells[1]:>24}{cells[2]:>9}")
     return "\n".join(lines)
 
 
-def write_swap_report(path: Path, scores: Sequence[CellScore], about: dict[str, str]) -> None:
-    """The numbers as JSON, per cell too, and beside it, as PNG, true and drawn views of the cells, held-out first."""
-    cells = [
+def write_disentanglement_report(path: Path, scores: Sequence[PairScore], about: dict[str, str]) -> None:
+    """Writes the numbers as JSON, per pair too, and beside it, as PNG, true and rendered views, held-out first."""
+    pairs = [
         {
-            "name": score.cell.place.name,
-            "trained": score.cell.trained,
+            "name": score.pair.entry.name,
+            "trained": score.pair.trained,
             "psnr": score.psnr,
             "ssim": score.ssim,
-            "direct": score.direct,
+            "refitted": score.refitted,
         }
         for score in scores
     ]
-    write_json(path, about | {"summary": asdict(swap_summary(scores)), "cells": cells})
-    first = sorted(scores, key=lambda score: score.cell.trained)[:_SHEET]
-    height, width = first[0].pictures.shape[:2]
+    write_json(path, about | {"summary": asdict(summarise_pairs(scores)), "pairs": pairs})
+    first = sorted(scores, key=lambda score: score.pair.trained)[:_SHEET]
+    height, width = first[0].images.shape[:2]
     sheet = Image.new("RGB", (width * min(4, len(first)), height * math.ceil(len(first) / 4)), "white")
     for index, score in enumerate(first):
-        sheet.paste(Image.fromarray(score.pictures), (index % 4 * width, index // 4 * height))
+        sheet.paste(Image.fromarray(score.images), (index % 4 * width, index // 4 * height))
     sheet.save(path.with_suffix(".png"))
 
 
@@ -130,10 +131,10 @@ def _interval(value: Mean, digits: int, scale: float = 1.0) -> str:
 def _pose_table(pose: PoseSummary, kept: Summary | None) -> list[str]:
     without = kept.pose if kept and kept.pose else None
     head = f"{pose.cameras} cameras"
-    lines = [f"{head:22}{'at the start':>24}{'found':>24}{'- outliers':>24}"]
+    lines = [f"{head:22}{'initial':>24}{'final':>24}{'- outliers':>24}"]
     rows = (("rotation (degrees)", "rotation", 1.0), ("translation (%)", "translation", 100.0))
     for name, field, scale in rows:
-        found = [getattr(pose, f"first_{field}"), getattr(pose, field), getattr(without, field) if without else None]
+        found = [getattr(pose, f"initial_{field}"), getattr(pose, field), getattr(without, field) if without else None]
         cells = (_interval(value, 2, scale) if value else "-" for value in found)
         lines.append(f"{name:22}" + "".join(f"{cell:>24}" for cell in cells))
     shares = (("5 degrees", "within_5_degrees"), ("10 degrees", "within_10_degrees"))
@@ -144,18 +145,18 @@ def _pose_table(pose: PoseSummary, kept: Summary | None) -> list[str]:
 
 def _pose_histogram(scores: Sequence[ObjectScore]) -> list[str]:
     poses = [pose for score in scores for pose in score.poses]
-    found = _counts([pose.rotation for pose in poses], _ROTATION_BINS)
-    first = _counts([pose.first_rotation for pose in poses], _ROTATION_BINS)
-    scale = min(1.0, 50 / max(found + first))
-    lines = ["rotation error (degrees): # found, . at the start"]
-    for low, high, ends, begins in zip(_ROTATION_BINS, _ROTATION_BINS[1:], found, first, strict=False):
-        lines.append(f"{low:>4} to {high:<4}{ends:>4} {'#' * math.ceil(ends * scale)}")
-        lines.append(f"{'':12}{begins:>4} {'.' * math.ceil(begins * scale)}")
+    final = _counts([pose.rotation for pose in poses], _ROTATION_BINS)
+    initial = _counts([pose.initial_rotation for pose in poses], _ROTATION_BINS)
+    scale = min(1.0, 50 / max(final + initial))
+    lines = ["rotation error (degrees): # final, . initial"]
+    for low, high, after, before in zip(_ROTATION_BINS, _ROTATION_BINS[1:], final, initial, strict=False):
+        lines.append(f"{low:>4} to {high:<4}{after:>4} {'#' * math.ceil(after * scale)}")
+        lines.append(f"{'':12}{before:>4} {'.' * math.ceil(before * scale)}")
     return lines
 
 
 def _counts(values: Sequence[float], bins: Sequence[int]) -> list[int]:
-    """How many lie in every bin; the first and the last take in what lies beyond them."""
+    """Counts per bin; the first and the last bin include what lies beyond them."""
     counts = [0] * (len(bins) - 1)
     for value in values:
         counts[max(0, sum(value >= edge for edge in bins[:-1]) - 1)] += 1
@@ -165,14 +166,18 @@ def _counts(values: Sequence[float], bins: Sequence[int]) -> list[int]:
 def _draw_panel(image: Image.Image, left: int, size: tuple[int, int], panel: _Panel) -> None:
     """One histogram with bins of equal width, whatever they span, and counts above the bars."""
     draw, (width, height), margin = ImageDraw.Draw(image), size, 34
-    bins, found = panel.bins, _counts(panel.values, panel.bins)
-    begun = _counts(panel.first, bins) if panel.first else None
-    step, top = (width - 2 * margin) / (len(bins) - 1), max(1, *found, *(begun or []))
+    bins, final = panel.bins, _counts(panel.values, panel.bins)
+    initial = _counts(panel.initial, bins) if panel.initial else None
+    step, top = (width - 2 * margin) / (len(bins) - 1), max(1, *final, *(initial or []))
     base, scale = height - margin, (height - 2.5 * margin) / top
     draw.text((left + margin, 10), panel.title, "black")
-    for index, count in enumerate(found):
+    for index, count in enumerate(final):
         x = left + margin + index * step
-        bars = ((begun[index], _FIRST, 0.5, 0.9), (count, _FOUND, 0.1, 0.5)) if begun else ((count, _FOUND, 0.1, 0.9),)
+        bars = (
+            ((initial[index], _INITIAL, 0.5, 0.9), (count, _FINAL, 0.1, 0.5))
+            if initial
+            else ((count, _FINAL, 0.1, 0.9),)
+        )
         for amount, colour, start, end in bars:
             if amount:
                 draw.rectangle((x + start * step, base - amount * scale, x + end * step, base), fill=colour)

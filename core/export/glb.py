@@ -1,15 +1,10 @@
-"""Writes one coloured mesh as binary glTF 2.0. Its light is in its colours, so viewers are told not to light it."""
+"""Writes one coloured mesh as binary glTF 2.0. Its light is in its colours, so its material is unlit."""
 
 import json
 import struct
 
 import numpy as np
 from jaxtyping import Float, Int
-
-WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
-"""glTF has y up and the front at +z; the world has z up and the front at +y. As :mod:`core.datasets.glb_objects` reads
-it.
-"""
 
 _FLOAT, _UINT, _USHORT = 5126, 5125, 5123
 _VERTICES, _INDICES = 34962, 34963

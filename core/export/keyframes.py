@@ -14,62 +14,62 @@ from scipy.interpolate import BSpline, CubicHermiteSpline, make_interp_spline
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 
-GAP = 0.04
+MIN_GAP = 0.04
 """s between two keys at the least: one frame"""
-SHORTEST, LONGEST = 0.2, 600.0
+MIN_LENGTH, MAX_LENGTH = 0.2, 600.0
 """s"""
-_STEEPEST = math.radians(89.0)
+_MAX_ELEVATION = math.radians(89.0)
 """Short of the pole, which a smooth path may overshoot."""
 
 
-class Shot(NamedTuple):
+class View(NamedTuple):
     """An object from a camera."""
 
     codes: Codes
     camera: Camera
 
 
-class Key(NamedTuple):
-    """A shot that is met at its time."""
+class Keyframe(NamedTuple):
+    """A view at its time."""
 
     seconds: float
-    shot: Shot
+    view: View
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """A film as its keys describe it. Raises ``ValueError`` where keys are out of order, out of time or too close."""
+    """A video described by keyframes. Raises ``ValueError`` where keys are out of order, out of time or too close."""
 
-    keys: tuple[Key, ...] = ()
+    keys: tuple[Keyframe, ...] = ()
     length: float = 4.0
     """s"""
     loop: bool = True
     """after the last key it goes on to the first, which it meets at the end; else it rests on the last"""
     turns: int = 0
-    """of the camera around the object in the whole film, besides what the keys do"""
+    """of the camera around the object in the whole video, besides what the keys do"""
     smooth: bool = True
     """Catmull-Rom through the keys, for cameras and codes; else straight from key to key"""
 
     def __post_init__(self) -> None:
-        if not SHORTEST <= self.length <= LONGEST:
-            raise ValueError(f"a film takes {SHORTEST:g} to {LONGEST:g} s, got {self.length:g}")
+        if not MIN_LENGTH <= self.length <= MAX_LENGTH:
+            raise ValueError(f"a video takes {MIN_LENGTH:g} to {MAX_LENGTH:g} s, got {self.length:g}")
         times = [key.seconds for key in self.keys]
         # In a loop the end is the beginning: a key there would be a second one at the same time.
-        last = self.length - (GAP if self.loop else 0.0)
-        if times and (times[0] < 0 or times[-1] > last + 1e-6 or min(np.diff(times), default=GAP) < GAP - 1e-6):
-            raise ValueError(f"keys must be {GAP:g} s apart within the film, got {times}")
+        last = self.length - (MIN_GAP if self.loop else 0.0)
+        if times and (times[0] < 0 or times[-1] > last + 1e-6 or min(np.diff(times), default=MIN_GAP) < MIN_GAP - 1e-6):
+            raise ValueError(f"keys must be {MIN_GAP:g} s apart within the video, got {times}")
 
     # Edits: each is a new timeline
 
-    def added(self, seconds: float, shot: Shot) -> "Timeline":
+    def added(self, seconds: float, view: View) -> "Timeline":
         """With a key more; keys too close to it go."""
-        seconds = max(0.0, min(seconds, self.length - (GAP if self.loop else 0.0)))
-        left = [key for key in self.keys if abs(key.seconds - seconds) >= GAP]
-        return replace(self, keys=tuple(sorted((*left, Key(seconds, shot)), key=lambda key: key.seconds)))
+        seconds = max(0.0, min(seconds, self.length - (MIN_GAP if self.loop else 0.0)))
+        left = [key for key in self.keys if abs(key.seconds - seconds) >= MIN_GAP]
+        return replace(self, keys=tuple(sorted((*left, Keyframe(seconds, view)), key=lambda key: key.seconds)))
 
-    def replaced(self, index: int, shot: Shot) -> "Timeline":
-        """With another shot at the time of a key."""
-        key = Key(self.keys[index].seconds, shot)
+    def replaced(self, index: int, view: View) -> "Timeline":
+        """With another view at the time of a key."""
+        key = Keyframe(self.keys[index].seconds, view)
         return replace(self, keys=(*self.keys[:index], key, *self.keys[index + 1 :]))
 
     def removed(self, index: int) -> "Timeline":
@@ -78,27 +78,27 @@ class Timeline:
 
     def moved(self, index: int, seconds: float) -> "Timeline":
         """With a key at another time, no further than to its neighbours."""
-        low = self.keys[index - 1].seconds + GAP if index else 0.0
-        high = self.length - (GAP if self.loop else 0.0)
+        low = self.keys[index - 1].seconds + MIN_GAP if index else 0.0
+        high = self.length - (MIN_GAP if self.loop else 0.0)
         if index + 1 < len(self.keys):
-            high = self.keys[index + 1].seconds - GAP
-        key = Key(max(low, min(high, seconds)), self.keys[index].shot)
+            high = self.keys[index + 1].seconds - MIN_GAP
+        key = Keyframe(max(low, min(high, seconds)), self.keys[index].view)
         return replace(self, keys=(*self.keys[:index], key, *self.keys[index + 1 :]))
 
     def stretched(self, length: float) -> "Timeline":
-        """In another time (s, kept to what a film can take), the keys at the same shares of it."""
-        needed = GAP * (len(self.keys) + 1)
+        """In another time (s, kept to what a video can take), the keys at the same shares of it."""
+        needed = MIN_GAP * (len(self.keys) + 1)
         closest = min(np.diff([*(key.seconds for key in self.keys), self.length]), default=self.length)
-        shortest = max(SHORTEST, needed, self.length * GAP / closest if closest > 0 else 0.0)
-        length = max(shortest, min(LONGEST, length))
-        keys = tuple(Key(key.seconds * length / self.length, key.shot) for key in self.keys)
+        shortest = max(MIN_LENGTH, needed, self.length * MIN_GAP / closest if closest > 0 else 0.0)
+        length = max(shortest, min(MAX_LENGTH, length))
+        keys = tuple(Keyframe(key.seconds * length / self.length, key.view) for key in self.keys)
         return replace(self, keys=keys, length=length)
 
     def looped(self, loop: bool) -> "Timeline":
         """As a loop, or not; a key at the end stays short of it in a loop."""
-        if not (loop and self.keys and self.keys[-1].seconds > self.length - GAP):
+        if not (loop and self.keys and self.keys[-1].seconds > self.length - MIN_GAP):
             return replace(self, loop=loop)
-        open_end = self.moved(len(self.keys) - 1, self.length - GAP)
+        open_end = self.moved(len(self.keys) - 1, self.length - MIN_GAP)
         return replace(open_end, loop=loop)
 
     # What is shown
@@ -109,24 +109,24 @@ class Timeline:
         around = bisect_left(times, seconds)
         close = [index for index in (around - 1, around) if 0 <= index < len(times)]
         best = min(close, key=lambda index: abs(times[index] - seconds), default=None)
-        return best if best is not None and abs(times[best] - seconds) < GAP else None
+        return best if best is not None and abs(times[best] - seconds) < MIN_GAP else None
 
-    def at(self, seconds: float) -> Shot:
+    def at(self, seconds: float) -> View:
         """What is shown at a time. Raises ``ValueError`` without keys.
 
         Example:
             >>> codes = Codes(torch.zeros(2), torch.ones(3))
             >>> side, front = (Camera(angle, 0.2, 1.3, 131.25, 128, 128) for angle in (0.0, 1.0))
-            >>> film = Timeline((Key(0.0, Shot(codes, side)), Key(2.0, Shot(codes, front))), length=4.0)
-            >>> film.at(2.0).camera.azimuth
+            >>> video = Timeline((Keyframe(0.0, View(codes, side)), Keyframe(2.0, View(codes, front))), length=4.0)
+            >>> video.at(2.0).camera.azimuth
             1.0
         """
         first = self._first
         seconds = seconds % self.length if self.loop else min(max(seconds, self.keys[0].seconds), self.keys[-1].seconds)
-        row = self._row(seconds) + self._turned(seconds)
+        row = self._row(seconds) + self._turns_row(seconds)
         shape = len(first.codes.shape)
         numbers = torch.from_numpy(row[4:]).float()
-        elevation = max(-_STEEPEST, min(_STEEPEST, float(row[1])))
+        elevation = max(-_MAX_ELEVATION, min(_MAX_ELEVATION, float(row[1])))
         camera = replace(
             first.camera,
             azimuth=math.remainder(row[0], 2 * math.pi),
@@ -134,32 +134,32 @@ class Timeline:
             distance=math.exp(row[2]),
             focal=math.exp(row[3]) * first.camera.height,
         )
-        return Shot(Codes(numbers[:shape], numbers[shape:]), camera)
+        return View(Codes(numbers[:shape], numbers[shape:]), camera)
 
-    def count(self, rate: float) -> int:
-        """Pictures in all, so many a second."""
+    def frame_count(self, rate: float) -> int:
+        """The number of frames at so many a second."""
         return max(1, round(self.length * rate))
 
-    def shots(self, rate: float) -> list[Shot]:
-        """The whole film, so many pictures a second; a loop ends one picture before its beginning."""
-        count = self.count(rate)
+    def views(self, rate: float) -> list[View]:
+        """The views of all frames at so many a second; a loop ends one frame before its beginning."""
+        count = self.frame_count(rate)
         step = self.length / count if self.loop else self.length / max(1, count - 1)
         return [self.at(index * step) for index in range(count)]
 
-    def seam(self, rate: float = 24.0) -> float:
-        """The step from the last picture back to the first, over the longest step between any others.
+    def loop_error(self, rate: float = 24.0) -> float:
+        """The step from the last frame back to the first, relative to the longest step between any others.
 
         Cameras are compared by where they stand and codes by their numbers; at most about 1 where a loop has no jump.
         """
-        rows = np.stack([_placed(shot) for shot in self.shots(rate)])
+        rows = np.stack([_comparable_row(view) for view in self.views(rate)])
         longest = np.linalg.norm(np.diff(rows, axis=0), axis=1).max(initial=0.0)
         return float(np.linalg.norm(rows[0] - rows[-1]) / max(longest, 1e-9))
 
     @property
-    def _first(self) -> Shot:
+    def _first(self) -> View:
         if not self.keys:
-            raise ValueError("a film needs at least one key")
-        return self.keys[0].shot
+            raise ValueError("a video needs at least one key")
+        return self.keys[0].view
 
     @cached_property
     def _spline(self) -> CubicHermiteSpline | BSpline:
@@ -173,15 +173,15 @@ class Timeline:
     def _row(self, seconds: float) -> Float64[np.ndarray, "numbers"]:
         return _row(self._first) if len(self.keys) == 1 else self._spline(seconds)
 
-    def _turned(self, seconds: float) -> Float64[np.ndarray, "numbers"]:
-        turned = np.zeros(4 + len(self._first.codes.shape) + len(self._first.codes.texture))
-        turned[0] = 2 * math.pi * self.turns * seconds / self.length
-        return turned
+    def _turns_row(self, seconds: float) -> Float64[np.ndarray, "numbers"]:
+        row = np.zeros(4 + len(self._first.codes.shape) + len(self._first.codes.texture))
+        row[0] = 2 * math.pi * self.turns * seconds / self.length
+        return row
 
     def _knots(self) -> tuple[Float64[np.ndarray, "knots"], Float64[np.ndarray, "knots numbers"]]:
         """Times and rows of the keys, the azimuth without leaps; of a loop also those of its neighbours in time."""
         times = np.array([key.seconds for key in self.keys])
-        rows = np.stack([_row(key.shot) for key in (*self.keys, self.keys[0])])
+        rows = np.stack([_row(key.view) for key in (*self.keys, self.keys[0])])
         rows[:, 0] = np.unwrap(rows[:, 0])
         round_it = np.zeros(rows.shape[1])
         round_it[0] = rows[-1, 0] - rows[0, 0]
@@ -195,22 +195,29 @@ class Timeline:
         )
 
 
-def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[Shot]:
+def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[View]:
     """One turn around the object, from the camera's azimuth and at its elevation and distance."""
     if frames < 1:
         raise ValueError(f"a turntable needs at least 1 frame, got {frames}")
     angles = (camera.azimuth + 2 * math.pi * index / frames for index in range(frames))
-    return [Shot(codes, replace(camera, azimuth=angle)) for angle in angles]
+    return [View(codes, replace(camera, azimuth=angle)) for angle in angles]
 
 
-def _row(shot: Shot) -> Float64[np.ndarray, "numbers"]:
-    """A shot as numbers between which one can go straight: angles, logarithms of distance and focal length, codes."""
-    camera = shot.camera
-    places = camera.azimuth, camera.elevation, math.log(camera.distance), math.log(camera.focal / camera.height)
-    return np.concatenate([places, *(code.double().cpu().numpy() for code in (shot.codes.shape, shot.codes.texture))])
+def _row(view: View) -> Float64[np.ndarray, "numbers"]:
+    """A view as numbers between which one can go straight: angles, logarithms of distance and focal length, codes."""
+    camera = view.camera
+    angles_and_logs = (
+        camera.azimuth,
+        camera.elevation,
+        math.log(camera.distance),
+        math.log(camera.focal / camera.height),
+    )
+    return np.concatenate(
+        [angles_and_logs, *(code.double().cpu().numpy() for code in (view.codes.shape, view.codes.texture))]
+    )
 
 
-def _placed(shot: Shot) -> Float64[np.ndarray, "numbers"]:
-    """A shot as numbers that are alike where it looks alike: the azimuth as a point on the circle."""
-    row = _row(shot)
+def _comparable_row(view: View) -> Float64[np.ndarray, "numbers"]:
+    """A view as numbers that are alike where it looks alike: the azimuth as a point on the circle."""
+    row = _row(view)
     return np.concatenate([[math.cos(row[0]), math.sin(row[0])], row[1:]])

@@ -1,57 +1,55 @@
 """An object as a coloured triangle mesh (.glb, .ply or .obj): where its density is that of a surface.
 
-The density is asked on a grid, slab by slab and only in cells that can hold a part of the object, so memory is bounded
-by a slab. Slabs are cut into triangles by marching cubes and sewn together at the planes they share.
+The density is evaluated on a grid, slab by slab and only in cells that can hold a part of the object, so memory is
+bounded by a slab. Slabs are cut into triangles by marching cubes and welded at the planes they share.
 """
 
 import math
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
-import trimesh
 from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from skimage.measure import marching_cubes
 from torch import Tensor
 
-from core.export.glb import WORLD_FROM_GLTF, glb
-from core.files import whole_file
+from core.export.glb import glb
+from core.files import atomic_file
+from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.compositing import weights
-from core.rendering.folded_field import Folded
+from core.rendering.compositing import compositing_weights
+from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy
 
 _Found = TypeVar("_Found")
 
-FORMATS = (".glb", ".ply", ".obj")
-MOST = 1024
+MAX_RESOLUTION = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
 RESOLUTIONS = (96, 128, 192, 256, 384)
-"""cells along the longest side, tried one after another where none are asked for; the first only to be compared with"""
-WITHIN = 0.001
-"""scene units: how near to its place a mesh of unasked resolution has the surface, all but a thirtieth of it"""
-_STRAY = 1 / 30
-"""of a surface's area: so much may lie further off, and so much may still be missing"""
-_PLACES = 4096
-"""on the surface, by which that is judged"""
+"""cells along the longest side, tried one after another where none is given; the first only to be compared with"""
+TOLERANCE = 0.001
+"""scene units: the largest distance of a mesh without a given resolution from the surface, but for a thirtieth of it"""
+_MAX_OFF_SURFACE = 1 / 30
+"""of a surface's area: so much may lie further away, and so much may be missing"""
+_PROBES = 4096
+"""points of the surface that are checked for it"""
 _INTERVALS = 64
 """Along the longest side of the box in training: within one of them an opaque surface takes half of the light, which
-is the density that the surface is cut at. A lower one would show the fringe that no picture shows."""
-_SURE = 8.0
+is the density that the surface is cut at. A lower one would show the fringe that no image shows."""
+_LOGIT_CLAMP = 8.0
 """The cut's logit is kept within this, so that one wild corner does not pull the surface to another."""
-_SPECK = 0.05
+_MIN_PIECE = 0.05
 """scene units (an object's diagonal is 1): pieces whose bounding box has a shorter diagonal are dropped"""
 _SLAB = 16
 """planes of the grid evaluated at a time"""
 _BLOCK = 16384
 """points evaluated at a time: few enough that activations stay in cache"""
-_LOOKS = 8
+_COLOUR_SAMPLES = 8
 """samples of the short ray that colours a vertex"""
 _GRID_SHARE = 0.6
 """of the time that the grid takes; the rest is the colours'"""
@@ -70,33 +68,54 @@ class Mesh:
     faces: Int[np.ndarray, "faces 3"]
 
     def save(self, path: Path) -> None:
-        """Write the mesh by the name's ending: glTF axes (y up, front +z) in .glb, the world's in .ply and .obj."""
-        if path.suffix.lower() == ".glb":
-            axes = WORLD_FROM_GLTF  # its own inverse's transpose: a row vector times it goes from the world to glTF
-            path.write_bytes(glb(self.vertices @ axes, self.normals @ axes, self.colours, self.faces))
-            return
-        colours = (self.colours * 255 + 0.5).astype(np.uint8)
-        whole = trimesh.Trimesh(self.vertices, self.faces, vertex_normals=self.normals, process=False)
-        whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
-        whole.export(path, vertex_normal=True) if path.suffix.lower() == ".ply" else whole.export(path)
+        """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
+        FORMATS[path.suffix.lower()](self, path)
+
+
+def _write_glb(mesh: Mesh, path: Path) -> None:
+    """glTF axes: y up, front +z."""
+    vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
+    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces))
+
+
+def _write_ply(mesh: Mesh, path: Path) -> None:
+    _trimesh(mesh).export(path, vertex_normal=True)
+
+
+def _write_obj(mesh: Mesh, path: Path) -> None:
+    _trimesh(mesh).export(path)
+
+
+def _trimesh(mesh: Mesh) -> Any:
+    """The mesh in the world's axes as trimesh has it."""
+    import trimesh  # the window lists the formats long before it needs the library
+
+    colours = (mesh.colours * 255 + 0.5).astype(np.uint8)
+    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
+    whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
+    return whole
+
+
+FORMATS: dict[str, Callable[[Mesh, Path], None]] = {".glb": _write_glb, ".ply": _write_ply, ".obj": _write_obj}
+"""The writer of each format, by the name's ending."""
 
 
 def export_mesh(model: Model, codes: Codes, path: Path, resolution: int | None = None) -> Generator[float, None, None]:
     """Write an object's mesh to ``path``.
 
     Yields the share that is done, many times and 1.0 at the end; nothing is left at ``path`` unless the mesh is whole:
-    to cancel, close the generator. Raises ``ValueError`` as :func:`surface` does, and for a name of another format or
-    a path that cannot be written.
+    to cancel, close the generator. Raises ``ValueError`` as :func:`extract_mesh` does, and for a name of another format
+    or a path that cannot be written.
     """
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"{path.name}: a mesh is called {', '.join(FORMATS)}")
-    with whole_file(path) as partial:
-        mesh = yield from surface(model, codes, resolution)
+    with atomic_file(path) as partial:
+        mesh = yield from extract_mesh(model, codes, resolution)
         mesh.save(partial)
     yield 1.0
 
 
-def surface(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:
+def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:
     """The surface of an object; yields the share that is done.
 
     Pieces smaller than a twentieth of the object's diagonal are left out, and so are walls of hollows that nothing
@@ -104,34 +123,37 @@ def surface(model: Model, codes: Codes, resolution: int | None = None) -> Genera
 
     Args:
         resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose
-            surface is as large as the one before and lies where it belongs to within :data:`WITHIN`, else the last.
+            surface is as large as the one before and lies where it belongs to within :data:`TOLERANCE`, else the last.
     """
-    if resolution is not None and not 8 <= resolution <= MOST:
-        raise ValueError(f"a mesh has a resolution of 8 to {MOST}, got {resolution}")
-    folded = Folded(model, codes)
+    if resolution is not None and not 8 <= resolution <= MAX_RESOLUTION:
+        raise ValueError(f"a mesh has a resolution of 8 to {MAX_RESOLUTION}, got {resolution}")
+    folded = FoldedField(model, codes)
     occupancy, area, found = Occupancy(model, folded), 0.0, None
     tries = (resolution,) if resolution else RESOLUTIONS
     for index, cells in enumerate(tries):
-        grid = _Grid.of(model, cells)
+        grid = _Grid.for_model(model, cells)
         begin, end = (_GRID_SHARE * number / len(tries) for number in (index, index + 1))
-        found = yield from _part_of_all(_cut(folded, occupancy, grid), begin, end)
+        found = yield from _subprogress(_marching_cubes(folded, occupancy, grid), begin, end)
         if found is None:
             continue
         vertices, faces = found
-        across = _across(vertices, faces)
-        before, area = area, float(np.linalg.norm(across, axis=1).sum())
+        face_normals = _face_normals(vertices, faces)
+        before, area = area, float(np.linalg.norm(face_normals, axis=1).sum())
         # What is thinner than a cell is missing, and shows in the area once it is there.
-        if area < (1 + _STRAY) * before and _strayed(folded, grid, vertices, faces, across) < _STRAY:
+        if (
+            area < (1 + _MAX_OFF_SURFACE) * before
+            and _off_surface_fraction(folded, grid, vertices, faces, face_normals) < _MAX_OFF_SURFACE
+        ):
             break
     if found is None:
         raise ValueError("the object has no surface: it is nowhere dense enough")
-    normals = _normals(vertices, faces, across)
-    colours = yield from _part_of_all(_coloured(folded, vertices, normals, grid.interval), end, 1.0)
+    normals = _vertex_normals(vertices, faces, face_normals)
+    colours = yield from _subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
     return Mesh(vertices, normals, colours, faces)
 
 
-def _part_of_all(stream: Generator[float, None, _Found], begin: float, end: float) -> Generator[float, None, _Found]:
-    """A stream whose shares are a part of those of a longer one."""
+def _subprogress(stream: Generator[float, None, _Found], begin: float, end: float) -> Generator[float, None, _Found]:
+    """A stream as a part of a longer one: its shares from ``begin`` to ``end``."""
     while True:
         try:
             share = next(stream)
@@ -153,7 +175,7 @@ class _Grid:
     """scene units"""
 
     @classmethod
-    def of(cls, model: Model, resolution: int) -> "_Grid":
+    def for_model(cls, model: Model, resolution: int) -> "_Grid":
         half = np.array(model.extent)
         cells = [math.ceil(resolution * side / max(model.extent) - 1e-9) for side in model.extent]
         interval = 2 * max(model.extent) / _INTERVALS
@@ -166,34 +188,38 @@ class _Grid:
         return torch.stack(torch.meshgrid(*(torch.from_numpy(axis).float() for axis in axes), indexing="ij"), -1)
 
 
-def _cut(
-    folded: Folded, occupancy: Occupancy, grid: _Grid
+def _marching_cubes(
+    folded: FoldedField, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, tuple[np.ndarray, np.ndarray] | None]:
     """Vertices (scene units) and triangles of the object's surface on a grid; None where the grid meets none."""
     pieces = yield from _pieces(folded, occupancy, grid)
     if not pieces:
         return None
-    vertices, faces = _solid(*_sewn(pieces), grid.step)
+    vertices, faces = _remove_specks(*_weld(pieces), grid.step)
     return ((vertices - 1) * grid.step - grid.half).astype(np.float32), faces
 
 
-def _strayed(folded: Folded, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> float:
-    """The share of a surface that lies further than :data:`WITHIN` from where the object's begins."""
-    areas = np.linalg.norm(across, axis=1)
-    chosen = np.searchsorted(areas.cumsum(), (np.arange(_PLACES) + 0.5) / _PLACES * areas.sum())
+def _off_surface_fraction(
+    folded: FoldedField, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, face_normals: np.ndarray
+) -> float:
+    """The share of a surface that lies further than :data:`TOLERANCE` from where the object's begins."""
+    areas = np.linalg.norm(face_normals, axis=1)
+    chosen = np.searchsorted(areas.cumsum(), (np.arange(_PROBES) + 0.5) / _PROBES * areas.sum())
     middles = vertices[faces[chosen]].mean(1)
-    outward = across[chosen] / areas[chosen, None]
-    sides = torch.from_numpy(np.concatenate((middles - WITHIN * outward, middles + WITHIN * outward))).float()
+    outward = face_normals[chosen] / areas[chosen, None]
+    sides = torch.from_numpy(np.concatenate((middles - TOLERANCE * outward, middles + TOLERANCE * outward))).float()
     with torch.inference_mode():
-        thickness = folded.density(folded.first(sides.to(folded.device)))[0] * grid.interval
+        thickness = folded.density(folded.first_layer(sides.to(folded.device)))[0] * grid.interval
     below, above = (thickness.cpu() > math.log(2)).chunk(2)
     return 1 - float((below & ~above).float().mean())
 
 
 def _pieces(
-    folded: Folded, occupancy: Occupancy, grid: _Grid
+    folded: FoldedField, occupancy: Occupancy, grid: _Grid
 ) -> Generator[float, None, list[tuple[np.ndarray, np.ndarray]]]:
     """Vertices (in steps of the grid) and triangles of every slab that has any; slabs share their last plane."""
+    from skimage.measure import marching_cubes  # takes as long to import as half of torch
+
     pieces = []
     last = grid.counts[0] - 1
     for first in range(0, last, _SLAB):
@@ -206,7 +232,7 @@ def _pieces(
 
 
 def _logits(
-    folded: Folded, occupancy: Occupancy, grid: _Grid, first: int, end: int
+    folded: FoldedField, occupancy: Occupancy, grid: _Grid, first: int, end: int
 ) -> Generator[float, None, Float[np.ndarray, "planes y z"]]:
     """Positive inside: the logit of the share of light that an interval of this density takes.
 
@@ -214,27 +240,27 @@ def _logits(
     surface lies smoothly between them.
     """
     inner_first, inner_end = max(first, 1), min(end, grid.counts[0] - 1)
-    logits = np.full((end - first, *grid.counts[1:]), -_SURE, np.float32)
+    logits = np.full((end - first, *grid.counts[1:]), -_LOGIT_CLAMP, np.float32)
     points = grid.points(inner_first, inner_end).to(occupancy.extent.device)
-    within = occupancy.holds(points)
+    within = occupancy.contains(points)
     found = []
     for part in points[within].split(_BLOCK):
         with torch.inference_mode():
-            thickness = folded.density(folded.first(part))[0] * grid.interval
-            found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_SURE, _SURE))
+            thickness = folded.density(folded.first_layer(part))[0] * grid.interval
+            found.append(thickness.expm1().clamp_min(1e-9).log().clamp(-_LOGIT_CLAMP, _LOGIT_CLAMP))
         yield first / (grid.counts[0] - 1)
     if found:
         values = torch.cat(found)
         # A corner that lies on the surface would be the corner of empty triangles: none lies nearer than this.
         values = torch.where(values.abs() < 0.01, values.sign().add(0.5).sign() * 0.01, values)
-        inner = np.full(within.shape, -_SURE, np.float32)
+        inner = np.full(within.shape, -_LOGIT_CLAMP, np.float32)
         inner[within.cpu().numpy()] = values.cpu().numpy()
         logits[inner_first - first : inner_end - first, 1:-1, 1:-1] = inner
     return logits
 
 
-def _sewn(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Slabs as one surface: both sides of a shared plane have the same vertices, bit for bit."""
+def _weld(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Join slabs to one surface: both sides of a shared plane have the same vertices, bit for bit."""
     starts = np.cumsum([0] + [len(vertices) for vertices, _ in pieces])
     vertices = np.concatenate([vertices for vertices, _ in pieces])
     faces = np.concatenate([faces + start for (_, faces), start in zip(pieces, starts[:-1], strict=True)])
@@ -245,7 +271,7 @@ def _sewn(pieces: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.n
     return vertices, target[faces]
 
 
-def _solid(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _remove_specks(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Without specks, walls of hollows and unused vertices; the largest piece stays whatever its size."""
     edges = np.concatenate((faces[:, :2], faces[:, 1:]))
     graph = coo_array((np.ones(len(edges), bool), edges.T), shape=(len(vertices), len(vertices)))
@@ -257,49 +283,56 @@ def _solid(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) -> tuple[n
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     volume = np.bincount(piece[faces[:, 0]], (np.cross(a, b) * c).sum(1), count)
     size[volume <= 0] = -1.0  # a hollow's wall faces inward
-    kept = size >= min(_SPECK, size.max())
+    kept = size >= min(_MIN_PIECE, size.max())
     faces = faces[kept[piece[faces[:, 0]]]]
     used, renamed = np.unique(faces, return_inverse=True)
     return vertices[used], renamed.reshape(-1, 3)
 
 
-def _across(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "faces 3"]:
-    """Outward of every triangle, as long as twice its area."""
+def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "faces 3"]:
+    """The outward normal of every triangle, as long as twice its area."""
     a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
     return np.cross(b - a, c - a)
 
 
-def _normals(vertices: np.ndarray, faces: np.ndarray, across: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
+def _vertex_normals(
+    vertices: np.ndarray, faces: np.ndarray, face_normals: np.ndarray
+) -> Float[np.ndarray, "vertices 3"]:
     """Unit normals of vertices, averaged over the triangles by their areas."""
-    sums = [sum(np.bincount(faces[:, i], across[:, axis], len(vertices)) for i in range(3)) for axis in range(3)]
+    sums = [sum(np.bincount(faces[:, i], face_normals[:, axis], len(vertices)) for i in range(3)) for axis in range(3)]
     normals = np.stack(sums, -1)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.where(length > 0, normals / np.maximum(length, 1e-30), (0.0, 0.0, 1.0)).astype(np.float32)
 
 
-def _coloured(
-    folded: Folded, vertices: np.ndarray, normals: np.ndarray, interval: float
+def _vertex_colours(
+    folded: FoldedField, vertices: np.ndarray, normals: np.ndarray, interval: float
 ) -> Generator[float, None, Float[np.ndarray, "vertices 3"]]:
     """The paper's vertex colours: what is seen looking at the surface against its normal, from just outside."""
-    edges = torch.linspace(-1.0, 2.0, _LOOKS + 1) * interval
+    edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
     colours = []
-    parts = [torch.from_numpy(array).split(_BLOCK // _LOOKS) for array in (vertices, normals)]
-    for done, (places, outward) in enumerate(zip(*parts, strict=True)):
+    parts = [torch.from_numpy(array).split(_BLOCK // _COLOUR_SAMPLES) for array in (vertices, normals)]
+    for done, (positions, outward) in enumerate(zip(*parts, strict=True)):
         yield done / len(parts[0])
         with torch.inference_mode():
             device = folded.device
-            colours.append(_looked(folded, places.to(device), outward.to(device), edges.to(device)).cpu().numpy())
+            colours.append(
+                _surface_colours(folded, positions.to(device), outward.to(device), edges.to(device)).cpu().numpy()
+            )
     return np.concatenate(colours)
 
 
-def _looked(
-    folded: Folded, places: Float[Tensor, "rays 3"], outward: Float[Tensor, "rays 3"], edges: Float[Tensor, "edges"]
+def _surface_colours(
+    folded: FoldedField,
+    positions: Float[Tensor, "rays 3"],
+    outward: Float[Tensor, "rays 3"],
+    edges: Float[Tensor, "edges"],
 ) -> Float[Tensor, "rays 3"]:
     """The mean colour that short rays through these places see of the object."""
     middles = (edges[1:] + edges[:-1]) / 2
-    points = places[:, None] - middles[:, None] * outward[:, None]
-    density, y = folded.density(folded.first(points.flatten(0, 1)))
-    shares, _ = weights(density.reshape(points.shape[:2]), edges.expand(len(points), -1))
+    points = positions[:, None] - middles[:, None] * outward[:, None]
+    density, y = folded.density(folded.first_layer(points.flatten(0, 1)))
+    weights, _ = compositing_weights(density.reshape(points.shape[:2]), edges.expand(len(points), -1))
     towards = folded.direction_bias(-outward).repeat_interleave(len(middles), 0)
-    seen = folded.colour(y, towards).reshape(points.shape).clamp(0, 1)
-    return (shares[..., None] * seen).sum(1) / shares.sum(1, keepdim=True).clamp_min(1e-9)
+    colours = folded.colour(y, towards).reshape(points.shape).clamp(0, 1)
+    return (weights[..., None] * colours).sum(1) / weights.sum(1, keepdim=True).clamp_min(1e-9)

@@ -1,4 +1,4 @@
-"""Films of an object as mp4 (H.264), gif, webp or a folder of png pictures, by the name's ending."""
+"""Videos of an object as mp4 (H.264), gif, webp or a folder of png images, by the name's ending."""
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
@@ -6,29 +6,23 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-import av
 import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.export.keyframes import Shot
-from core.files import whole_file, whole_folder
+from core.export.keyframes import View
+from core.files import atomic_file, atomic_folder
 from core.models.model import Model
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from core.rendering.progressive import frames as rendered
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
-FORMATS = (".mp4", ".gif", ".webp", ".frames")
-"""The last is a folder of numbered pictures."""
-TRANSPARENT = (".gif", ".webp", ".frames")
-"""Formats that can leave the ground out."""
-_FULL = RenderSettings(stages=(1,))
+_FULL = RenderSettings(divisors=(1,))
 
 
 @dataclass(frozen=True)
 class VideoSettings:
-    """How a film is written. Raises ``ValueError`` for what no film has."""
+    """How a video is written. Raises ``ValueError`` for values out of range."""
 
     size: int = 256
     """px, width and height"""
@@ -37,41 +31,43 @@ class VideoSettings:
     quality: int = 85
     """1 to 100: of mp4 and webp; a gif has so many of its 256 colours"""
     transparent: bool = False
-    """without the white ground"""
+    """without the white background"""
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
-            raise ValueError(f"a film has 2 to 4096 px, 1 to 100 frames per second, quality 1 to 100; got {self}")
+            raise ValueError(f"a video has 2 to 4096 px, 1 to 100 frames per second, quality 1 to 100; got {self}")
 
 
-def film(
-    model: Model, shots: Sequence[Shot], path: Path, settings: VideoSettings | None = None
+def write_video(
+    model: Model, views: Sequence[View], path: Path, settings: VideoSettings | None = None
 ) -> Generator[int, None, None]:
-    """Write shots, one after another.
+    """Render and write views, one after another.
 
     Yields the number of frames written so far, many times a frame so that a worker can do other things between, and
     nothing is left at ``path`` unless all of them were: to cancel, close the generator.
 
-    Raises ``ValueError`` for a name of another format, a transparent ground in a format that has none, or a path that
-    cannot be written.
+    Raises ``ValueError`` for a name of another format, a transparent background in a format that has none, or a path
+    that cannot be written.
     """
     settings, suffix = settings or VideoSettings(), path.suffix.lower()
     if suffix not in FORMATS:
         raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
-    if settings.transparent and suffix not in TRANSPARENT:
-        raise ValueError(f"{path.name}: only {', '.join(TRANSPARENT)} can have a transparent ground")
-    whole = whole_folder if suffix == ".frames" else whole_file
-    with whole(path) as partial, closing(_SINKS[suffix](partial, settings)) as sink:
-        for index, shot in enumerate(shots):
-            camera = shot.camera.resized(settings.size, settings.size)
-            for frame in rendered(model, RenderJob(shot.codes, camera, _FULL)):
+    chosen = FORMATS[suffix]
+    if settings.transparent and not chosen.transparent:
+        able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
+        raise ValueError(f"{path.name}: only {able} can have a transparent background")
+    atomic = atomic_folder if chosen.folder else atomic_file
+    with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink:
+        for index, view in enumerate(views):
+            camera = view.camera.resized(settings.size, settings.size)
+            for frame in render_progressively(model, RenderJob(view.codes, camera, _FULL)):
                 if frame:
-                    sink.add(cut_out(frame) if settings.transparent else frame.image)
+                    sink.add(to_rgba(frame) if settings.transparent else frame.image)
                 yield index + (frame is not None)
         sink.finish()
 
 
-def cut_out(frame: Frame) -> UInt8[np.ndarray, "height width 4"]:
+def to_rgba(frame: Frame) -> UInt8[np.ndarray, "height width 4"]:
     """A frame without the white behind it: RGB and opacity, not multiplied."""
     opacity = frame.opacity.clip(0, 1)[..., None]
     own = (frame.image - 255 * (1 - opacity)) / np.maximum(opacity, 1e-3)
@@ -88,7 +84,9 @@ class _Sink(Protocol):
 
 class _Mp4:
     def __init__(self, path: Path, settings: VideoSettings) -> None:
-        self._container = av.open(str(path), "w")
+        import av  # the window lists the formats long before it needs the library
+
+        self._av, self._container = av, av.open(str(path), "w")
         # From nearly lossless (12) at 100 to blocks (40) at 1; 85 is what eyes do not tell from the original.
         crf = f"{40 - 0.28 * settings.quality:.0f}"
         self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
@@ -99,7 +97,7 @@ class _Mp4:
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
-        self._container.mux(self._stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+        self._container.mux(self._stream.encode(self._av.VideoFrame.from_ndarray(even, format="rgb24")))
 
     def finish(self) -> None:
         self._container.mux(self._stream.encode())
@@ -129,13 +127,13 @@ class _Pillow:
 class _Gif(_Pillow):
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         colours = max(8, round(2.55 * self._settings.quality))
-        picture = Image.fromarray(image)
+        frame = Image.fromarray(image)
         if not self._settings.transparent:
-            self._images.append(picture.quantize(colours))
+            self._images.append(frame.quantize(colours))
             return
         # A pixel of a gif is there or not; index 255 is kept for those that are not.
-        reduced = picture.convert("RGB").quantize(min(255, colours))
-        reduced.paste(255, mask=picture.getchannel("A").point(lambda opacity: 255 * (opacity < 128)))
+        reduced = frame.convert("RGB").quantize(min(255, colours))
+        reduced.paste(255, mask=frame.getchannel("A").point(lambda opacity: 255 * (opacity < 128)))
         self._images.append(reduced)
 
     def finish(self) -> None:
@@ -162,9 +160,21 @@ class _Frames:
         pass
 
 
-_SINKS: dict[str, Callable[[Path, VideoSettings], _Sink]] = {
-    ".mp4": _Mp4,
-    ".gif": _Gif,
-    ".webp": _Webp,
-    ".frames": _Frames,
+class VideoFormat(NamedTuple):
+    """One way to write a video."""
+
+    label: str
+    sink: Callable[[Path, VideoSettings], _Sink]
+    transparent: bool = True
+    """can leave the background out"""
+    folder: bool = False
+    """a folder of files instead of one"""
+
+
+FORMATS = {
+    ".mp4": VideoFormat("mp4", _Mp4, transparent=False),
+    ".gif": VideoFormat("gif", _Gif),
+    ".webp": VideoFormat("webp", _Webp),
+    ".frames": VideoFormat("png frames", _Frames, folder=True),
 }
+"""By the name's ending."""

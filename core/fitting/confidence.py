@@ -1,12 +1,12 @@
 """How far to trust a fitted camera: the probability that it is right, from what the fit itself knows.
 
-Wrong cameras are mostly those of another basin (the front/back twin above all) that explains the picture about as
-well. So a fit keeps the best hypothesis of another basin to its end, and the margin between the two says how clear the
-choice was: by its lead, the share of the other's objective that it spares. Others are in no basin at all, for nothing
-that the model knows looks like the picture; there the objective is flat, and its curvature says how far the camera may
-be off. Where two races were run and agree, the smaller margin counts. The three numbers below are a logistic regression
-over fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them anew and tells
-how well the confidence separates.
+Wrong cameras are mostly those of another basin (the opposite view above all) that explains the photo about as well. So
+a fit keeps the best hypothesis of another basin, the runner-up, and the margin between the two says how clear the
+choice was: by the share of the runner-up's loss that the winner saves. Others are in no basin at all, for nothing that
+the model knows looks like the photo; there the objective is flat, and its curvature says how uncertain the camera is.
+Where two searches were run and agree, the smaller margin counts. The three numbers below are a logistic regression over
+fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them anew and tells how
+well the confidence separates right from wrong.
 """
 
 import math
@@ -20,79 +20,85 @@ RIGHT_DEGREES = 10.0
 DOUBTFUL = 0.5
 """A camera of less confidence is more likely wrong than right."""
 _RIDGE = 0.1
-"""Keeps the slopes finite where they separate all fits."""
-_LEAST_SPREAD = 0.01
+"""Keeps the weights finite where they separate all fits."""
+_MIN_UNCERTAINTY = 0.01
 """degrees"""
-_WORST_MARGIN = -30.0
-"""keeps the lead of a hypothesis that has lost finite"""
+_MIN_MARGIN = -30.0
+"""keeps the relative margin of a hypothesis that has lost finite"""
 
 
 class Calibration(NamedTuple):
-    """The logarithm of the odds of a right camera: a constant, and the slopes along lead and logarithm of spread."""
+    """The logarithm of the odds of a right camera: a constant, and the weights of the relative margin and of the
+    logarithm of the uncertainty.
+    """
 
     constant: float
-    lead: float
-    spread: float
+    margin: float
+    uncertainty: float
 
 
 CALIBRATION = Calibration(0.14, 6.97, -1.55)
 """Of the shipped chairs and cars together: 216 blind fits by ``normal``, 120 of them of held-out objects, before a
-second race lowered their margins. On the 184 of them that were fitted again since then, 6 of them wrong, the confidence
+restart lowered their margins. On the 184 of them that were fitted again since then, 6 of them wrong, the confidence
 has an AUROC of 0.96.
 """
 
 
-def confidence(margin: float, spread: float, by: Calibration = CALIBRATION) -> float:
+def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION) -> float:
     """The probability that a fitted camera is right, 0..1.
 
     Args:
-        margin: the logarithm of the objective of the best hypothesis of another basin over that of the winner.
-        spread: degrees that the winner may be off within its basin.
+        margin: the logarithm of the loss of the runner-up over that of the winner.
+        uncertainty: degrees that the winner may be off within its basin.
 
     Example:
         >>> confidence(math.log(2), 1.0, Calibration(-2.0, 4.0, -1.0))
         0.5
     """
-    odds = by.constant + by.lead * _lead(margin) + by.spread * _spoken(spread)
+    odds = by.constant + by.margin * _relative_margin(margin) + by.uncertainty * _log_uncertainty(uncertainty)
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
 
 
-def _lead(margin: float) -> float:
-    """The share of the rival's objective that the winner spares, at most 1: ten times worse is hardly clearer a loser
-    than thrice.
+def _relative_margin(margin: float) -> float:
+    """The share of the runner-up's loss that the winner saves, at most 1: ten times worse is hardly clearer than
+    thrice.
     """
-    return -math.expm1(-max(margin, _WORST_MARGIN))
+    return -math.expm1(-max(margin, _MIN_MARGIN))
 
 
-def _spoken(spread: float) -> float:
-    return math.log(max(spread, _LEAST_SPREAD))
+def _log_uncertainty(uncertainty: float) -> float:
+    return math.log(max(uncertainty, _MIN_UNCERTAINTY))
 
 
-def calibrated(margins: Sequence[float], spreads: Sequence[float], right: Sequence[bool]) -> Calibration:
-    """Logistic regression by Newton's method, with a small ridge on the slopes per standard deviation.
+def fit_calibration(margins: Sequence[float], uncertainties: Sequence[float], right: Sequence[bool]) -> Calibration:
+    """Logistic regression by Newton's method, with a small ridge on the weights per standard deviation.
 
     Raises ``ValueError`` where the fits are not both right and wrong.
     """
     if len(set(right)) < 2:
         raise ValueError("a calibration needs fits that are right and fits that are wrong")
-    values = np.column_stack((list(map(_lead, margins)), list(map(_spoken, spreads)))).astype(np.float64)
+    values = np.column_stack(([*map(_relative_margin, margins)], [*map(_log_uncertainty, uncertainties)])).astype(
+        np.float64
+    )
     truth = np.asarray(right, np.float64)
     mean, scale = values.mean(0), values.std(0) + 1e-9
     terms = np.column_stack((np.ones(len(values)), (values - mean) / scale))
     ridge, weights = np.diag([1e-9, _RIDGE, _RIDGE]), np.zeros(3)
     for _ in range(50):
         share = 1 / (1 + np.exp(-np.clip(terms @ weights, -30, 30)))
-        bend = terms.T @ (terms * (share * (1 - share))[:, None]) + ridge
-        weights += np.linalg.solve(bend, terms.T @ (truth - share) - ridge @ weights)
-    slopes = weights[1:] / scale
-    return Calibration(float(weights[0] - slopes @ mean), *slopes.tolist())
+        hessian = terms.T @ (terms * (share * (1 - share))[:, None]) + ridge
+        weights += np.linalg.solve(hessian, terms.T @ (truth - share) - ridge @ weights)
+    unscaled = weights[1:] / scale
+    return Calibration(float(weights[0] - unscaled @ mean), *unscaled.tolist())
 
 
-def separation(scores: Sequence[float], right: Sequence[bool]) -> float:
-    """The chance that a right fit scores above a wrong one (AUROC), ties counting half; NaN where one kind lacks.
+def auroc(scores: Sequence[float], right: Sequence[bool]) -> float:
+    """The chance that a right fit scores above a wrong one (area under the ROC curve), ties counting half.
+
+    NaN where one kind lacks.
 
     Example:
-        >>> separation([0.9, 0.8, 0.3], [True, True, False])
+        >>> auroc([0.9, 0.8, 0.3], [True, True, False])
         1.0
     """
     values, truth = np.asarray(scores), np.asarray(right, bool)

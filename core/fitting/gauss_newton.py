@@ -1,13 +1,12 @@
 """Damped Gauss-Newton (Levenberg and Marquardt) for many hypotheses at once.
 
-Eq. 5 is a sum of squares (of weighted ones, where it forgives), so the slopes of its residuals make a quadratic that
-is right near its minimum. Its minimum, damped, is the next guess, and other pixels say where to go from there: asked
-again and again, the same ones lead into holes that are theirs alone. Camera and codes move together, so that the
-valleys in which one makes up for the other are walked along and not across.
+The objective is a sum of weighted squares (:mod:`core.fitting.objective`), so the Jacobian of its residuals makes a
+quadratic that is right near its minimum. Its minimum, damped, is the next guess, and other pixels say where to go from
+there: the same ones again and again lead into minima that are theirs alone. Camera and codes move together, so that
+the valleys in which one makes up for the other are walked along and not across.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -17,221 +16,206 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from core.fitting.hypotheses import (
-    SILHOUETTE,
-    STRAY_PRIORS,
-    Numbers,
-    Objective,
-    Pool,
-    aimed,
-    astray,
-    forgiven,
-    strays,
-    within_bounds,
+    CAMERA_PARAMETERS,
+    HypothesisBatch,
+    Parameters,
+    clamp_parameters,
+    hypothesis_rays,
 )
-from core.fitting.observations import Drawn
+from core.fitting.objective import Objective, image_squared_error, image_terms, prior_terms
+from core.fitting.observations import PixelBatch
 from core.fitting.schedule import Stage
-from core.geometry.camera import rotation
+from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
 from core.models.model import Model
-from core.models.precision import linear_dtype
-from core.rendering.jacobian import Entries, trace
+from core.models.precision import matmul_dtype
+from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 
-_CAMERA = 6
-"""numbers of a camera: azimuth, elevation, logarithms of distance and focal length, shift x and y"""
-_LONGEST = (0.35, 0.35, 0.15, 0.15, 0.05, 0.05)
-"""A step moves none of them by more: beyond, the quadratic says nothing."""
-_LONGEST_CODE = 3.0
+_MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.05, 0.05)
+"""of each camera parameter: beyond, the quadratic says nothing"""
+_MAX_CODE_STEP = 3.0
 """standard deviations"""
-_INDEPENDENT = 64
-"""Errors of a picture's pixels that have nothing to do with each other: so many that right cameras are about as far off
-as their spread."""
-_KEPT = 11
-"""One of so many samples of a ray goes into the slopes."""
+_EFFECTIVE_PIXELS = 64
+"""Independent errors in a photo: so many that right cameras are about as far off as their uncertainty."""
+_SAMPLES_PER_JACOBIAN = 11
+"""One of so many samples of a ray goes into the Jacobian."""
 
 
-class Quadratic(NamedTuple):
-    """The objective of hypotheses, and what it is like around them."""
+class NormalEquations(NamedTuple):
+    """The objective of hypotheses, and its quadratic around them.
+
+    Parameters are those of the cameras, view by view, then the leading ones of shape and of texture that may move.
+    """
 
     objective: Float[Tensor, "hypotheses"]
-    squared: Float[Tensor, "hypotheses"]
-    """as in :class:`core.fitting.hypotheses.Judged`"""
-    slope: Float[Tensor, "hypotheses numbers"]
-    """half the gradient along the cameras' numbers, view by view, and those of shape and texture"""
-    bend: Float[Tensor, "hypotheses numbers numbers"]
-    """half the Hessian, as Gauss and Newton see it"""
+    squared_error: Float[Tensor, "hypotheses"]
+    """as in :class:`core.fitting.objective.ObjectiveValue`"""
+    gradient: Float[Tensor, "hypotheses parameters"]
+    """half of it"""
+    hessian: Float[Tensor, "hypotheses parameters parameters"]
+    """half of Gauss-Newton's"""
+    ranks: tuple[int, int]
+    """how many of the parameters are of shape and of texture; the others are the cameras'"""
 
 
-def stride(
-    model: Model, pool: Pool, drawn: Drawn, jitter: Tensor, stage: Stage, by: Objective, free: Bool[Tensor, "views 6"]
-) -> Pool:
-    """One step of every hypothesis towards what these pixels say; its cost and squared error are those before it.
+def gauss_newton_step(
+    model: Model,
+    batch: HypothesisBatch,
+    pixels: PixelBatch,
+    jitter: Tensor,
+    stage: Stage,
+    objective: Objective,
+    free: Bool[Tensor, "views 6"],
+) -> HypothesisBatch:
+    """One step of every hypothesis; its loss and squared error are those before the step.
 
     Args:
-        jitter: as for :func:`core.fitting.hypotheses.judged`.
-        free: which numbers of which camera may move.
+        jitter: as for :func:`core.fitting.hypotheses.hypothesis_rays`.
+        free: which parameters of which camera may move.
 
-    A hypothesis whose objective is not finite gets infinite cost and stays where it is.
+    A hypothesis whose objective is not finite gets infinite loss and stays where it is.
     """
-    around = quadratic(model, pool.numbers, drawn, jitter, stage, by)
-    ranks, movable = _movable(pool, stage, free)
-    numbers = _moved(pool.numbers, _step(around, stage.damping, movable, free.numel()), ranks, free)
-    cost = around.objective.nan_to_num(math.inf, math.inf)
-    return replace(pool, numbers=numbers, cost=cost, squared=around.squared)
+    equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective)
+    step = _solve_damped(equations, stage.damping, free)
+    parameters = _apply_step(batch.parameters, step, equations.ranks, free)
+    loss = equations.objective.nan_to_num(math.inf, math.inf)
+    return replace(batch, parameters=parameters, loss=loss, squared_error=equations.squared_error)
 
 
-def tried(
+def camera_uncertainty(
     model: Model,
-    one: Pool,
-    drawn: Drawn,
+    one: HypothesisBatch,
+    pixels: PixelBatch,
     stage: Stage,
-    by: Objective,
+    objective: Objective,
     free: Bool[Tensor, "views 6"],
-    choices: Sequence[tuple[int, int]],
-) -> Numbers:
-    """Where one step takes a single hypothesis if only so many directions of shape and texture move: for each choice.
-
-    The other arguments are those of :func:`stride`; no choice is beyond the stage's own directions.
-    """
-    around = quadratic(model, one.numbers, drawn, None, stage, by)
-    (shapes, textures), movable = _movable(one, stage, free)
-    moved = []
-    for shape, texture in choices:
-        few = movable.clone()
-        few[free.numel() + shape : free.numel() + shapes] = False
-        few[free.numel() + shapes + texture :] = False
-        step = _step(around, stage.damping, few, free.numel())
-        moved.append(_moved(one.numbers, step, (shapes, textures), free))
-    return Numbers(*(torch.cat(parts) for parts in zip(*moved, strict=True)))
-
-
-def spread(
-    model: Model, one: Pool, drawn: Drawn, stage: Stage, by: Objective, free: Bool[Tensor, "views 6"], view: int
+    view: int,
 ) -> float:
     """How far, in rad, the direction of a single hypothesis' camera may be off within its basin.
 
     The standard deviation that the objective's curvature leaves it (Laplace's approximation), where all that is free
-    to move makes up for its error as well as it can. The other arguments are those of :func:`stride`.
+    to move makes up for its error as well as it can. The other arguments are those of :func:`gauss_newton_step`.
     """
-    around = quadratic(model, one.numbers, drawn, None, stage, by)
-    movable = _movable(one, stage, free)[1].nonzero()[:, 0]
-    bend = around.bend[0][movable][:, movable].double()
-    angles = ((movable == view * _CAMERA) | (movable == view * _CAMERA + 1)).nonzero()[:, 0]
-    known = torch.linalg.pinv(bend, hermitian=True)[angles][:, angles].trace()
-    found = (around.objective[0] * known / _INDEPENDENT).clamp_min(0).sqrt().nan_to_num(math.pi, math.pi)
-    return min(float(found), math.pi)
+    equations = normal_equations(model, one.parameters, pixels, None, stage, objective)
+    movable = _free_mask(equations, free).nonzero()[:, 0]
+    hessian = equations.hessian[0][movable][:, movable].double()
+    first = view * CAMERA_PARAMETERS  # azimuth, then elevation
+    angles = ((movable == first) | (movable == first + 1)).nonzero()[:, 0]
+    variance = torch.linalg.pinv(hessian, hermitian=True)[angles][:, angles].trace()
+    deviation = (equations.objective[0] * variance / _EFFECTIVE_PIXELS).clamp_min(0).sqrt()
+    return min(float(deviation.nan_to_num(math.pi, math.pi)), math.pi)
 
 
-def _movable(
-    pool: Pool, stage: Stage, free: Bool[Tensor, "views 6"]
-) -> tuple[tuple[int, int], Bool[Tensor, "numbers"]]:
-    """How many numbers of shape and texture a stage moves, and which of all the numbers of its quadratics."""
-    ranks = min(stage.ranks[0], pool.numbers.shape.shape[1]), min(stage.ranks[1], pool.numbers.texture.shape[1])
-    return ranks, torch.cat((free.flatten(), torch.ones(sum(ranks), dtype=torch.bool)))
-
-
-def quadratic(
-    model: Model, numbers: Numbers, drawn: Drawn, jitter: Tensor | None, stage: Stage, by: Objective
-) -> Quadratic:
-    """The objective around hypotheses, of the numbers that a stage moves."""
-    rays = aimed(model, numbers, drawn, stage.samples, jitter)
-    shapes, textures = by.spaces(model)
-    shape, texture = shapes.code(numbers.shape), textures.code(numbers.texture)
-    dtype = linear_dtype(model.device.type)
-    entries = Entries(
-        model.field.shape_slopes(shape, shapes.axes(stage.ranks[0])).to(dtype),
-        model.field.texture_slopes(texture, textures.axes(stage.ranks[1])).to(dtype),
+def normal_equations(
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    jitter: Tensor | None,
+    stage: Stage,
+    objective: Objective,
+) -> NormalEquations:
+    """The quadratic of the objective around hypotheses, along the parameters that a stage moves."""
+    rendered, jacobian = _render(model, parameters, pixels, jitter, stage)
+    colour, opacity = rendered.colour.cpu(), rendered.opacity.cpu()
+    image = image_terms(colour, opacity, pixels, objective)
+    residual, weight = (torch.cat([term[part] for term in image], -1).flatten(1) for part in (1, 2))
+    jacobian = jacobian.flatten(1, 3) * weight.sqrt()[..., None]
+    gradient = ((residual * weight.sqrt())[:, None] @ jacobian)[:, 0]
+    camera, *codes = prior_terms(parameters, objective)
+    ranks = min(stage.ranks, parameters.shape.shape[1]), min(stage.ranks, parameters.texture.shape[1])
+    priors = [camera, *(term.leading(rank) for term, rank in zip(codes, ranks, strict=True))]
+    pull, stiffness = (torch.cat([term[part].flatten(1) for term in priors], 1) for part in (1, 2))
+    return NormalEquations(
+        torch.stack([term.value for term in (*image, camera, *codes)]).sum(0),
+        image_squared_error(colour, pixels),
+        gradient + stiffness * pull,
+        jacobian.mT @ jacobian + torch.diag_embed(stiffness),
+        ranks,
     )
-    biases = model.field.biases(shape, texture)
-    seen = trace(model, rays, stage.samples, max(2, stage.samples // _KEPT), *biases, entries)
-    count, views, pixels = rays.near.shape
-    jacobian = torch.zeros(count, views, pixels, 4, views * _CAMERA + seen.codes.shape[-1])
-    for index, (origins, directions) in enumerate(_aims(numbers, rays)):
+
+
+def _render(
+    model: Model, parameters: Parameters, pixels: PixelBatch, jitter: Tensor | None, stage: Stage
+) -> tuple[RenderedJacobian, Float[Tensor, "hypotheses views rays 4 parameters"]]:
+    """The pixels, and the Jacobian of their channels (red, green, blue, opacity) along all parameters that may move."""
+    shapes, textures = model.codes.shape_space, model.codes.texture_space
+    shape, texture = shapes.code(parameters.shape), textures.code(parameters.texture)
+    dtype = matmul_dtype(model.device.type)
+    entries = BiasJacobians(
+        model.field.shape_bias_jacobian(shape, shapes.basis(stage.ranks)).to(dtype),
+        model.field.texture_bias_jacobian(texture, textures.basis(stage.ranks)).to(dtype),
+    )
+    rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
+    kept = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
+    seen = render_with_jacobian(model, rays, stage.samples, kept, *model.field.biases(shape, texture), entries)
+    codes, views = seen.codes.cpu(), rays.near.shape[1]
+    jacobian = torch.zeros(*codes.shape[:-1], views * CAMERA_PARAMETERS + codes.shape[-1])
+    for index, (origins, directions) in enumerate(camera_jacobian(parameters, rays)):
         along = (seen.origin * origins[..., None, :] + seen.direction * directions[..., None, :]).sum(-1).cpu()
-        for view in range(views):
-            jacobian[:, view, ..., view * _CAMERA + index] = along[:, view]
-    jacobian[..., views * _CAMERA :] = seen.codes.cpu()
-    error = seen.colour.cpu() - drawn.colours
-    residual = torch.cat((error, (seen.opacity.cpu() - drawn.opaque)[..., None]), -1)
-    squared = error.square().mean(-1)
-    weight = torch.full((count, views, pixels, 4), 1 / (3 * views * pixels))
-    weight[..., :3] /= (1 + squared / by.forgiving**2)[..., None]  # Cauchy's loss, reweighted as it bends
-    weight[..., 3] = 0.0 if model.painted_ground else SILHOUETTE * drawn.sure / (views * pixels)
-    objective = forgiven(squared, by).mean((1, 2)) + (residual[..., 3].square() * weight[..., 3]).sum((1, 2))
-    jacobian, residual = (jacobian * weight.sqrt()[..., None]).flatten(1, 3), (residual * weight.sqrt()).flatten(1)
-    fit = Quadratic(
-        objective,
-        (squared * drawn.shares).sum((1, 2)) / views,
-        (residual[:, None] @ jacobian)[:, 0],
-        jacobian.mT @ jacobian,
-    )
-    codes = torch.cat((numbers.shape[:, : stage.ranks[0]], numbers.texture[:, : stage.ranks[1]]), -1)
-    return _with_priors(fit, numbers, codes, by)
+        for view in range(views):  # a ray moves with its own camera only
+            jacobian[:, view, ..., view * CAMERA_PARAMETERS + index] = along[:, view]
+    jacobian[..., views * CAMERA_PARAMETERS :] = codes
+    return seen, jacobian
 
 
-def _with_priors(fit: Quadratic, numbers: Numbers, codes: Tensor, by: Objective) -> Quadratic:
-    """With what makes codes and cameras unlikely; the latter grows with a logarithm, reweighted as it bends."""
-    away, spreads = strays(numbers), by.spreads
-    pull = torch.tensor(STRAY_PRIORS) / spreads**2 / (1 + (away / spreads).square()) / away.shape[1]
-    pulls, where = (torch.zeros(*away.shape[:2], _CAMERA) for _ in range(2))
-    pulls[..., 1:4], where[..., 1:4] = pull * (away != 0), away
-    pulls = torch.cat((pulls.flatten(1), torch.full_like(codes, by.prior)), -1)
-    unlikely = numbers.shape.square().sum(-1) + numbers.texture.square().sum(-1)
-    objective = fit.objective + by.prior * unlikely + astray(numbers, by)
-    slope = fit.slope + pulls * torch.cat((where.flatten(1), codes), -1)
-    return fit._replace(objective=objective, slope=slope, bend=fit.bend + torch.diag_embed(pulls))
-
-
-def _aims(numbers: Numbers, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
-    """How the rays' origins and directions change with each number of their camera; (hypotheses, views, rays, 3)."""
+def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
+    """How rays' origins and directions change with each parameter of their camera; (hypotheses, views, rays, 3)."""
     origins, directions = rays.origins, rays.directions
-    right, up, backward = rotation(*numbers.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
+    right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
-    shortened = -(directions * backward).sum(-1, keepdim=True)
-    lens = numbers.zoom.exp().to(origins.device)[..., None, None]
+    forward = -(directions * backward).sum(-1, keepdim=True)
+    focal = parameters.zoom.exp().to(origins.device)[..., None, None]
 
-    def aside(axis: Tensor) -> Tensor:
-        """A direction through a place in the picture that moves by a focal length."""
-        return shortened * (axis - directions * (directions * axis).sum(-1, keepdim=True))
+    def across(axis: Tensor) -> Tensor:
+        """The change of a direction through a point of the image that moves by one focal length along an axis."""
+        return forward * (axis - directions * (directions * axis).sum(-1, keepdim=True))
 
     return (
         (torch.linalg.cross(vertical, origins), torch.linalg.cross(vertical, directions)),
         (torch.linalg.cross(origins, right), torch.linalg.cross(directions, right)),
         (origins, still),
-        (origins, -aside(backward)),
-        (still, -aside(right) / lens),
-        (still, aside(up) / lens),
+        (origins, -across(backward)),
+        (still, -across(right) / focal),
+        (still, across(up) / focal),
     )
 
 
-def _step(around: Quadratic, damping: float, movable: Bool[Tensor, "numbers"], cameras: int) -> Tensor:
-    """To the minimum of the damped quadratic, but not beyond what it can know; nowhere where it is not finite.
+def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 6"]) -> Bool[Tensor, "parameters"]:
+    """Which parameters may move: the free ones of cameras, and the codes'."""
+    return torch.cat((free.flatten(), torch.ones(sum(equations.ranks), dtype=torch.bool)))
 
-    (hypotheses, numbers); the first ``cameras`` numbers are those of cameras.
+
+def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor, "views 6"]) -> Tensor:
+    """The step (hypotheses, parameters) to the minimum of the damped quadratic, but not beyond what it can know; zero
+    where it is not finite.
     """
-    still = torch.eye(len(movable))
-    own = around.bend.diagonal(dim1=1, dim2=2)
-    bend = around.bend + torch.diag_embed(own * damping + 1e-9)
-    bend = torch.where(movable[:, None] & movable, bend, still)
-    slope = around.slope * movable
-    sound = bend.flatten(1).isfinite().all(1) & slope.isfinite().all(1)
-    factor, failed = torch.linalg.cholesky_ex(torch.where(sound[:, None, None], bend, still))
-    sound = sound & (failed == 0)
-    factor = torch.where(sound[:, None, None], factor, still)
-    step = -torch.cholesky_solve(slope.where(sound[:, None], 0.0)[..., None], factor)[..., 0]
-    longest = torch.tensor(_LONGEST * (cameras // _CAMERA) + (_LONGEST_CODE,) * (len(movable) - cameras))
+    movable = _free_mask(equations, free)
+    identity = torch.eye(len(movable))
+    diagonal = equations.hessian.diagonal(dim1=1, dim2=2)
+    hessian = equations.hessian + torch.diag_embed(diagonal * damping + 1e-9)
+    hessian = torch.where(movable[:, None] & movable, hessian, identity)
+    gradient = equations.gradient * movable
+    finite = hessian.flatten(1).isfinite().all(1) & gradient.isfinite().all(1)
+    factor, failed = torch.linalg.cholesky_ex(torch.where(finite[:, None, None], hessian, identity))
+    finite = finite & (failed == 0)
+    factor = torch.where(finite[:, None, None], factor, identity)
+    step = -torch.cholesky_solve(gradient.where(finite[:, None], 0.0)[..., None], factor)[..., 0]
+    longest = torch.tensor(_MAX_STEP * len(free) + (_MAX_CODE_STEP,) * sum(equations.ranks))
     return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
 
 
-def _moved(numbers: Numbers, step: Tensor, ranks: tuple[int, int], free: Bool[Tensor, "views 6"]) -> Numbers:
-    """A step further, within what cameras can be."""
-    camera, shape, texture = step.split((step.shape[1] - sum(ranks), *ranks), 1)
-    camera = camera.reshape(*numbers.distance.shape, _CAMERA)
-    moved = Numbers(
-        numbers.angles + camera[..., :2],
-        numbers.distance + camera[..., 2],
-        numbers.zoom + camera[..., 3],
-        numbers.shift + camera[..., 4:],
-        numbers.shape + pad(shape, (0, numbers.shape.shape[1] - ranks[0])),
-        numbers.texture + pad(texture, (0, numbers.texture.shape[1] - ranks[1])),
+def _apply_step(
+    parameters: Parameters, step: Tensor, ranks: tuple[int, int], free: Bool[Tensor, "views 6"]
+) -> Parameters:
+    """The parameters after a step, within what cameras can be."""
+    camera, shape, texture = step.split((free.numel(), *ranks), 1)
+    camera = camera.reshape(*parameters.distance.shape, CAMERA_PARAMETERS)
+    moved = Parameters(
+        parameters.angles + camera[..., :2],
+        parameters.distance + camera[..., 2],
+        parameters.zoom + camera[..., 3],
+        parameters.shift + camera[..., 4:],
+        parameters.shape + pad(shape, (0, parameters.shape.shape[1] - ranks[0])),
+        parameters.texture + pad(texture, (0, parameters.texture.shape[1] - ranks[1])),
     )
-    return within_bounds(moved, free.any(1))
+    return clamp_parameters(moved, free.any(1))

@@ -1,7 +1,7 @@
-"""Where hypotheses enter a race: at cameras of the bank, with shapes towards its objects, or where a fit left off.
+"""Where hypotheses begin: at cameras of the view bank with shapes of its prototypes, or where a fit left off.
 
-Codes have local minima, so shapes race as cameras do: every camera of the bank comes with the shape that looks most
-like the picture from there, and where all cameras are known, several shapes come with them.
+Codes have local minima, so shapes compete as cameras do: every camera of the view bank comes with the shape that looks
+most like the photo from there, and where all cameras are known, several shapes come with them.
 """
 
 import math
@@ -12,151 +12,187 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from core.fitting.hypotheses import Numbers, Pool, cameras, most_opened, spread_out, within_bounds
-from core.fitting.schedule import AROUND
+from core.fitting.hypotheses import (
+    Hypothesis,
+    HypothesisBatch,
+    Parameters,
+    by_loss,
+    clamp_parameters,
+    suppress_neighbours,
+    to_cameras,
+)
+from core.fitting.problem import Problem
+from core.fitting.schedule import LOCAL_OFFSETS
 from core.geometry.camera import Camera
-from core.models.codes import Codes, CodeSpace
+from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import EmptyBankError, Starts, bank_of, likenesses, ranked
+from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras, shape_similarity
+from core.photos.view_bank import EmptyBankError, view_bank
 
-_LIKENESS = 0.6
-"""How much of the shape of its likeness in the bank a hypothesis begins with, the rest being the mean shape."""
-_SAME = 1e-3
-"""Standard deviations by which an object of the bank, where it is the mean one, differs from the mean shape at most."""
-_ZOOMS = (0.0, -0.3, 0.3)
-"""Logarithms of focal lengths over the model's that pairs of starts (a camera and mostly its twin) take turns in, where
-these are searched for: a code that has settled with one lens does not let go of it."""
-_SIZES = 0.25
-"""How much the logarithm of an object's apparent size differs from that of its likeness in the bank."""
+_SHAPE_BLEND = 0.6
+"""How much of a prototype's shape a hypothesis begins with, the rest being the mean shape."""
+_MIN_DIFFERENCE = 1e-3
+"""Standard deviations by which a prototype that is not the mean object differs from the mean shape."""
+_INITIAL_ZOOMS = (0.0, -0.3, 0.3)
+"""Logarithms of focal lengths over the model's that pairs of cameras (one and mostly its opposite) take turns in, where
+these are searched for: a code that has settled with one focal length does not let go of it."""
+_SIZE_TOLERANCE = 0.25
+"""How much the logarithm of an object's apparent size differs from that of its prototype."""
 
 
-def entrants(model: Model, photos: Sequence[Photo], given: Sequence[Camera], count: int, lens: bool) -> Pool:
-    """At most ``count`` hypotheses: the best cameras of the bank for every picture without one, each with shapes
-    towards what looks most like the pictures from there; and where all cameras are known, that many shapes.
-
-    Args:
-        given: known cameras, and for unknown ones their size and focal length.
-        lens: unknown cameras begin with several focal lengths.
+def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator) -> HypothesisBatch:
+    """At most ``count`` hypotheses: the best cameras of the view bank for every photo without one, each with the shape
+    that looks most like the photos from there; and where all cameras are known, that many shapes.
     """
-    unknown = torch.tensor([photo.camera is None for photo in photos])
-    space, views = model.codes.shape_space, len(photos)
-    found = {
-        view: ranked(
-            bank_of(model), model, photo.pixels, photo.mask, given[view].focal, count, photo.framed, photo.beyond
-        )
-        for view, photo in enumerate(photos)
-        if unknown[view]
+    model, space = problem.model, problem.model.codes.shape_space
+    candidates = {
+        view: _candidates(problem, view, count, generator) for view in problem.unknown.nonzero()[:, 0].tolist()
     }
-    count = min([count, *(len(starts.azimuth) for starts in found.values())])
-    alike = torch.zeros(count, len(space.spread)) if found else _likely_shapes(model, photos, given, count)
-    count = len(alike)
-    angles, distance, shift = torch.zeros(count, views, 2), torch.zeros(count, views), torch.zeros(count, views, 2)
-    zoom = torch.zeros_like(distance)
-    if lens:
-        zoom[:, unknown] = torch.tensor(_ZOOMS).repeat_interleave(2).repeat(count)[:count, None]
-    for view, (photo, camera) in enumerate(zip(photos, given, strict=True)):
-        angles[:, view] = torch.tensor([camera.azimuth, camera.elevation])
-        distance[:, view] = math.log(camera.distance / model.distance)
-        if view in found:
-            starts = Starts(*(part[:count] for part in found[view]))
-            angles[:, view] = torch.stack((starts.azimuth, starts.elevation), -1)
-            away = (starts.distance / model.distance).log()
-            # Objects differ in size too: only what that does not explain is put down to the distance.
-            distance[:, view] = away - away.clamp(-_SIZES, _SIZES)
-            shift[:, view] = starts.shift * photo.framed
-            alike += space.coordinates(bank_of(model).codes.shape)[starts.prototype] / len(found)
-    texture = torch.zeros(count, len(model.codes.texture_space.spread))
-    return Pool.of(Numbers(angles, distance, zoom, shift, _LIKENESS * alike, texture))
+    count = min([count, *(len(found.azimuth) for found in candidates.values())])
+    shape = torch.zeros(count, len(space.std))
+    if not candidates:
+        shape = nearest_shapes(problem, problem.cameras, count)
+    batch = HypothesisBatch.of(_at_cameras(model, problem.cameras, shape))
+    parameters = batch.parameters
+    if problem.settings.estimate_focal:
+        zooms = torch.tensor(_INITIAL_ZOOMS).repeat_interleave(2).repeat(count)[:count]
+        parameters.zoom[:, problem.unknown] = zooms[:, None]
+    for view, found in candidates.items():
+        parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
+        log_distance = (found.distance[:count] / model.distance).log()
+        # Objects differ in size too: only what that does not explain is put down to the distance.
+        parameters.distance[:, view] = log_distance - log_distance.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
+        parameters.shift[:, view] = found.shift[:count] * problem.photos[view].cropped
+        if problem.components.prototype_shapes and problem.components.view_bank:
+            prototypes = space.coordinates(view_bank(model).codes.shape)[found.prototype[:count]]
+            parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))
+    return batch
 
 
-def _likely_shapes(
-    model: Model, photos: Sequence[Photo], cameras: Sequence[Camera], count: int
-) -> Float[Tensor, "count rank"]:
-    """The mean shape, and those of the bank, if it has any, that look most like pictures of known cameras."""
-    space = model.codes.shape_space
-    mean = torch.zeros(1, len(space.spread))
+def random_angles(count: int, generator: torch.Generator) -> Float[Tensor, "count 2"]:
+    """Azimuths and elevations (rad) on the upper half of the sphere, no direction likelier than another."""
+    anywhere = torch.rand(count, 2, generator=generator)
+    return torch.stack((2 * math.pi * anywhere[:, 0], anywhere[:, 1].asin()), -1)
+
+
+def _candidates(problem: Problem, view: int, count: int, generator: torch.Generator) -> CandidateCameras:
+    model, photo = problem.model, problem.photos[view]
+    if not problem.components.view_bank:
+        azimuth, elevation = random_angles(count, generator).unbind(-1)
+        distance = torch.full((count,), model.distance)
+        return CandidateCameras(
+            azimuth, elevation, distance, torch.zeros(count, 2), torch.zeros(count, dtype=torch.long)
+        )
+    image = ObjectImage(photo.pixels, photo.mask, problem.cameras[view].focal, photo.unseen)
+    return rank_cameras(view_bank(model), image, count, problem.viewpoints[view], photo.cropped)
+
+
+def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "count rank"]) -> Parameters:
+    """Every shape, with the mean texture, at given cameras."""
+    count, views = len(shape), len(cameras)
+    angles = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras]).repeat(count, 1, 1)
+    distance = torch.tensor([math.log(camera.distance / model.distance) for camera in cameras]).repeat(count, 1)
+    texture = torch.zeros(count, len(model.codes.texture_space.std))
+    return Parameters(angles, distance, torch.zeros_like(distance), torch.zeros(count, views, 2), shape, texture)
+
+
+def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> Float[Tensor, "count rank"]:
+    """The mean shape, and shapes towards the prototypes that look most like the photos from these cameras.
+
+    They are fewer where the view bank has not so many.
+    """
+    space = problem.model.codes.shape_space
+    mean = torch.zeros(1, len(space.std))
     if count == 1:
         return mean
+    if not problem.components.prototype_shapes:
+        return mean.expand(count, -1)
     try:
-        bank = bank_of(model)
+        bank = view_bank(problem.model)
     except EmptyBankError:  # where the camera is known, even a mist can be fitted
         return mean
-    shapes, likely = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
-    for photo, camera in zip(photos, cameras, strict=True):
-        seen = photo.pixels, photo.mask, camera.focal
-        likely += likenesses(bank, *seen, camera.azimuth, camera.elevation, photo.beyond)
-    others = (shapes.abs().amax(1) > _SAME).nonzero()[:, 0]
-    best = others[likely[others].argsort(descending=True)[: count - 1]]
-    return torch.cat((mean, shapes[best]))
+    shapes, similarity = space.coordinates(bank.codes.shape), torch.zeros(len(bank.codes.shape))
+    for photo, camera in zip(problem.photos, cameras, strict=True):
+        image = ObjectImage(photo.pixels, photo.mask, camera.focal, photo.unseen)
+        similarity += shape_similarity(bank, image, camera.azimuth, camera.elevation)
+    others = (shapes.abs().amax(1) > _MIN_DIFFERENCE).nonzero()[:, 0]
+    best = others[similarity[others].argsort(descending=True)[: count - 1]]
+    return torch.cat((mean, _SHAPE_BLEND * shapes[best]))
 
 
-def gone_on(
+def local_hypotheses(problem: Problem, batch: HypothesisBatch, count: int) -> HypothesisBatch:
+    """At most ``count`` hypotheses at and around the cameras of a batch's best basins
+    (:data:`core.fitting.schedule.LOCAL_OFFSETS`), with codes that know nothing of what those have learnt: the mean
+    texture, and shapes that look most like the photos from there.
+    """
+    if not problem.components.fresh_codes:
+        return batch
+    placed = []
+    for index, offsets in zip(ordered(problem, batch).tolist(), LOCAL_OFFSETS, strict=False):
+        cameras = to_cameras(problem.model, batch.parameters, index, problem.cameras)
+        shapes = nearest_shapes(problem, cameras, max(most for *_, most in offsets))
+        placed += [(rank, index, move, shape) for *move, most in offsets for rank, shape in enumerate(shapes[:most])]
+    placed.sort(key=lambda one: one[0])  # where there are not so many, every place has its most similar shapes
+    _, indices, moves, shapes_there = zip(*placed[:count], strict=True)
+    begin, unknown = batch[torch.tensor(indices)], problem.unknown
+    angles = begin.parameters.angles + torch.tensor(moves).deg2rad()[:, None] * unknown[:, None]
+    texture = torch.zeros_like(begin.parameters.texture)
+    parameters = begin.parameters._replace(angles=angles, shape=torch.stack(shapes_there), texture=texture)
+    return replace(begin, parameters=clamp_parameters(parameters, unknown))
+
+
+def ordered(problem: Problem, batch: HypothesisBatch) -> Int[Tensor, "some"]:
+    """Hypotheses, the best first: one of each basin before a second one of any."""
+    if problem.components.distinct_basins:
+        return suppress_neighbours(batch, problem.unknown)
+    return by_loss(batch)
+
+
+def resume_from(
     model: Model,
     photos: Sequence[Photo],
-    given: Sequence[Camera],
-    found: Sequence[Camera],
-    shift: Float[Tensor, "views 2"],
-    codes: Codes,
+    cameras: Sequence[Camera],
+    found: Hypothesis,
     spaces: tuple[CodeSpace, CodeSpace],
-) -> Pool:
-    """One hypothesis, where an earlier fit left it; known cameras are those of the pictures.
+) -> HypothesisBatch:
+    """One hypothesis, where an earlier fit left it; known cameras are those of the photos.
 
     Args:
-        given: as for :func:`entrants`.
-        found, shift, codes: of the earlier fit.
+        cameras: as for :func:`core.fitting.hypotheses.to_cameras`.
         spaces: in which shape and texture are searched for.
     """
-    at = [photo.camera or camera for photo, camera in zip(photos, found, strict=True)]
+    at = [photo.camera or camera for photo, camera in zip(photos, found.cameras, strict=True)]
     angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
-    zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, given, strict=True)]])
-    away = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
-    shape, texture = (space.coordinates(code) for space, code in zip(spaces, (codes.shape, codes.texture), strict=True))
-    return Pool.of(Numbers(angles, away, zoom, shift[None], shape[None], texture[None]))
+    zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, cameras, strict=True)]])
+    distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
+    shape, texture = spaces[0].coordinates(found.codes.shape), spaces[1].coordinates(found.codes.texture)
+    parameters = Parameters(angles, distance, zoom, found.shift[None], shape[None], texture[None])
+    return replace(HypothesisBatch.of(parameters), origin=torch.tensor([found.origin]))
 
 
-def renewed(model: Model, photos: Sequence[Photo], given: Sequence[Camera], pool: Pool, count: int) -> Pool:
-    """At most ``count`` hypotheses at and around the cameras of a pool's best basins
-    (:data:`core.fitting.schedule.AROUND`), with codes that know nothing of what those have learnt: the mean ones, and
-    shapes towards what looks most like the pictures from there.
-    """
-    unknown = torch.tensor([photo.camera is None for photo in photos])
-    placed = []
-    for index, around in zip(spread_out(pool, unknown).tolist(), AROUND, strict=False):
-        at = cameras(model, pool.numbers, index, given)
-        likely = _LIKENESS * _likely_shapes(model, photos, at, max(most for *_, most in around))
-        placed += [(rank, index, move, shape) for *move, most in around for rank, shape in enumerate(likely[:most])]
-    placed.sort(key=lambda one: one[0])  # where there are not so many, every place has its likeliest shapes
-    _, indices, moves, shapes = zip(*placed[:count], strict=True)
-    begin = pool[torch.tensor(indices)]
-    angles = begin.numbers.angles + torch.tensor(moves).deg2rad()[:, None] * unknown[:, None]
-    texture = torch.zeros_like(begin.numbers.texture)
-    numbers = begin.numbers._replace(angles=angles, shape=torch.stack(shapes), texture=texture)
-    return replace(begin, numbers=within_bounds(numbers, unknown), opened=(0, 0))
-
-
-def combined(finalists: Sequence[tuple[list[int], Pool]], views: int, count: int) -> Pool:
-    """Hypotheses of all pictures, from those of races for some of them: the ``count`` cheapest combinations.
+def combine_views(parts: Sequence[tuple[list[int], HypothesisBatch]], views: int, count: int) -> HypothesisBatch:
+    """Hypotheses of all photos, from searches with some of them: the ``count`` combinations of least loss.
 
     Args:
-        finalists: which pictures they are of, and what was left of their race.
+        parts: which photos a search had, and what was left of its hypotheses.
     """
     combinations: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
-    for _, pool in finalists:
-        costs = enumerate(pool.cost.tolist())
-        longer = [(cost + more, (*taken, index)) for index, more in costs for cost, taken in combinations]
+    for _, batch in parts:
+        losses = enumerate(batch.loss.tolist())
+        longer = [(loss + more, (*taken, index)) for index, more in losses for loss, taken in combinations]
         combinations = sorted(longer)[:count]
-    pool = Pool.of(_merged(finalists, views, torch.tensor([taken for _, taken in combinations])))
-    return replace(pool, opened=most_opened([part for _, part in finalists]))
+    taken = torch.tensor([indices for _, indices in combinations])
+    pairs = list(zip(parts, taken.unbind(1), strict=True))
+    chosen = [Parameters(*(part[index] for part in batch.parameters)) for (_, batch), index in pairs]
+    return HypothesisBatch.of(_merge_views([some for some, _ in parts], chosen, views))
 
 
-def _merged(finalists: Sequence[tuple[list[int], Pool]], views: int, taken: Int[Tensor, "some parts"]) -> Numbers:
-    """The cameras of the finalists, and the mean of the codes they came with."""
-    pairs = list(zip(finalists, taken.unbind(1), strict=True))
-    chosen = [Numbers(*(part[index] for part in pool.numbers)) for (_, pool), index in pairs]
-    placed = [part.new_zeros(len(taken), views, *part.shape[2:]) for part in chosen[0][:4]]
-    for (some, _), numbers in zip(finalists, chosen, strict=True):
-        for whole, part in zip(placed, numbers[:4], strict=True):
+def _merge_views(views_of: Sequence[list[int]], chosen: Sequence[Parameters], views: int) -> Parameters:
+    """The cameras of all parts, and the mean of the codes they came with."""
+    cameras = [part.new_zeros(len(part), views, *part.shape[2:]) for part in chosen[0][:4]]
+    for some, parameters in zip(views_of, chosen, strict=True):
+        for whole, part in zip(cameras, parameters[:4], strict=True):
             whole[:, some] = part
-    means = [torch.stack(parts).mean(0) for parts in zip(*(numbers[4:] for numbers in chosen), strict=True)]
-    return Numbers(*placed, *means)
+    means = [torch.stack(parts).mean(0) for parts in zip(*(parameters[4:] for parameters in chosen), strict=True)]
+    return Parameters(*cameras, *means)

@@ -1,6 +1,7 @@
 """The paper's own recipe (section 3.3), the baseline of every chart: one start anywhere, mean codes, AdamW, Eq. 5."""
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -8,42 +9,80 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from core.fitting.hypotheses import Numbers, Objective, Pool, judged, within_bounds
-from core.fitting.observations import Target, draw
-from core.fitting.schedule import Stage
+from core.fitting.hypotheses import HypothesisBatch, Parameters, clamp_parameters, to_hypotheses
+from core.fitting.initial import random_angles, resume_from
+from core.fitting.objective import ObjectiveValue, paper_objective
+from core.fitting.observations import Observation, sample_pixels
+from core.fitting.problem import SCORING_RAYS, nominal_camera
+from core.fitting.settings import FitSettings
+from core.fitting.steps import FitJob, FitStep
 from core.geometry.camera import Camera
+from core.metrics import psnr_from_mse
+from core.models.codes import CodeSpace
 from core.models.model import Model
 
 _RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}
 """AdamW's; rad, scene units, numbers of a code"""
 _HALVED_EVERY = 50
 """steps, in the authors' code"""
+_SCORE_EVERY = 10
+"""Steps between two scores, the best of which is the result."""
 
 
-def entered(model: Model, given: Sequence[Camera], unknown: Bool[Tensor, "views"], generator: torch.Generator) -> Pool:
+def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """As :func:`core.fitting.fit.fit`, by the paper's recipe."""
+    began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
+    observations = tuple(Observation.of(photo, model) for photo in job.photos)
+    cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in job.photos)
+    unknown = torch.tensor([photo.camera is None for photo in job.photos])
+    spaces = CodeSpace.identity(model.codes.shapes.shape[-1]), CodeSpace.identity(model.codes.textures.shape[-1])
+    scoring = sample_pixels(observations, SCORING_RAYS, generator)
+    if job.resume_from:
+        initial = resume_from(model, job.photos, cameras, job.resume_from, spaces)
+    else:
+        initial = initialise(model, cameras, unknown, generator)
+    best, settings = replace(initial, loss=torch.full_like(initial.loss, math.inf)), job.settings
+    for step, one in enumerate(optimise(model, initial, observations, settings, unknown, generator), 1):
+        if step % _SCORE_EVERY == 0 or step == settings.steps:
+            with torch.no_grad():
+                found = paper_objective(model, one.parameters, scoring, settings.samples, settings.code_prior, None)
+            best = min(best, _with_loss(one, found), key=lambda one: float(one.loss))
+        shown = one if step < settings.steps else best
+        (first,) = to_hypotheses(model, shown.best, cameras, spaces)
+        yield FitStep(
+            step,
+            settings.steps,
+            first.origin,
+            first.loss,
+            psnr_from_mse(float(shown.squared_error)),
+            time.perf_counter() - began,
+            first.cameras,
+            first.codes,
+            hypotheses=(first,),
+        )
+
+
+def initialise(
+    model: Model, cameras: Sequence[Camera], unknown: Bool[Tensor, "views"], generator: torch.Generator
+) -> HypothesisBatch:
     """One hypothesis: the mean codes, and unknown cameras anywhere on the upper half at the usual distance."""
-    known = torch.tensor([(camera.azimuth, camera.elevation) for camera in given])
-    anywhere = torch.rand(len(given), 2, generator=generator)
-    anywhere = torch.stack((2 * math.pi * anywhere[:, 0], anywhere[:, 1].asin()), -1)
-    angles = torch.where(unknown[:, None], anywhere, known)[None]
-    away = torch.tensor([[math.log(camera.distance / model.distance) for camera in given]])
-    mean = model.codes.mean
-    return Pool.of(
-        Numbers(angles, away, torch.zeros_like(away), torch.zeros_like(angles), mean.shape[None], mean.texture[None])
-    )
+    known = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
+    angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), known)[None]
+    distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in cameras]])
+    mean, zoom, shift = model.codes.mean, torch.zeros_like(distance), torch.zeros_like(angles)
+    return HypothesisBatch.of(Parameters(angles, distance, zoom, shift, mean.shape[None], mean.texture[None]))
 
 
-def descent(
+def optimise(
     model: Model,
-    pool: Pool,
-    targets: Sequence[Target],
-    stage: Stage,
-    by: Objective,
+    one: HypothesisBatch,
+    observations: Sequence[Observation],
+    settings: FitSettings,
     unknown: Bool[Tensor, "views"],
     generator: torch.Generator,
-) -> Iterator[Pool]:
-    """The pool after every step of AdamW, each on pixels of its own; of infinite cost once it has diverged."""
-    searched = Numbers(*(part.clone().requires_grad_() for part in pool.numbers))
+) -> Iterator[HypothesisBatch]:
+    """The hypothesis after every step of AdamW, each on pixels of its own; of infinite loss once it has diverged."""
+    searched = Parameters(*(part.clone().requires_grad_() for part in one.parameters))
     rates = {
         "angles": _RATES["angles"],
         "distance": _RATES["distance"] / model.distance,
@@ -52,25 +91,29 @@ def descent(
     }
     optimizer = torch.optim.AdamW([{"params": [getattr(searched, name)], "lr": rate} for name, rate in rates.items()])
     halving = torch.optim.lr_scheduler.StepLR(optimizer, _HALVED_EVERY, 0.5)
-    for _ in range(stage.steps):
-        drawn = draw(targets, stage.rays, generator)
-        jitter = torch.rand(drawn.opaque.shape, generator=generator) - 0.5
+    for _ in range(settings.steps):
+        pixels = sample_pixels(observations, settings.rays, generator)
+        jitter = torch.rand(pixels.target_opacity.shape, generator=generator) - 0.5
         optimizer.zero_grad()
-        found = judged(model, searched, drawn, stage.samples, by, jitter)
+        found = paper_objective(model, searched, pixels, settings.samples, settings.code_prior, jitter)
         found.objective.sum().backward()
         optimizer.step()
         halving.step()
         with torch.no_grad():
-            _settle(searched, pool.numbers, unknown)
-        cost = found.objective.detach()
-        if not all(bool(part.isfinite().all()) for part in (cost, *searched)):
-            cost = torch.full_like(cost, math.inf)
-        numbers = Numbers(*(part.detach().clone() for part in searched))
-        yield replace(pool, numbers=numbers, cost=cost, squared=found.squared)
+            _restore_known(searched, one.parameters, unknown)
+        parameters = Parameters(*(part.detach().clone() for part in searched))
+        yield _with_loss(replace(one, parameters=parameters), found)
 
 
-def _settle(searched: Numbers, before: Numbers, unknown: Bool[Tensor, "views"]) -> None:
+def _with_loss(one: HypothesisBatch, found: ObjectiveValue) -> HypothesisBatch:
+    loss = found.objective.detach()
+    if not all(bool(part.isfinite().all()) for part in (loss, *one.parameters)):
+        loss = torch.full_like(loss, math.inf)
+    return replace(one, loss=loss, squared_error=found.squared_error)
+
+
+def _restore_known(searched: Parameters, before: Parameters, unknown: Bool[Tensor, "views"]) -> None:
     """Unknown cameras within what they can be, known ones back where they stood: AdamW moves them all."""
-    bounded = within_bounds(searched, unknown)
+    bounded = clamp_parameters(searched, unknown)
     searched.angles.copy_(torch.where(unknown[:, None], bounded.angles, before.angles))
     searched.distance.copy_(torch.where(unknown, bounded.distance, before.distance))

@@ -1,9 +1,9 @@
 """The orbit camera of the paper (section 3.2): azimuth, elevation and distance, always looking at the origin.
 
-This module and :mod:`core.geometry.rays` hold the only words on axes and pixel centres. The world is that of
-ShapeNet-SRN: z up, an object's front at +y (azimuth 90 degrees). Camera axes are x right, y up, looking along
--z, as in the paper's R. Pose files (``pose/*.txt``) hold camera-to-world matrices with OpenCV axes: x right, y
-down, looking along +z.
+This module alone knows axes, pixel centres and projection. The world is that of ShapeNet-SRN: z up, an object's
+front at +y (azimuth 90 degrees). Camera axes are x right, y up, looking along -z, as in the paper's R. Pose files
+(``pose/*.txt``) hold camera-to-world matrices with OpenCV axes: x right, y down, looking along +z. Image points are
+(x, y) in px from the top left corner, x right, y down; pixel (0, 0) has its centre at (0.5, 0.5).
 """
 
 import math
@@ -15,6 +15,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+FRONT_AZIMUTH = math.pi / 2
+"""rad, from where the front of an object is seen"""
+WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+"""glTF has y up and the front at +z. Its own inverse's transpose: a row vector times it goes from the world to glTF."""
 _OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -48,19 +52,42 @@ class Camera:
         """The same view at another size: the vertical field of view stays."""
         return replace(self, focal=self.focal * height / self.height, width=width, height=height)
 
-    def placed(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
-        """The paper's R and p: the rotation from world to camera, and the camera's place in the world.
+    def world_to_camera(self, device: torch.device) -> tuple[Float[Tensor, "3 3"], Float[Tensor, "3"]]:
+        """The paper's R and p: the rotation from world to camera, and the camera's position in the world.
 
-        Shared by all who ask: not to be written to.
+        Cached: not to be written to.
         """
-        return _placed(self, device)
+        return _world_to_camera(self, device)
+
+    def to_camera_axes(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+        """World points in the camera's axes: x right, y up, in front where z is negative."""
+        rotation, origin = self.world_to_camera(points.device)
+        return (points - origin) @ rotation.T
+
+    def project(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 2"]:
+        """The image points of world points in front of the camera.
+
+        Example:
+            >>> Camera(0.3, 0.4, 1.3, 131.25, 128, 96).project(torch.zeros(3)).tolist()
+            [64.0, 48.0]
+        """
+        return project(self.to_camera_axes(points), self.focal, (self.width, self.height))
+
+    def clip_from_world(self, near: float, far: float) -> Float[np.ndarray, "4 4"]:
+        """OpenGL's projection matrix, float32: x, y of the image in -1..1 (y up), depth from ``near`` to ``far``."""
+        projection = np.zeros((4, 4))
+        projection[0, 0], projection[1, 1] = 2 * self.focal / self.width, 2 * self.focal / self.height
+        projection[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
+        projection[3, 2] = -1.0
+        camera_to_world = self.pose().numpy() @ _OPENCV_FROM_OPENGL
+        return (projection @ np.linalg.inv(camera_to_world)).astype(np.float32)
 
     def pose(self) -> Float[Tensor, "4 4"]:
         """Camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
         angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
         matrix = torch.eye(4, dtype=torch.float64)
-        matrix[:3, :3] = rotation(angles[0], angles[1]).T
-        matrix[:3, 3] = position(angles[0], angles[1], angles[2])
+        matrix[:3, :3] = camera_rotation(angles[0], angles[1]).T
+        matrix[:3, 3] = camera_position(angles[0], angles[1], angles[2])
         return matrix @ torch.from_numpy(_OPENCV_FROM_OPENGL)
 
     @classmethod
@@ -90,14 +117,16 @@ class Camera:
 
 
 @lru_cache(maxsize=8)
-def _placed(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
-    with torch.inference_mode(False):  # whoever asks first, others may differentiate
+def _world_to_camera(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor]:
+    with torch.inference_mode(False):  # cached, and others may differentiate
         azimuth, elevation = torch.tensor([camera.azimuth, camera.elevation], device=device)
-        turned = rotation(azimuth, elevation)
-        return turned, camera.distance * turned[2]
+        turn = camera_rotation(azimuth, elevation)
+        return turn, camera.distance * turn[2]
 
 
-def rotation(azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch 3 3"]:
+def camera_rotation(
+    azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]
+) -> Float[Tensor, "*batch 3 3"]:
     """World-to-camera rotation, the paper's R: its rows are the camera's right, up and backward axes."""
     sin_a, cos_a, sin_e, cos_e = azimuth.sin(), azimuth.cos(), elevation.sin(), elevation.cos()
     right = -sin_a, cos_a, torch.zeros_like(sin_a)
@@ -106,10 +135,38 @@ def rotation(azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"
     return torch.stack((*right, *up, *backward), -1).unflatten(-1, (3, 3))
 
 
-def position(
+def camera_position(
     azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"], distance: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch 3"]:
-    """The camera's place in the world, the paper's p."""
+    """The camera's position in the world, the paper's p."""
     cos_e = elevation.cos()
     direction = torch.stack((cos_e * azimuth.cos(), cos_e * azimuth.sin(), elevation.sin()), -1)
     return distance[..., None] * direction
+
+
+def project(
+    points: Float[Tensor, "*batch 3"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
+) -> Float[Tensor, "*batch 2"]:
+    """The image points of points in camera axes, all in front of the camera; in focal lengths from the middle with a
+    focal length of 1 and size (0, 0).
+    """
+    scale = focal / -points[..., 2]
+    return torch.stack((size[0] / 2 + points[..., 0] * scale, size[1] / 2 - points[..., 1] * scale), -1)
+
+
+def camera_directions(
+    pixels: Float[Tensor, "*batch 2"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
+) -> Float[Tensor, "*batch 3"]:
+    """Unit directions in camera axes through image points: the inverse of :func:`project`."""
+    right = (pixels[..., 0] - size[0] / 2) / focal
+    down = (pixels[..., 1] - size[1] / 2) / focal
+    directions = torch.stack(torch.broadcast_tensors(right, -down, -torch.ones_like(right)), -1)
+    return torch.nn.functional.normalize(directions, dim=-1)
+
+
+def pixel_centres(width: int, height: int, device: torch.device | None = None) -> Float[Tensor, "height width 2"]:
+    """The image points of every pixel's centre."""
+    y, x = torch.meshgrid(
+        torch.arange(height, device=device) + 0.5, torch.arange(width, device=device) + 0.5, indexing="ij"
+    )
+    return torch.stack((x, y), -1)

@@ -1,4 +1,4 @@
-"""Rays through pixels, clipped to the scene's box."""
+"""Rays through pixels, clipped to the scene's box, and samples along them."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.geometry.camera import Camera, rotation
+from core.geometry.camera import Camera, camera_directions, camera_rotation, pixel_centres
 
 
 @dataclass(frozen=True)
@@ -25,15 +25,7 @@ class Rays:
         return Rays(self.origins[index], self.directions[index], self.near[index], self.far[index])  # type: ignore[index]
 
 
-def pixel_centres(width: int, height: int, device: torch.device | None = None) -> Float[Tensor, "height width 2"]:
-    """(x, y) of every pixel's centre: pixel (0, 0) at the top left has its centre at (0.5, 0.5)."""
-    y, x = torch.meshgrid(
-        torch.arange(height, device=device) + 0.5, torch.arange(width, device=device) + 0.5, indexing="ij"
-    )
-    return torch.stack((x, y), -1)
-
-
-def cast(
+def cast_rays(
     pixels: Float[Tensor, "*#batch 2"],
     azimuth: Float[Tensor, "*#batch"],
     elevation: Float[Tensor, "*#batch"],
@@ -42,10 +34,10 @@ def cast(
     size: tuple[int, int],
     extent: Float[Tensor, "3"],
 ) -> Rays:
-    """Rays from orbit cameras through points of the picture; differentiable in the camera's numbers.
+    """Rays from orbit cameras through points of the image; differentiable in the camera's parameters.
 
     Args:
-        pixels: (x, y) in px from the top left corner of the picture.
+        pixels: (x, y) in px from the top left corner of the image.
         azimuth, elevation, distance: rad, rad, scene units; broadcast against ``pixels``.
         focal: px.
         size: (width, height) in px; the optical axis passes through the middle.
@@ -53,38 +45,28 @@ def cast(
 
     Where a sample stands along its ray is no function of the camera: ``near`` and ``far`` carry no gradient.
     """
-    turned = rotation(azimuth, elevation)
-    directions = (_local(pixels, focal, size)[..., None, :] @ turned)[..., 0, :]
-    origins = (distance[..., None] * turned[..., 2, :]).expand_as(directions)
+    rotation = camera_rotation(azimuth, elevation)
+    directions = (camera_directions(pixels, focal, size)[..., None, :] @ rotation)[..., 0, :]
+    origins = (distance[..., None] * rotation[..., 2, :]).expand_as(directions)
     near, far = clip_to_box(origins.detach(), directions.detach(), extent)
     return Rays(origins, directions, near, far)
 
 
-def camera_rays(camera: Camera, extent: Float[Tensor, "3"], corner: float = 0.0) -> Rays:
+def camera_rays(camera: Camera, extent: Float[Tensor, "3"], pixel_offset: float = 0.0) -> Rays:
     """The rays through all pixel centres of a camera, shaped (height, width), on ``extent``'s device.
 
     Args:
-        corner: px, by how much further to the left and up they pass.
+        pixel_offset: px, by how much further to the left and up they pass.
     """
-    return rays_through(pixel_centres(camera.width, camera.height, extent.device) - corner, camera, extent)
+    return rays_at_pixels(pixel_centres(camera.width, camera.height, extent.device) - pixel_offset, camera, extent)
 
 
-def rays_through(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
-    """The rays of a camera through some points of its picture: (x, y) in px from the top left corner."""
-    turned, place = camera.placed(extent.device)
-    directions = _local(pixels, camera.focal, (camera.width, camera.height)) @ turned
-    origins = place.expand_as(directions)
+def rays_at_pixels(pixels: Float[Tensor, "*batch 2"], camera: Camera, extent: Float[Tensor, "3"]) -> Rays:
+    """The rays of a camera through some points of its image: (x, y) in px from the top left corner."""
+    rotation, origin = camera.world_to_camera(extent.device)
+    directions = camera_directions(pixels, camera.focal, (camera.width, camera.height)) @ rotation
+    origins = origin.expand_as(directions)
     return Rays(origins, directions, *clip_to_box(origins, directions, extent))
-
-
-def _local(
-    pixels: Float[Tensor, "*batch 2"], focal: float | Float[Tensor, "*#batch"], size: tuple[int, int]
-) -> Float[Tensor, "*batch 3"]:
-    """Unit directions through points of the picture, in the camera's axes."""
-    across = (pixels[..., 0] - size[0] / 2) / focal
-    down = (pixels[..., 1] - size[1] / 2) / focal
-    local = torch.stack(torch.broadcast_tensors(across, -down, -torch.ones_like(across)), -1)
-    return torch.nn.functional.normalize(local, dim=-1)
 
 
 def clip_to_box(
@@ -96,3 +78,27 @@ def clip_to_box(
     near = torch.minimum(first, second).amax(-1).clamp_min(0.0)
     far = torch.maximum(first, second).amin(-1)
     return near, torch.maximum(near, far)
+
+
+def uniform_edges(rays: Rays, samples: int) -> Float[Tensor, "*batch samples_and_one"]:
+    """Edges of ``samples`` equal intervals from near to far, in scene units along the ray."""
+    steps = torch.linspace(0.0, 1.0, samples + 1, device=rays.near.device)
+    return rays.near[..., None] + (rays.far - rays.near)[..., None] * steps
+
+
+def midpoints(edges: Float[Tensor, "*batch samples_and_one"]) -> Float[Tensor, "*batch samples"]:
+    """The middle of every interval."""
+    return (edges[..., 1:] + edges[..., :-1]) / 2
+
+
+def stratified(
+    edges: Float[Tensor, "*batch samples_and_one"], generator: torch.Generator
+) -> Float[Tensor, "*batch samples"]:
+    """A uniformly random depth in every interval (stratified sampling)."""
+    fractions = torch.rand(edges[..., 1:].shape, generator=generator, device=edges.device)
+    return torch.lerp(edges[..., :-1], edges[..., 1:], fractions)
+
+
+def ray_points(rays: Rays, depths: Float[Tensor, "*batch samples"]) -> Float[Tensor, "*batch samples 3"]:
+    """World points at these distances along the rays."""
+    return rays.origins[..., None, :] + depths[..., None] * rays.directions[..., None, :]

@@ -1,7 +1,7 @@
-"""The two other designs of the paper's figure on disentanglement, M1 and M2, to be measured beside the field.
+"""The two other architectures of the paper's figure on disentanglement, M1 and M2, to be measured beside the field.
 
-Both give up one of the two signatures that keep shape, texture and viewpoint apart. They are trained and drawn
-exactly; neither the fast renderer nor fitting, which live on those signatures, takes them.
+Both give up one of the two signatures that keep shape, texture and viewpoint apart. They are trained, and
+rendered exactly; neither the fast renderer nor fitting, which rely on those signatures, takes them.
 """
 
 import torch
@@ -9,44 +9,45 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from core.models.field import Field, FieldConfig, encode, folded_biases
+from core.models.field import Field, encode, folded_biases
+from core.models.field_config import FieldConfig
 
 
-def field_of(config: FieldConfig) -> Field:
-    """An untrained field of this design and size."""
-    return {"codenerf": Field, "M1": _ViewInShape, "M2": _OneEmbedding}[config.design](config)
+def build_field(config: FieldConfig) -> Field:
+    """An untrained field of this architecture and size."""
+    return {"codenerf": Field, "M1": ViewDependentDensity, "M2": SharedEmbedding}[config.architecture](config)
 
 
-class _ViewInShape(Field):
+class ViewDependentDensity(Field):
     """M1: the viewing direction enters the first layer of the shape part beside the point, and not the texture part."""
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__(config)
-        self.early_direction = nn.Linear(3 + 6 * config.direction_octaves, config.width, bias=False)
+        self.early_direction = nn.Linear(3 + 6 * config.direction_frequencies, config.width, bias=False)
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
         """The direction's part of the first layer."""
-        return self.early_direction(encode(directions, self.config.direction_octaves))
+        return self.early_direction(encode(directions, self.config.direction_frequencies))
 
     def density(
         self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
-        """As :meth:`core.models.field.Field.density`, looked at from outside, towards the middle of the scene."""
+        """As :meth:`core.models.field.Field.density`, seen from outside, towards the middle of the scene."""
         return self._density_towards(points, self.direction_bias(-functional.normalize(points, dim=-1)), shape_bias)
 
     def radiance(
         self, points: Tensor, direction_bias: Tensor, shape_bias: Tensor, texture_bias: Tensor
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
-        """As :meth:`core.models.field.Field.radiance`, with a density that the direction moves."""
+        """As :meth:`core.models.field.Field.radiance`, with a density that depends on the direction."""
         density, features = self._density_towards(points, direction_bias, shape_bias)
         return density, self.colour(features, self.direction_layer.bias, texture_bias)
 
     def _density_towards(self, points: Tensor, direction_bias: Tensor, shape_bias: Tensor) -> tuple[Tensor, Tensor]:
-        first = self.point_layer(encode(points, self.config.point_octaves))
-        return self.density_of((first + direction_bias.to(first.dtype)).relu(), shape_bias)
+        first = self.point_layer(encode(points, self.config.position_frequencies))
+        return self.density_from_activations((first + direction_bias.to(first.dtype)).relu(), shape_bias)
 
 
-class _OneEmbedding(Field):
+class SharedEmbedding(Field):
     """M2: both codes enter the shape part, and none the texture part, which amounts to a single embedding."""
 
     def __init__(self, config: FieldConfig) -> None:

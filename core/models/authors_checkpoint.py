@@ -10,7 +10,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.models.codes import CodeBook, Entry
-from core.models.field import Field, FieldConfig
+from core.models.field import Field
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 
 _LAYERS = {
@@ -25,17 +26,18 @@ _LAYERS = {
 
 _UNREADABLE = (AttributeError, EOFError, KeyError, OSError, pickle.UnpicklingError, RuntimeError, TypeError, ValueError)
 _CELLS = 12
-"""Places along each axis at which it is asked how much of an object is there."""
-_BROKEN = 0.025
-"""Of what a usual object has. In their 500 cars, lost ones have at most 0.015 and the smallest whole car 0.043."""
+"""Points along each axis at which density is evaluated to find collapsed objects."""
+_COLLAPSED_BELOW = 0.025
+"""Share of the median object's solid volume. In their 500 cars, collapsed ones have at most 0.015 and the smallest
+whole car 0.043."""
 
 
 def load_authors(path: Path, config: Path | None = None) -> Model:
     """A model from ``models.pth`` and ``hpam.json``; nothing in the files is executed.
 
-    Their network paints the white ground itself (``painted_ground``) and leaves its colours unbounded. Objects that
-    their training lost are found by their emptiness (:attr:`core.models.codes.CodeBook.broken`).
-    Raises ``ValueError`` naming the file where one of the two is missing or holds something else.
+    Their network paints the white background itself (``white_from_network``) and leaves its colours unbounded. Objects
+    that collapsed in training are found by their emptiness (:attr:`core.models.codes.CodeBook.collapsed`). Raises
+    ``ValueError`` naming the file where one of the two is missing or holds something else.
 
     Args:
         config: ``hpam.json``; beside the checkpoint unless given.
@@ -51,13 +53,13 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
             texture_blocks=sizes["texture_blocks"],
             shape_latent=sizes["latent_dim"],
             texture_latent=sizes["latent_dim"],
-            point_octaves=sizes["num_xyz_freq"],
-            direction_octaves=sizes["num_dir_freq"],
+            position_frequencies=sizes["num_xyz_freq"],
+            direction_frequencies=sizes["num_dir_freq"],
             density_scale=1.0,
             bounded_colour=False,
         )
         field = Field(network)
-        field.load_state_dict(_renamed(state["model_params"]))
+        field.load_state_dict(_rename_tensors(state["model_params"]))
         shapes, textures = state["shape_code_params"]["weight"], state["texture_code_params"]["weight"]
         middle = (settings["near"] + settings["far"]) / 2
         category = settings["data"]["cat"].removeprefix("srn_")
@@ -66,14 +68,14 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
     except _UNREADABLE as error:
         raise ValueError(f"{path} is not a checkpoint of the authors' trainer: {error}") from None
     names = tuple(Entry(f"{index:04d}", index, index) for index in range(len(shapes)))
-    codes = CodeBook(shapes.float(), textures.float(), names, _broken(field, shapes.float()))
+    codes = CodeBook(shapes.float(), textures.float(), names, _collapsed(field, shapes.float()))
     # Their rays run 0.5 to either side of the middle: the box that holds every object is that of diagonal 1.
-    return Model(field, codes, (0.5, 0.5, 0.5), category, 128, 131.25, middle, painted_ground=True)
+    return Model(field, codes, (0.5, 0.5, 0.5), category, 128, 131.25, middle, white_from_network=True)
 
 
 @torch.no_grad()
-def _broken(field: Field, shapes: Float[Tensor, "objects latent"]) -> frozenset[int]:
-    """Objects of which next to nothing is there.
+def _collapsed(field: Field, shapes: Float[Tensor, "objects latent"]) -> frozenset[int]:
+    """Objects that show next to nothing.
 
     The share of light that an interval of their training takes is squared before it is averaged over the box: what is
     solid counts, mist hardly does.
@@ -82,11 +84,11 @@ def _broken(field: Field, shapes: Float[Tensor, "objects latent"]) -> frozenset[
     points = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
     biases = field.shape_bias(shapes)
     solid = [float((-torch.expm1(-field.density(points, bias)[0] / 64)).square().mean()) for bias in biases]
-    least = _BROKEN * statistics.median(solid)
+    least = _COLLAPSED_BELOW * statistics.median(solid)
     return frozenset(index for index, amount in enumerate(solid) if amount < least)
 
 
-def _renamed(state: dict[str, Tensor]) -> dict[str, Tensor]:
+def _rename_tensors(state: dict[str, Tensor]) -> dict[str, Tensor]:
     renamed = {}
     for name, tensor in state.items():
         layer, kind = name.rsplit(".", 1)

@@ -40,45 +40,45 @@ class CodeSpace:
     mean: Float[Tensor, "latent"]
     directions: Float[Tensor, "rank latent"]
     """orthonormal rows"""
-    spread: Float[Tensor, "rank"]
+    std: Float[Tensor, "rank"]
     """standard deviation along each direction, descending"""
 
     @classmethod
-    def of(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
+    def from_codes(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
         """PCA of the rows; the sign of each direction is fixed by its largest component."""
-        # Kept for good, so no tensor of inference: whoever asks first may be drawing, and a fit needs gradients.
+        # Cached, so no inference tensor: the first caller may be rendering, and a fit needs gradients.
         with torch.inference_mode(False), torch.no_grad():
             mean = codes.mean(0)
             _, singular, directions = torch.linalg.svd(codes - mean, full_matrices=False)
-            spread = singular / max(1, len(codes) - 1) ** 0.5
-            kept = spread > 1e-6 * spread.max().clamp_min(1e-12)
-            directions, spread = directions[kept], spread[kept]
+            std = singular / max(1, len(codes) - 1) ** 0.5
+            kept = std > 1e-6 * std.max().clamp_min(1e-12)
+            directions, std = directions[kept], std[kept]
             largest = directions.gather(1, directions.abs().argmax(1, keepdim=True))
-            return cls(mean, directions * largest.sign(), spread)
+            return cls(mean, directions * largest.sign(), std)
 
     @classmethod
-    def raw(cls, latent: int) -> "CodeSpace":
-        """A cloud in whose coordinates a code is what it is."""
+    def identity(cls, latent: int) -> "CodeSpace":
+        """The space whose coordinates are the code's own numbers."""
         return cls(torch.zeros(latent), torch.eye(latent), torch.ones(latent))
 
     def coordinates(self, code: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch rank"]:
         """A code in standard deviations along the principal directions."""
-        return (code - self.mean) @ self.directions.T / self.spread
+        return (code - self.mean) @ self.directions.T / self.std
 
     def code(self, coordinates: Float[Tensor, "*batch some"]) -> Float[Tensor, "*batch latent"]:
         """The code at these coordinates (standard deviations); directions left out count as zero."""
-        return self.mean + coordinates @ self.axes(coordinates.shape[-1])
+        return self.mean + coordinates @ self.basis(coordinates.shape[-1])
 
-    def axes(self, some: int) -> Float[Tensor, "some latent"]:
-        """What each of the first coordinates moves a code by per standard deviation; fewer where there are not so many
+    def basis(self, some: int) -> Float[Tensor, "some latent"]:
+        """How each of the first coordinates moves a code per standard deviation; fewer rows where the space has fewer
         directions.
         """
-        return self.spread[:some, None] * self.directions[:some]
+        return self.std[:some, None] * self.directions[:some]
 
-    def moved(self, code: Float[Tensor, "latent"], direction: int, to: float) -> Float[Tensor, "latent"]:
+    def with_coordinate(self, code: Float[Tensor, "latent"], direction: int, to: float) -> Float[Tensor, "latent"]:
         """The same code with one coordinate set to ``to`` standard deviations; nothing else changes."""
         step = to - float(self.coordinates(code)[direction])
-        return code + step * self.spread[direction] * self.directions[direction]
+        return code + step * self.std[direction] * self.directions[direction]
 
     def distance(
         self, code: Float[Tensor, "*batch latent"], start: Float[Tensor, "*#batch latent"] | None = None
@@ -90,9 +90,9 @@ class CodeSpace:
         return self.coordinates(code if start is None else code - start + self.mean).square().mean(-1).sqrt()
 
     @property
-    def explained(self) -> Float[Tensor, "rank"]:
+    def explained_variance(self) -> Float[Tensor, "rank"]:
         """The share of the cloud's variance along each direction."""
-        return self.spread**2 / (self.spread**2).sum()
+        return self.std**2 / (self.std**2).sum()
 
 
 class Entry(NamedTuple):
@@ -110,12 +110,12 @@ class CodeBook:
     shapes: Float[Tensor, "shapes shape_latent"]
     textures: Float[Tensor, "textures texture_latent"]
     objects: tuple[Entry, ...]
-    broken: frozenset[int] = frozenset()
-    """Objects that training lost and that show next to nothing: still there by their index, but not in the clouds."""
+    collapsed: frozenset[int] = frozenset()
+    """Objects that collapsed in training and show next to nothing: still indexed, but not part of the code spaces."""
 
     def __post_init__(self) -> None:
-        if not self.broken <= set(range(len(self.objects))):
-            raise ValueError(f"broken objects {sorted(self.broken)} of a book of {len(self.objects)}")
+        if not self.collapsed <= set(range(len(self.objects))):
+            raise ValueError(f"collapsed objects {sorted(self.collapsed)} of a book of {len(self.objects)}")
         for entry in self.objects:
             if not (0 <= entry.shape < len(self.shapes) and 0 <= entry.texture < len(self.textures)):
                 raise ValueError(f"object {entry.name} has codes outside the book")
@@ -130,19 +130,19 @@ class CodeBook:
         return Codes(self.shapes[entry.shape], self.textures[entry.texture])
 
     @cached_property
-    def sound(self) -> tuple[int, ...]:
-        """The objects that are not broken."""
-        return tuple(index for index in range(len(self.objects)) if index not in self.broken)
+    def valid(self) -> tuple[int, ...]:
+        """The objects that are not collapsed."""
+        return tuple(index for index in range(len(self.objects)) if index not in self.collapsed)
 
     @cached_property
     def shape_space(self) -> CodeSpace:
         """The cloud of the shape codes."""
-        return CodeSpace.of(self._sound_rows(self.shapes, [entry.shape for entry in self.objects]))
+        return CodeSpace.from_codes(self._valid_rows(self.shapes, [entry.shape for entry in self.objects]))
 
     @cached_property
     def texture_space(self) -> CodeSpace:
         """The cloud of the texture codes."""
-        return CodeSpace.of(self._sound_rows(self.textures, [entry.texture for entry in self.objects]))
+        return CodeSpace.from_codes(self._valid_rows(self.textures, [entry.texture for entry in self.objects]))
 
     @property
     def mean(self) -> Codes:
@@ -150,32 +150,32 @@ class CodeBook:
         return Codes(self.shape_space.mean, self.texture_space.mean)
 
     def nearest_shape(self, code: Float[Tensor, "shape_latent"]) -> int:
-        """The sound object with the nearest shape, by :meth:`CodeSpace.distance`.
+        """The valid object with the nearest shape, by :meth:`CodeSpace.distance`.
 
         Raises ``ValueError`` where there is no such object.
         """
-        return self._nearest(self.shape_space, self.shapes, [self.objects[index].shape for index in self.sound], code)
+        return self._nearest(self.shape_space, self.shapes, [self.objects[index].shape for index in self.valid], code)
 
     def nearest_texture(self, code: Float[Tensor, "texture_latent"]) -> int:
-        """The sound object with the nearest texture, as :meth:`nearest_shape`."""
-        rows = [self.objects[index].texture for index in self.sound]
+        """The valid object with the nearest texture, as :meth:`nearest_shape`."""
+        rows = [self.objects[index].texture for index in self.valid]
         return self._nearest(self.texture_space, self.textures, rows, code)
 
-    def drawn(self, generator: torch.Generator) -> Codes:
-        """A pair drawn from the two clouds, taken as normal."""
+    def sample(self, generator: torch.Generator) -> Codes:
+        """A random pair from the two code spaces, taken as normal distributions."""
         shape, texture = (
-            space.code(torch.randn(len(space.spread), generator=generator))
+            space.code(torch.randn(len(space.std), generator=generator))
             for space in (self.shape_space, self.texture_space)
         )
         return Codes(shape, texture)
 
     def _nearest(self, space: CodeSpace, codes: Tensor, rows: list[int], code: Tensor) -> int:
-        """By the row of each sound object."""
+        """``rows`` holds the row of each valid object."""
         if not rows:
             raise ValueError("the book has no objects to compare with")
-        return self.sound[int(space.distance(codes[rows], code).argmin())]
+        return self.valid[int(space.distance(codes[rows], code).argmin())]
 
-    def _sound_rows(self, codes: Tensor, rows: list[int]) -> Tensor:
-        """Without the rows that only broken objects use."""
-        lost = {rows[index] for index in self.broken} - {rows[index] for index in self.sound}
+    def _valid_rows(self, codes: Tensor, rows: list[int]) -> Tensor:
+        """The rows, less those that only collapsed objects use."""
+        lost = {rows[index] for index in self.collapsed} - {rows[index] for index in self.valid}
         return codes[[row for row in range(len(codes)) if row not in lost]] if lost else codes

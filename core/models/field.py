@@ -4,48 +4,21 @@ Density is computed from a point and a shape code alone, colour from the feature
 direction and a texture code. That texture cannot move density is a property of the two signatures.
 """
 
-from dataclasses import dataclass
-
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-
-@dataclass(frozen=True)
-class FieldConfig:
-    """The size and the conventions of a field. Sizes are those that are trained unless told; the paper has others."""
-
-    width: int = 96
-    shape_blocks: int = 3
-    texture_blocks: int = 1
-    shape_latent: int = 64
-    texture_latent: int = 32
-    point_octaves: int = 6
-    direction_octaves: int = 4
-    density_scale: float = 30.0
-    """Multiplies the softplus: an object is opaque within a hundredth of a scene unit, so the layer before it
-    need not grow to hundreds. 1 in the authors' files."""
-    bounded_colour: bool = True
-    """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
-    design: str = "codenerf"
-    """"M1" and "M2" are those of :mod:`core.models.ablations`."""
-
-    def __post_init__(self) -> None:
-        if self.design not in ("codenerf", "M1", "M2"):
-            raise ValueError(f"no field has this design: {self.design}")
-        sizes = (self.width, self.shape_latent, self.texture_latent, self.shape_blocks, self.texture_blocks)
-        if min(sizes) < 1 or self.width % 2 or min(self.point_octaves, self.direction_octaves) < 0:
-            raise ValueError(f"no field has these sizes: {self}")
+from core.models.field_config import FieldConfig
 
 
-def encode(values: Float[Tensor, "*batch 3"], octaves: int) -> Float[Tensor, "*batch encoded"]:
-    """Positional encoding :math:`\\gamma`: the values, then sin, then cos of every octave :math:`2^k x`.
+def encode(values: Float[Tensor, "*batch 3"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
+    """Positional encoding :math:`\\gamma`: the values, then sin, then cos of every frequency :math:`2^k x`.
 
-    As in the authors' code there is no factor pi; the order is octave by octave, three axes each.
+    As in the authors' code there is no factor pi; the order is frequency by frequency, three axes each.
     """
-    frequencies = 2.0 ** torch.arange(octaves, device=values.device, dtype=values.dtype)
-    angles = (values[..., None, :] * frequencies[:, None]).flatten(-2)
+    scales = 2.0 ** torch.arange(frequencies, device=values.device, dtype=values.dtype)
+    angles = (values[..., None, :] * scales[:, None]).flatten(-2)
     return torch.cat((values, angles.sin(), angles.cos()), -1)
 
 
@@ -63,12 +36,12 @@ class Field(nn.Module):
         super().__init__()
         width = config.width
         self.config = config
-        self.point_layer = nn.Linear(3 + 6 * config.point_octaves, width)
+        self.point_layer = nn.Linear(3 + 6 * config.position_frequencies, width)
         self.shape_latent = nn.ModuleList(nn.Linear(config.shape_latent, width) for _ in range(config.shape_blocks))
         self.shape_block = nn.ModuleList(nn.Linear(width, width) for _ in range(config.shape_blocks))
         self.feature_layer = nn.Linear(width, width)
         self.density_layer = nn.Linear(width, 1)
-        self.direction_layer = nn.Linear(width + 3 + 6 * config.direction_octaves, width)
+        self.direction_layer = nn.Linear(width + 3 + 6 * config.direction_frequencies, width)
         self.texture_latent = nn.ModuleList(
             nn.Linear(config.texture_latent, width) for _ in range(config.texture_blocks)
         )
@@ -84,22 +57,22 @@ class Field(nn.Module):
         """The biases of the texture blocks with a texture code folded in."""
         return folded_biases(self.texture_latent, self.texture_block, texture)
 
-    def shape_slopes(
-        self, shape: Float[Tensor, "*batch latent"], along: Float[Tensor, "some latent"]
+    def shape_bias_jacobian(
+        self, shape: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
     ) -> Float[Tensor, "*batch blocks width some"]:
-        """How :meth:`shape_bias` changes as a code moves along each of some directions."""
-        return _folded_slopes(self.shape_latent, self.shape_block, shape, along)
+        """The Jacobian of :meth:`shape_bias` along some directions of the code."""
+        return _folded_bias_jacobian(self.shape_latent, self.shape_block, shape, directions)
 
-    def texture_slopes(
-        self, texture: Float[Tensor, "*batch latent"], along: Float[Tensor, "some latent"]
+    def texture_bias_jacobian(
+        self, texture: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
     ) -> Float[Tensor, "*batch blocks width some"]:
-        """How :meth:`texture_bias` changes as a code moves along each of some directions."""
-        return _folded_slopes(self.texture_latent, self.texture_block, texture, along)
+        """The Jacobian of :meth:`texture_bias` along some directions of the code."""
+        return _folded_bias_jacobian(self.texture_latent, self.texture_block, texture, directions)
 
     def biases(
         self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
     ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
-        """Those of the shape blocks and of the texture blocks."""
+        """The biases of the shape blocks and of the texture blocks."""
         return self.shape_bias(shape), self.texture_bias(texture)
 
     def radiance(
@@ -122,9 +95,11 @@ class Field(nn.Module):
             points: world, within the scene's box.
             shape_bias: from :meth:`shape_bias`; broadcast over the points.
         """
-        return self.density_of(self.point_layer(encode(points, self.config.point_octaves)).relu(), shape_bias)
+        return self.density_from_activations(
+            self.point_layer(encode(points, self.config.position_frequencies)).relu(), shape_bias
+        )
 
-    def density_of(
+    def density_from_activations(
         self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         """:meth:`density` from the activations of the first layer on."""
@@ -141,7 +116,9 @@ class Field(nn.Module):
             directions: world, unit length.
         """
         weight = self.direction_layer.weight[:, self.config.width :]
-        return functional.linear(encode(directions, self.config.direction_octaves), weight, self.direction_layer.bias)
+        return functional.linear(
+            encode(directions, self.config.direction_frequencies), weight, self.direction_layer.bias
+        )
 
     def colour(
         self,
@@ -177,17 +154,17 @@ def folded_biases(
     return torch.stack(biases, -2).float()
 
 
-def _folded_slopes(
+def _folded_bias_jacobian(
     latent: nn.ModuleList,
     blocks: nn.ModuleList,
     code: Float[Tensor, "*batch latent"],
-    along: Float[Tensor, "some latent"],
+    directions: Float[Tensor, "some latent"],
 ) -> Float[Tensor, "*batch blocks width some"]:
-    """How :func:`folded_biases` changes: a block's matrix times that of the latent layer, where that is awake."""
+    """The Jacobian of :func:`folded_biases`: a block's matrix times that of the latent layer, where that is active."""
     device = blocks[0].get_parameter("weight").device
-    code, along = code.to(device), along.to(device)
-    slopes = []
+    code, directions = code.to(device), directions.to(device)
+    jacobians = []
     for layer, weight in zip(latent, _matrices(blocks), strict=True):
-        awake = layer(code) > 0
-        slopes.append(weight @ (awake[..., None] * (layer.get_parameter("weight") @ along.T)))
-    return torch.stack(slopes, -3).float()
+        active = layer(code) > 0
+        jacobians.append(weight @ (active[..., None] * (layer.get_parameter("weight") @ directions.T)))
+    return torch.stack(jacobians, -3).float()

@@ -1,4 +1,4 @@
-"""Which models there are: the shipped ones by name, any other by its path; and pictures to try them with."""
+"""Which models there are: the shipped ones by name, any other by its path; and images to try them with."""
 
 from pathlib import Path
 
@@ -15,8 +15,8 @@ def shipped_models() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
 
 
-def samples(category: str) -> tuple[Path, ...]:
-    """Pictures to try a model with: objects of its category that it was not trained on."""
+def sample_images(category: str) -> tuple[Path, ...]:
+    """Images to try a model with: objects of its category that it was not trained on."""
     return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
 
 
@@ -24,7 +24,7 @@ def load_model(name: str, device: str = "cpu") -> Model:
     """The model of a shipped name (``chairs``) or of a path; ``.pth`` is a checkpoint of the authors' trainer.
 
     Args:
-        device: where its network runs, "cpu" or "cuda"; codes, cameras and pictures stay with the processor.
+        device: where its network runs, "cpu" or "cuda"; codes, cameras and images stay with the processor.
 
     Raises ``ValueError`` where there is no such model or no such device.
     """

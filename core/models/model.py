@@ -11,18 +11,30 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from core.files import atomic_file
 from core.geometry.camera import Camera
-from core.models.ablations import field_of
+from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
-from core.models.field import Field, FieldConfig
-from core.models.viewpoint import Glance
+from core.models.field import Field
+from core.models.field_config import FieldConfig
+from core.models.viewpoint import ViewpointClassifier
 
 FORMAT = "codenerf-1"
+_OLD_KEYS = {
+    "painted_ground": "white_from_network",
+    "broken": "collapsed",
+    "point_octaves": "position_frequencies",
+    "direction_octaves": "direction_frequencies",
+    "design": "architecture",
+}
+"""Of older files, which are still read."""
+_CLASSIFIER_PREFIXES = ("viewpoint.", "glance.")
+"""Of the viewpoint classifier's tensors; the second in older files."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """What rendering and fitting need to know of a category. Neither ever changes it."""
+    """A trained category, as rendering and fitting need it. Neither ever changes it."""
 
     field: Field
     codes: CodeBook
@@ -30,20 +42,20 @@ class Model:
     """Half the size of the box that holds every training object, along x, y, z (scene units)."""
     category: str
     image_size: int
-    """px, the size of the training pictures"""
+    """px, the size of the training images"""
     focal: float
     """px at ``image_size``"""
     distance: float
-    """scene units, from which the training pictures were taken"""
-    painted_ground: bool = False
-    """The network itself paints the white ground (the authors' checkpoints): light never passes the last sample."""
-    glance: Glance | None = None
-    """tells from where a picture is probably taken; on the processor"""
+    """scene units, from which the training images were taken"""
+    white_from_network: bool = False
+    """The network itself paints the white background (the authors' checkpoints): the last sample is always opaque."""
+    viewpoint_classifier: ViewpointClassifier | None = None
+    """predicts from where an image was probably taken; on the processor"""
 
     def __post_init__(self) -> None:
         self.field.requires_grad_(False).eval()
-        if self.glance:
-            self.glance.requires_grad_(False).eval()
+        if self.viewpoint_classifier:
+            self.viewpoint_classifier.requires_grad_(False).eval()
 
     @property
     def device(self) -> torch.device:
@@ -56,26 +68,26 @@ class Model:
         return torch.tensor(self.extent, device=self.device)
 
     @property
-    def corner(self) -> float:
-        """px, by how much its rays pass left of and above pixel centres: the authors' go through pixel corners."""
-        return 0.5 if self.painted_ground else 0.0
+    def pixel_offset(self) -> float:
+        """px, by how much rays pass left of and above pixel centres: the authors' go through pixel corners."""
+        return 0.5 if self.white_from_network else 0.0
 
     @property
-    def entangled(self) -> bool:
-        """One of the designs of :mod:`core.models.ablations`, drawn exactly only."""
-        return self.field.config.design != "codenerf"
+    def is_ablation(self) -> bool:
+        """Whether it is one of :mod:`core.models.ablations`, which the exact renderer alone takes."""
+        return self.field.config.architecture != "codenerf"
 
     @cached_property
     def fingerprint(self) -> str:
         """A hash of the field's weights and the codes, by which a scene recognises its model."""
         digest = hashlib.sha256()
-        for name, tensor in sorted(_drawing(self).items()):
+        for name, tensor in sorted(_rendering_tensors(self).items()):
             digest.update(name.encode())
             digest.update(tensor.numpy().tobytes())
         return digest.hexdigest()[:16]
 
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
-        """A camera (rad, rad, scene units) at the training pictures' size, focal length and, unless given, distance."""
+        """A camera (rad, rad, scene units) at the training images' size, focal length and, unless given, distance."""
         size = self.image_size
         return Camera(azimuth, elevation, distance or self.distance, self.focal, size, size)
 
@@ -84,17 +96,16 @@ class Model:
         about = {
             "config": asdict(self.field.config),
             "objects": [list(entry) for entry in self.codes.objects],
-            "broken": sorted(self.codes.broken),
+            "collapsed": sorted(self.codes.collapsed),
             "extent": list(self.extent),
             "category": self.category,
             "image_size": self.image_size,
             "focal": self.focal,
             "distance": self.distance,
-            "painted_ground": self.painted_ground,
+            "white_from_network": self.white_from_network,
         }
-        partial = path.with_name(path.name + ".partial")
-        save_file(_tensors(self), partial, metadata={"format": FORMAT, "model": json.dumps(about)})
-        partial.replace(path)
+        with atomic_file(path) as partial:
+            save_file(_all_tensors(self), partial, metadata={"format": FORMAT, "model": json.dumps(about)})
 
     @classmethod
     def load(cls, path: Path) -> "Model":
@@ -110,34 +121,48 @@ class Model:
         if about is None:
             raise ValueError(f"{path} is not a model file of this program")
         try:
-            return cls._from_parts(json.loads(about), tensors)
+            return cls._from_parts(_with_new_keys(json.loads(about)), tensors)
         except (KeyError, TypeError, RuntimeError, ValueError) as error:
             raise ValueError(f"{path} does not hold a whole model: {error}") from None
 
     @classmethod
     def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
-        field = field_of(FieldConfig(**about["config"]))
+        field = build_field(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
-        glance = Glance() if any(name.startswith("glance.") for name in tensors) else None
-        if glance:
-            names = [name for name in tensors if name.startswith("glance.")]
-            glance.load_state_dict({name.removeprefix("glance."): tensors.pop(name).float() for name in names})
+        classifier = _pop_classifier(tensors)
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about["objects"])
-        codes = CodeBook(shapes, textures, objects, frozenset(about.get("broken", ())))
-        about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "painted_ground")} | {
+        codes = CodeBook(shapes, textures, objects, frozenset(about.get("collapsed", ())))
+        about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "white_from_network")} | {
             "extent": tuple(about["extent"])
         }
-        return cls(field, codes, **about, glance=glance)
+        return cls(field, codes, **about, viewpoint_classifier=classifier)
 
 
-def _tensors(model: Model) -> dict[str, Tensor]:
-    """All that is saved: what draws in single precision, what only guesses in half."""
-    guessing = model.glance.state_dict() if model.glance else {}
-    return _drawing(model) | {f"glance.{name}": tensor.half() for name, tensor in guessing.items()}
+def _with_new_keys(about: dict) -> dict:
+    """The metadata of a model file, also of one that was written before keys were renamed."""
+    renamed = {_OLD_KEYS.get(key, key): value for key, value in about.items()}
+    config = {_OLD_KEYS.get(key, key): value for key, value in renamed["config"].items()}
+    return renamed | {"config": config}
 
 
-def _drawing(model: Model) -> dict[str, Tensor]:
+def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
+    """The viewpoint classifier, its tensors taken out of those of a file; None where the file has none."""
+    state = {name.split(".", 1)[1]: name for name in tensors if name.startswith(_CLASSIFIER_PREFIXES)}
+    if not state:
+        return None
+    classifier = ViewpointClassifier()
+    classifier.load_state_dict({name: tensors.pop(stored).float() for name, stored in state.items()})
+    return classifier
+
+
+def _all_tensors(model: Model) -> dict[str, Tensor]:
+    """All that is saved: what renders in single precision, the viewpoint classifier in half."""
+    state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
+    return _rendering_tensors(model) | {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
+
+
+def _rendering_tensors(model: Model) -> dict[str, Tensor]:
     tensors = {f"field.{name}": tensor for name, tensor in model.field.state_dict().items()}
     tensors |= {"codes.shapes": model.codes.shapes, "codes.textures": model.codes.textures}
     return {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}

@@ -1,11 +1,14 @@
 """Which number format the linear layers run in: measured on the machine at hand, never assumed."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 
 import torch
 
 _ROUNDS = 20
+_forced: torch.dtype | None = None
 
 
 def require_device(name: str) -> torch.device:
@@ -15,13 +18,28 @@ def require_device(name: str) -> torch.device:
     return torch.device(name)
 
 
-@cache
-def linear_dtype(device_type: str) -> torch.dtype:
+def matmul_dtype(device_type: str) -> torch.dtype:
     """bfloat16 where this machine multiplies it clearly faster than float32, else float32.
 
     Processors with bfloat16 units run a field's layers 2 to 5 times faster; without them bfloat16 is emulated and
     slower. Encoding, compositing and what fits and training keep of their steps stay in float32 either way.
     """
+    return _forced or _fastest_dtype(device_type)
+
+
+@contextmanager
+def use_dtype(dtype: torch.dtype) -> Iterator[None]:
+    """Let linear layers run in a number format inside a ``with``, fast or not: for ablations and tests."""
+    global _forced
+    before, _forced = _forced, dtype
+    try:
+        yield
+    finally:
+        _forced = before
+
+
+@cache
+def _fastest_dtype(device_type: str) -> torch.dtype:
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
     # Turn about, so that what else the machine does falls on both alike; the lower quartile of many, since the best of
@@ -32,8 +50,8 @@ def linear_dtype(device_type: str) -> torch.dtype:
 
 
 def autocast(device: torch.device) -> torch.autocast:
-    """A context in which linear layers run in :func:`linear_dtype`."""
-    dtype = linear_dtype(device.type)
+    """A context in which linear layers run in :func:`matmul_dtype`."""
+    dtype = matmul_dtype(device.type)
     return torch.autocast(device.type, dtype=torch.bfloat16, enabled=dtype == torch.bfloat16)
 
 

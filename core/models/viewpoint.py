@@ -1,8 +1,8 @@
-"""A glance at a picture: from which directions an object is probably seen, told by a small network.
+"""The viewpoint classifier: a small network that predicts from which direction an image shows an object.
 
-Silhouettes of a few prototypes, which is all that the bank of :mod:`core.photos.view_bank` knows, look alike from many
-sides where a new object looks like none of them. This network has seen every training picture in many disguises, and
-has learnt what a front is. It says nothing about codes: it is a prior on the camera's direction, on a grid.
+Silhouettes of a few prototypes, which is all that :mod:`core.photos.view_bank` knows, look alike from many sides where
+a new object looks like none of them. This network has seen every training image in many augmentations, and has learnt
+what a front is. It says nothing about codes: it is a prior on the camera's direction, on a grid.
 """
 
 import math
@@ -14,41 +14,41 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from core.geometry.camera import rotation
+from core.geometry.camera import camera_rotation
 
 AZIMUTHS = 24
 ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
 """degrees. Near the pole the azimuth is the roll of the picture, so every elevation has all azimuths."""
 _DIRECTIONS = AZIMUTHS * len(ELEVATIONS)
-_MISTAKEN = 0.05
-"""How often it has no idea of a picture and does not know it."""
+_UNIFORM_MIX = 0.05
+"""Share of the uniform distribution in every prediction: how often the network is wrong and does not know it."""
 SIDE = 48
-"""px, of what the network sees"""
+"""px, of the input"""
 _CHANNELS = (20, 40, 64, 80)
-_FEW = 32
+_BOTTLENECK = 32
 _HIDDEN = 96
 _MARGIN = 1.12
-"""of the square that it sees, over the longer side of the object's box"""
-_BLUR = math.radians(12)
+"""side of the square input, over the longer side of the object's box"""
+_KERNEL_WIDTH = math.radians(12)
 """A direction between those of the grid has the probability of those that are so near."""
 
 
-class Glance(nn.Module):
-    """A convolutional network over (pictures, 4, SIDE, SIDE): rgb on white and the mask, 0..1, cut out by
-    :func:`cropped`. It gives the logarithm of the odds of every direction of :func:`directions`.
+class ViewpointClassifier(nn.Module):
+    """A convolutional network over (images, 4, SIDE, SIDE): rgb on white and the mask, 0..1, as
+    :func:`crop_to_object` makes them. Its logits are those of the directions of :func:`directions`.
     """
 
     def __init__(self) -> None:
         super().__init__()
         sizes = (4, *_CHANNELS)
         self.layers = nn.ModuleList(nn.Conv2d(one, other, 3, 2, 1) for one, other in pairwise(sizes))
-        self.fewer = nn.Conv2d(sizes[-1], _FEW, 1)
-        self.hidden = nn.Linear(_FEW * (SIDE // 2 ** len(_CHANNELS)) ** 2, _HIDDEN)
+        self.fewer = nn.Conv2d(sizes[-1], _BOTTLENECK, 1)
+        self.hidden = nn.Linear(_BOTTLENECK * (SIDE // 2 ** len(_CHANNELS)) ** 2, _HIDDEN)
         self.last = nn.Linear(_HIDDEN, _DIRECTIONS)
 
-    def forward(self, pictures: Float[Tensor, "pictures 4 side side"]) -> Float[Tensor, "pictures directions"]:
-        """Logarithms of the odds; dropout while training."""
-        y = 2 * pictures - 1
+    def forward(self, images: Float[Tensor, "images 4 side side"]) -> Float[Tensor, "images directions"]:
+        """Logits; dropout while training."""
+        y = 2 * images - 1
         for layer in (*self.layers, self.fewer):
             y = layer(y).relu()
         y = self.hidden(y.flatten(1)).relu()
@@ -64,40 +64,42 @@ def directions() -> tuple[Float[Tensor, "directions"], Float[Tensor, "directions
     return azimuth.flatten(), elevation.flatten()
 
 
-def nearness(
-    azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"], blur: float = _BLUR
+def direction_weights(
+    azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"], width: float = _KERNEL_WIDTH
 ) -> Float[Tensor, "*batch directions"]:
-    """How near cameras (rad) are to the directions of the grid: shares that add up to 1, a bell of width ``blur``."""
-    turned = rotation(azimuth, elevation).flatten(-2) @ rotation(*directions()).flatten(-2).T
+    """How near cameras (rad) are to the directions of the grid: weights that add up to 1, a Gaussian of ``width``."""
+    turned = camera_rotation(azimuth, elevation).flatten(-2) @ camera_rotation(*directions()).flatten(-2).T
     angle = ((turned - 1) / 2).clamp(-1, 1).acos()
-    return (-(angle / blur).square() / 2).softmax(-1)
+    return (-(angle / width).square() / 2).softmax(-1)
 
 
 @torch.no_grad()
-def glanced(
-    glance: Glance, pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]
+def predict_viewpoint(
+    classifier: ViewpointClassifier, pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]
 ) -> Float[Tensor, "directions"]:
-    """The probability of every direction for one picture; they add up to 1.
+    """The probability of every direction of the grid for one image; they add up to 1.
 
     Args:
         pixels: 0..1.
         mask: True on the object; anything on it at all.
     """
-    return torch.lerp(glance(cropped(pixels, mask)[None])[0].softmax(-1), torch.tensor(1 / _DIRECTIONS), _MISTAKEN)
+    return torch.lerp(
+        classifier(crop_to_object(pixels, mask)[None])[0].softmax(-1), torch.tensor(1 / _DIRECTIONS), _UNIFORM_MIX
+    )
 
 
-def surprise(
+def viewpoint_nll(
     probability: Float[Tensor, "directions"], azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"]
 ) -> Float[Tensor, "*batch"]:
-    """By how much less likely cameras (rad) are than the likeliest one: at least 0, a logarithm."""
-    smooth = nearness(*directions()) @ probability
-    return (smooth.max() / (nearness(azimuth, elevation) @ probability)).log().clamp_min(0)
+    """The negative log-likelihood of cameras (rad), relative to the likeliest one: at least 0."""
+    smooth = direction_weights(*directions()) @ probability
+    return (smooth.max() / (direction_weights(azimuth, elevation) @ probability)).log().clamp_min(0)
 
 
-def cropped(
+def crop_to_object(
     pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]
 ) -> Float[Tensor, "4 side side"]:
-    """What the network sees of a picture: the object on white and its mask, in a square around its box."""
+    """The network's input: the object of an image on white and its mask, in a square around its box."""
     rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
     ends = torch.stack((rows[[0, -1]], columns[[0, -1]])) + torch.tensor([0, 1])
     middle, half = ends.float().mean(1), _MARGIN * float(ends.diff(dim=1).max()) / 2

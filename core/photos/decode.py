@@ -1,4 +1,4 @@
-"""Picture files of any usual kind, as upright RGBA of 8 bits and moderate size."""
+"""Image files of any usual kind, as upright RGBA of 8 bits and moderate size."""
 
 import struct
 import warnings
@@ -8,57 +8,65 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, ImageOps
 
-MOST_PIXELS = 400_000_000
+MAX_PIXELS = 400_000_000
 """of a file, 20,000 x 20,000: beyond, decoding it may take more memory than a small machine has."""
 WORKING_SIDE = 1024
-"""px: the longer side at which pictures are cut out"""
-_TURNED = (5, 6, 7, 8)
+"""px: the longer side at which images are cut out"""
+_HEIF = (".heic", ".heif", ".hif")
+"""what phones write"""
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", *_HEIF, ".bmp", ".tif", ".tiff")
+"""of the files that a dialog offers; any other format that Pillow knows is read as well"""
+_TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""
 
 
 def read_rgba(path: Path) -> Image.Image:
-    """The picture upright, as RGBA with 8 bits, its longer side at most :data:`WORKING_SIDE`.
+    """The image upright, as RGBA with 8 bits, its longer side at most :data:`WORKING_SIDE`.
 
-    Raises ``ValueError`` for what is no picture, or one that is too large.
+    Raises ``ValueError`` for what is no image, or one that is too large.
     """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with _opened(path) as image:
-                if image.width * image.height > MOST_PIXELS:
+                if image.width * image.height > MAX_PIXELS:
                     size = f"{image.width}x{image.height}"
-                    raise ValueError(f"the picture is too large ({size} px); make it smaller first")
+                    raise ValueError(f"the image is too large ({size} px); make it smaller first")
                 image.draft("RGB", (WORKING_SIDE, WORKING_SIDE))
                 image.load()
                 return _small_rgba(image)
     except FileNotFoundError:
-        raise ValueError(f"no such picture: {path}") from None
+        raise ValueError(f"no such image: {path}") from None
     except IsADirectoryError:
-        raise ValueError(f"{path} is a folder, not a picture") from None
+        raise ValueError(f"{path} is a folder, not an image") from None
     except MemoryError:
-        raise ValueError("the picture is too large for this machine's memory") from None
+        raise ValueError("the image is too large for this machine's memory") from None
     except (OSError, SyntaxError, EOFError, IndexError, TypeError, struct.error, zlib.error) as error:
-        raise ValueError(f"this is not a picture that can be read ({_first_line(error)})") from None
+        raise ValueError(f"this is not an image that can be read ({_first_line(error)})") from None
 
 
 def upright_size(path: Path) -> tuple[int, int]:
-    """(width, height) in px of the file's picture, upright. Raises ``ValueError`` for what is no picture."""
+    """(width, height) in px of the file's image, upright. Raises ``ValueError`` for what is no image."""
     try:
         with _opened(path) as image:
-            turned = image.getexif().get(ExifTags.Base.Orientation) in _TURNED
-            return (image.height, image.width) if turned else image.size
+            transposed = image.getexif().get(ExifTags.Base.Orientation) in _TRANSPOSED
+            return (image.height, image.width) if transposed else image.size
     except OSError as error:
-        raise ValueError(f"{path}: this is not a picture that can be read ({_first_line(error)})") from None
+        raise ValueError(f"{path}: this is not an image that can be read ({_first_line(error)})") from None
 
 
 def _opened(path: Path) -> Image.Image:
     """Opened without Pillow's own limit, for which ours stands in; only the header is read."""
+    if path.suffix.lower() in _HEIF:
+        from pillow_heif import register_heif_opener  # costs 50 ms, and few images need it
+
+        register_heif_opener()
     limit = Image.MAX_IMAGE_PIXELS
     try:
         Image.MAX_IMAGE_PIXELS = None
         return Image.open(path)
     except Image.UnidentifiedImageError:
-        raise ValueError("this is not a picture (PNG, JPEG, WebP, ...)") from None
+        raise ValueError("this is not an image (PNG, JPEG, WebP, ...)") from None
     finally:
         Image.MAX_IMAGE_PIXELS = limit
 
@@ -68,12 +76,12 @@ def _first_line(error: BaseException) -> str:
 
 
 def _small_rgba(image: Image.Image) -> Image.Image:
-    """Upright RGBA of 8 bits, made small before it is converted, so that a huge picture costs memory once."""
+    """Upright RGBA of 8 bits, made small before it is converted, so that a huge image costs memory once."""
     if image.mode.startswith(("I", "F")):
         image = _eight_bits(image)
     if image.mode in ("P", "1", "PA") or "transparency" in image.info:
         # A palette cannot be averaged, and opened out it takes four times the memory.
-        image = _thinned(image, 4 * WORKING_SIDE).convert("RGBA")
+        image = _shrunk(image, 4 * WORKING_SIDE).convert("RGBA")
     factor = max(image.size) // (2 * WORKING_SIDE)
     orientation = image.getexif()
     if factor > 1 and min(image.size) >= factor:
@@ -81,11 +89,11 @@ def _small_rgba(image: Image.Image) -> Image.Image:
         image.getexif().update(orientation)
     image = ImageOps.exif_transpose(image).convert("RGBA")
     # Pillow resizes RGBA with the colours weighted by alpha.
-    return _thinned(image, WORKING_SIDE, Image.Resampling.LANCZOS)
+    return _shrunk(image, WORKING_SIDE, Image.Resampling.LANCZOS)
 
 
-def _thinned(image: Image.Image, side: int, resampling: Image.Resampling = Image.Resampling.NEAREST) -> Image.Image:
-    """The picture, made smaller where its longer side is larger than this."""
+def _shrunk(image: Image.Image, side: int, resampling: Image.Resampling = Image.Resampling.NEAREST) -> Image.Image:
+    """The image, made smaller where its longer side is larger than this."""
     scale = side / max(image.size)
     if scale >= 1:
         return image

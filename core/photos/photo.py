@@ -1,4 +1,4 @@
-"""Pictures to fit: read, cut out on white, framed as the training pictures are."""
+"""Images to fit: read, cut out on white, cropped as the training images are."""
 
 import math
 from dataclasses import dataclass
@@ -13,16 +13,18 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.decode import read_rgba
-from core.photos.segmentation import CutOut, Hints, NoGroundError, cut_out
-from core.photos.view_bank import Apparent, apparent, astray, bank_of
+from core.photos.plain_background import NoBackgroundError
+from core.photos.ranking import ObjectImage, offset_from_expected
+from core.photos.segmentation import CutOut, Hints, cut_out
+from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
-_ASTRAY = 0.02
-"""focal lengths: an object that lies further from where it should was moved in its picture"""
+_MAX_OFFSET = 0.02
+"""focal lengths: an object that lies further from where it should was moved in its image"""
 
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """A picture of an object on white. Raises ``ValueError`` where its parts do not fit together."""
+    """An image of an object on white. Raises ``ValueError`` where its parts do not fit together."""
 
     pixels: Float[Tensor, "height width 3"]
     """0..1"""
@@ -30,62 +32,62 @@ class Photo:
     """True on the object"""
     camera: Camera | None = None
     """None: find it"""
-    framed: bool = False
-    """The picture was moved, and perhaps scaled: the middle, and then the distance too, are not the camera's."""
-    beyond: Bool[Tensor, "height width"] | None = None
-    """True where nothing was seen, beyond an edge that cuts the object off; None where none does"""
+    cropped: bool = False
+    """The image was moved, and perhaps scaled, so its centre, and then the distance too, are not the camera's."""
+    unseen: Bool[Tensor, "height width"] | None = None
+    """True where nothing was seen, beyond an edge that truncates the object; None where none does"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
-        if self.beyond is not None and (self.beyond.shape != self.mask.shape or bool((self.beyond & self.mask).any())):
-            raise ValueError("what lies beyond a picture's edge must fit its mask, and have nothing of the object")
+        if self.unseen is not None and (self.unseen.shape != self.mask.shape or bool((self.unseen & self.mask).any())):
+            raise ValueError("the unseen pixels of an image must fit its mask and leave out the object")
         if self.pixels.shape != (height, width, 3):
             raise ValueError(f"a {width}x{height} mask does not fit pixels of shape {tuple(self.pixels.shape)}")
         if not bool(torch.isfinite(self.pixels).all()):
-            raise ValueError("a picture's pixels must be finite")
+            raise ValueError("an image's pixels must be finite")
         if self.camera is not None and (self.camera.width, self.camera.height) != (width, height):
             raise ValueError(f"the camera is for {self.camera.width}x{self.camera.height} px, not {width}x{height}")
 
 
 @dataclass(frozen=True)
-class Framing:
-    """How an object is moved and scaled in its picture, beside what is usual. Raises ``ValueError`` for a size of 0."""
+class Crop:
+    """How an object is moved and scaled against the usual crop. Raises ``ValueError`` for a size of 0."""
 
     scale: float = 1.0
     """of the usual size"""
-    across: float = 0.0
-    """to the right, in shares of the picture"""
+    right: float = 0.0
+    """to the right, in shares of the image"""
     down: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (0 < self.scale < math.inf and math.isfinite(self.across) and math.isfinite(self.down)):
-            raise ValueError(f"a picture cannot be framed like this: {self}")
+        if not (0 < self.scale < math.inf and math.isfinite(self.right) and math.isfinite(self.down)):
+            raise ValueError(f"an image cannot be cropped like this: {self}")
 
 
 def load_photo(
-    path: Path, model: Model, pose: Path | None = None, hints: Hints | None = None, framing: Framing | None = None
+    path: Path, model: Model, pose: Path | None = None, hints: Hints | None = None, crop: Crop | None = None
 ) -> Photo:
-    """Read a picture in any usual format, cut its object out and frame it for a model.
+    """Read an image in any usual format, cut its object out and crop it for a model.
 
-    The object is told from the ground by the alpha channel, else by a plain ground of any colour found from the
-    border. A picture that looks like a training picture keeps its framing, in which the distance is written; one whose
-    object has the right size but lies beside its place is moved; any other is framed so that the object stands in the
-    middle in the size usual in training. Where it reaches an edge of the picture, what lies beyond is not known.
+    The object is separated from the background by the alpha channel, else by a plain background of any colour found
+    from the border. An image that looks like a training image stays as it is, since its size tells the distance; one
+    whose object has the right size but lies beside its place is moved; any other is cropped so that the object stands
+    in the middle in the size usual in training. Where it reaches an edge of the image, what lies beyond is not known.
 
     Args:
-        pose: a text file with the camera-to-world matrix of SRN (16 numbers); the picture is then only resized.
-        hints: where the object is, for a picture without a plain ground.
-        framing: beside the usual one.
+        pose: a text file with the camera-to-world matrix of SRN (16 numbers); the image is then only resized.
+        hints: where the object is, for an image without a plain background.
+        crop: against the usual one.
 
-    Raises ``ValueError``, one line naming the file, for anything that is no picture of an object, and
-    :class:`core.photos.segmentation.NoGroundError` where hints could help.
+    Raises ``ValueError``, one line naming the file, for anything that is no image of an object, and
+    :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
     try:
         matrix = None if pose is None else _read_pose(pose)
-        return framed(cut_out(read_rgba(path), hints), model, matrix, framing)
+        return prepare_photo(cut_out(read_rgba(path), hints), model, matrix, crop)
     except ValueError as error:
         named = any(str(file) in str(error) for file in (path, pose) if file is not None)
-        kind = NoGroundError if isinstance(error, NoGroundError) else ValueError
+        kind = NoBackgroundError if isinstance(error, NoBackgroundError) else ValueError
         raise kind(str(error) if named else f"{path}: {error}") from None
 
 
@@ -96,39 +98,39 @@ def photo_from_array(
 ) -> Photo:
     """:func:`load_photo` for pixels at hand: 3 or 4 channels, bytes or numbers in [0, 1]."""
     if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4):
-        raise ValueError(f"a picture has 3 or 4 channels, got an array of shape {pixels.shape}")
+        raise ValueError(f"an image has 3 or 4 channels, got an array of shape {pixels.shape}")
     if pixels.dtype != np.uint8:
         if not np.isfinite(pixels).all():
-            raise ValueError("a picture's pixels must be finite")
+            raise ValueError("an image's pixels must be finite")
         pixels = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
-    return framed(cut_out(Image.fromarray(pixels).convert("RGBA")), model, pose)
+    return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, pose)
 
 
-def framed(
-    cut: CutOut, model: Model, pose: Float[Tensor, "4 4"] | None = None, framing: Framing | None = None
+def prepare_photo(
+    cut: CutOut, model: Model, pose: Float[Tensor, "4 4"] | None = None, crop: Crop | None = None
 ) -> Photo:
-    """A cut-out at the model's size, as its training pictures are; with a pose it is only resized."""
+    """A cut-out at the model's size, as its training images are; with a pose it is only resized."""
     height, width = cut.mask.shape
     size = model.image_size
     if pose is not None:
         across = max(1, round(size * width / height))
         pixels, mask = _resampled(cut, (0, 0, width, height), (across, size))
         return Photo(pixels, mask, Camera.from_pose(pose, model.focal, across, size))
-    usual, framing = apparent(model), framing or Framing()
-    if framing == Framing() and _like_training(cut, usual):
+    usual, crop = apparent_size(model), crop or Crop()
+    if crop == Crop() and _like_training(cut, usual):
         pixels, mask = _resampled(cut, (0, 0, width, width), (size, size))
         if not bool(mask.any()):
             raise ValueError(f"the object is too thin to be seen at {size} px")
-        if astray(bank_of(model), pixels, mask, model.focal) < _ASTRAY:
+        if offset_from_expected(view_bank(model), ObjectImage(pixels, mask, model.focal)) < _MAX_OFFSET:
             return Photo(pixels, mask)
         half = width / 2  # only moved: of its size, which is right, the perspective is a part
     else:
-        half = _half(cut, usual.typical * framing.scale)
-    square = _square(cut, half, framing)
+        half = _half(cut, usual.median * crop.scale)
+    square = _square(cut, half, crop)
     pixels, mask = _resampled(cut, square, (size, size))
     if not bool(mask.any()):
-        raise ValueError("the object is moved out of its picture")
-    return Photo(pixels, mask, framed=True, beyond=_beyond(cut, square, mask))
+        raise ValueError("the object is moved out of its image")
+    return Photo(pixels, mask, cropped=True, unseen=_unseen(cut, square, mask))
 
 
 def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
@@ -148,7 +150,7 @@ def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
     return matrix
 
 
-# Framing
+# Cropping
 
 
 def _box(mask: Bool[np.ndarray, "height width"]) -> tuple[int, int, int, int]:
@@ -157,14 +159,14 @@ def _box(mask: Bool[np.ndarray, "height width"]) -> tuple[int, int, int, int]:
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
-def _like_training(cut: CutOut, usual: Apparent) -> bool:
-    """A square picture on white whose object is as large as a training picture shows it."""
+def _like_training(cut: CutOut, usual: SizeRange) -> bool:
+    """A square image on white whose object is as large as a training image shows it."""
     height, width = cut.mask.shape
     if not cut.white or width != height:
         return False
     left, top, right, bottom = _box(cut.mask)
     size = max(right - left, bottom - top) / width
-    return 0.6 * usual.least < size < min(1.4 * usual.most, 0.9)
+    return 0.6 * usual.min < size < min(1.4 * usual.max, 0.9)
 
 
 def _half(cut: CutOut, share: float) -> float:
@@ -173,20 +175,20 @@ def _half(cut: CutOut, share: float) -> float:
     return max(right - left, bottom - top) / share / 2
 
 
-def _square(cut: CutOut, half: float, framing: Framing) -> tuple[float, float, float, float]:
-    """The square, in px of the cut-out, that shows the object in the middle, but for framing."""
+def _square(cut: CutOut, half: float, crop: Crop) -> tuple[float, float, float, float]:
+    """The square, in px of the cut-out, that shows the object in the middle, but for crop."""
     left, top, right, bottom = _box(cut.mask)
-    across = (left + right) / 2 - framing.across * 2 * half
-    down = (top + bottom) / 2 - framing.down * 2 * half
+    across = (left + right) / 2 - crop.right * 2 * half
+    down = (top + bottom) / 2 - crop.down * 2 * half
     return across - half, down - half, across + half, down + half
 
 
-def _beyond(
+def _unseen(
     cut: CutOut, box: tuple[float, float, float, float], mask: Bool[Tensor, "size size"]
 ) -> Bool[Tensor, "size size"] | None:
-    """Which pixels of a square lie beyond an edge of the picture that the object touches, and so may be cut off by.
+    """Which pixels of a square lie beyond an edge of the image that the object touches, which may truncate it.
 
-    A picture that the object touches all round was trimmed to it, and cuts nothing off.
+    An image that the object touches all round was trimmed to it, and cuts nothing off.
     """
     left, top, right, bottom = _box(cut.mask)
     height, width = cut.mask.shape
@@ -203,11 +205,11 @@ def _beyond(
 def _resampled(
     cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
-    """A part of the picture at a size; what lies outside the picture is white ground."""
+    """A part of the image at a size; what lies outside the image is white background."""
     height, width = cut.mask.shape
     if box == (0, 0, width, height) and size == (width, height):
         return torch.from_numpy(cut.pixels).clone(), torch.from_numpy(cut.mask).clone()
-    # Pillow crops within the picture only, so it is padded first.
+    # Pillow crops within the image only, so it is padded first.
     pad = math.ceil(max(0, -box[0], -box[1], box[2] - width, box[3] - height))
     inner = (box[0] + pad, box[1] + pad, box[2] + pad, box[3] + pad)
     whole = np.concatenate((1 - cut.pixels, cut.mask[..., None].astype(np.float32)), -1)

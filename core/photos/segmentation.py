@@ -1,55 +1,54 @@
-"""Objects told from their ground: by the alpha channel, by a plain ground, or by what a person points at."""
+"""Segmentation: the object by the alpha channel, a plain background, a saliency network, or what a person points at."""
 
-import importlib.util
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
-from scipy.ndimage import binary_dilation, binary_erosion, gaussian_gradient_magnitude, label
-from skimage.color import rgb2lab
+from scipy.ndimage import binary_dilation, binary_erosion, label
 
-SMALLEST = 8
-"""px: a picture with a shorter side than this shows nothing to fit."""
-_FEWEST = 12
+from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
+from core.photos.saliency import predict_saliency
+
+MIN_SIDE = 8
+"""px: an image with a shorter side than this shows nothing to fit."""
+_MIN_OBJECT_PIXELS = 12
 """px of an object: with fewer it shows nothing to fit."""
-_ALIKE = 9.0
-"""CIE76 colour distance up to which a pixel is the ground's colour; about four just noticeable differences"""
-_SHADED = 30.0
-"""lightness that soft light or shadow may change"""
-_SMOOTH = 1000.0
-"""CIE76 per length of the picture: a slope steeper than this is an edge"""
 _MARGIN = 0.25
-"""of a box: so much around it is looked at to learn the ground's colours"""
+"""of a box: so much around it is looked at to learn the background's colours"""
 _GRAB_SIDE = 320
 """px: the longer side at which GrabCut works, twice what a model sees"""
-_ROUNDS = 4
+_GRABCUT_ROUNDS = 4
 """of GrabCut"""
+_AGREEMENT = 0.75
+"""intersection over union from which a plain background and the salient object are of one opinion"""
+_FAINT = 0.1
+"""opacity below which the saliency network sees background"""
+_UNDECIDED = 0.5
+"""of an object's area: photographs of objects leave 0.04 to 0.22 of it undecided, noise and bare landscapes over 7"""
+_NETWORK_ERROR = 0.006
+"""of the image's longer side: two pixels of the network's own image, by which its edges may be off"""
 _REACH = 2.0
 """Radii from a stroke up to which it changes what was found: who wipes a shadow away wants to keep the wheels."""
 
 
-class NoGroundError(ValueError):
-    """The picture has no plain ground: somebody has to say where the object is."""
-
-
 @dataclass(frozen=True, eq=False)
 class CutOut:
-    """A picture at the size it was cut out."""
+    """An image at the size it was cut out."""
 
     pixels: Float[np.ndarray, "height width 3"]
     """0..1, on white"""
     mask: Bool[np.ndarray, "height width"]
     white: bool
-    """the ground was white or clear, as in training pictures"""
+    """the background was white or clear, as in training images"""
 
 
 class Stroke(NamedTuple):
-    """A line drawn over a picture: what is under it belongs to the object, or does not."""
+    """A line drawn over an image: what is under it belongs to the object, or does not."""
 
     points: tuple[tuple[float, float], ...]
-    """shares of the picture's width and height"""
+    """shares of the image's width and height"""
     radius: float
     """a share of the longer side"""
     adds: bool
@@ -67,89 +66,109 @@ class Hints:
         if self.box is not None:
             left, top, right, bottom = self.box
             if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
-                raise ValueError("the box around the object has no inside within the picture")
+                raise ValueError("the box around the object has no inside within the image")
 
     def __bool__(self) -> bool:
         return self.box is not None or bool(self.strokes)
 
 
 def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
-    """The object of an RGBA picture.
+    """The object of an RGBA image.
 
     With hints by GrabCut (Rother et al. 2004, of OpenCV) from the box or, where there is none, from what would be
-    found without hints; strokes hold in any case. Without: by the alpha channel, else by a plain ground, else by
-    ``rembg`` where that is installed.
+    found without hints; strokes hold in any case. Without: by the alpha channel, else by a background that is plain
+    beyond doubt, else by a saliency network (:mod:`core.photos.saliency`), which must agree with a background that is
+    in doubt.
 
-    Raises ``ValueError`` where no object is found, :class:`NoGroundError` where hints could help.
+    Raises ``ValueError`` where no object is found, :class:`NoBackgroundError` where hints could help.
     """
-    if min(image.size) < SMALLEST:
-        raise ValueError(f"a picture of {image.width}x{image.height} px is too small; {SMALLEST} px are the least")
+    if min(image.size) < MIN_SIDE:
+        raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
     values = np.asarray(image, dtype=np.float32) / 255
     colours, alpha = values[..., :3], values[..., 3:]
     if hints:
         colours = colours * alpha + 1 - alpha
-        return _on_white(colours, _grabbed(image, colours, hints), white=False)
-    return _by_itself(image, colours, alpha)
+        return _on_white(colours, _segment_with_hints(image, colours, hints), white=False)
+    return _segment_without_hints(image, colours, alpha)
 
 
-def _by_itself(
+def _segment_without_hints(
     image: Image.Image,
     colours: Float[np.ndarray, "height width 3"],
     alpha: Float[np.ndarray, "height width 1"],
 ) -> CutOut:
     if (alpha < 0.5).mean() > 0.001:
         return _on_white(colours * alpha + 1 - alpha, alpha[..., 0] > 0.5, white=True)
+    plain = _plain_background(colours)
+    if plain and plain.certain:
+        return _on_white(colours, ~plain.mask, plain.white)
+    salient = predict_saliency(image)
+    if salient is None or not _is_sure(salient):
+        if plain is None:
+            raise NoBackgroundError
+        return _on_white(colours, ~plain.mask, plain.white)
+    if plain and _overlap(~plain.mask, salient > 0.5) > _AGREEMENT:
+        # Colours follow edges more closely than a network of 320 px does, but take shadows for the object.
+        near = binary_dilation(salient > _FAINT, iterations=max(1, round(_NETWORK_ERROR * max(image.size))))
+        return _on_white(colours, ~plain.mask & near, plain.white)
+    return _on_white(colours, salient > 0.5, white=False)
+
+
+def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
     try:
-        ground, white = _ground(colours)
-        cut = _on_white(colours, ~ground, white)
-    except NoGroundError:
-        found = _by_rembg(image)
-        if found is None:
-            raise
-        return _on_white(colours, found, white=False)
-    return cut
+        return find_background(colours)
+    except NoBackgroundError:
+        return None
+
+
+def _is_sure(salient: Float[np.ndarray, "height width"]) -> bool:
+    """Whether a saliency network sees an object: where there is none, most of what it gives is neither 0 nor 1."""
+    undecided = (salient > _FAINT) & (salient < 1 - _FAINT)
+    return bool(undecided.sum() < _UNDECIDED * (salient > 0.5).sum())
+
+
+def _overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "height width"]) -> float:
+    """Intersection over union."""
+    return float((one & other).sum() / max(1, (one | other).sum()))
 
 
 def _on_white(
     pixels: Float[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "height width"], white: bool
 ) -> CutOut:
     mask = _without_specks(mask)
-    if mask.sum() < _FEWEST:
-        hint = "a larger picture, or a box closer around the object, may help"
-        raise ValueError(f"no object found: fewer than {_FEWEST} px differ from the ground; {hint}")
+    if mask.sum() < _MIN_OBJECT_PIXELS:
+        hint = "a larger image, or a box closer around the object, may help"
+        raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
     if mask.mean() > 0.97:
-        raise NoGroundError(_NO_GROUND)
+        raise NoBackgroundError
     # On white, half-covered pixels around the object are right as they are; on a colour they are left out.
     kept = binary_dilation(mask, iterations=2) if white else _eroded(mask)
     return CutOut(np.where(kept[..., None], pixels, np.float32(1)), mask, white)
 
 
-_NO_GROUND = "the picture has no plain ground: draw a box around the object, or cut it out first (a clear ground)"
-
-
 # By what a person points at
 
 
-def _grabbed(
+def _segment_with_hints(
     image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints
 ) -> Bool[np.ndarray, "height width"]:
     """GrabCut from the box, or what is found without one; then once more where strokes correct it."""
     height, width = colours.shape[:2]
     window = _around(hints.box, width, height)
-    mask = cut_out(image).mask if hints.box is None else _grab(colours, _in_box(hints.box, (height, width)), window)
+    mask = cut_out(image).mask if hints.box is None else _grabcut(colours, _in_box(hints.box, (height, width)), window)
     if not hints.strokes:
         return mask
-    mask = _grab(colours, _corrected(mask, hints.strokes), window)
-    return _stroked(mask, hints.strokes, True, False).astype(bool)
+    mask = _grabcut(colours, _corrected(mask, hints.strokes), window)
+    return _apply_strokes(mask, hints.strokes, True, False).astype(bool)
 
 
-def _grab(
+def _grabcut(
     colours: Float[np.ndarray, "height width 3"],
     labels: UInt8[np.ndarray, "height width"],
     window: tuple[int, int, int, int],
 ) -> Bool[np.ndarray, "height width"]:
-    """GrabCut within a window, at a size at which it is quick; the rest of the picture is ground."""
-    import cv2  # costs a fifth of a second, and few pictures need it
+    """GrabCut within a window, at a size at which it is quick; the rest of the image is background."""
+    import cv2  # costs a fifth of a second, and few images need it
 
     left, top, right, bottom = window
     part = np.ascontiguousarray((colours[top:bottom, left:right] * 255 + 0.5).astype(np.uint8))
@@ -161,10 +180,10 @@ def _grab(
     if not np.isin(marks, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
         raise ValueError("no object found: nothing is left of it")
     if not np.isin(marks, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
-        raise NoGroundError("the box holds the whole picture: leave some of the ground outside")
+        raise NoBackgroundError("the box holds the whole image: leave some of the background outside")
     cv2.setRNGSeed(0)
     memory = np.zeros((1, 65)), np.zeros((1, 65))
-    decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _ROUNDS, cv2.GC_INIT_WITH_MASK)
+    decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _GRABCUT_ROUNDS, cv2.GC_INIT_WITH_MASK)
     found = np.isin(decided, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
     mask = np.zeros(colours.shape[:2], dtype=bool)
     mask[top:bottom, left:right] = cv2.resize(found, part.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0.5
@@ -188,28 +207,28 @@ def _corrected(
     import cv2
 
     wide = tuple(stroke._replace(radius=_REACH * stroke.radius, adds=True) for stroke in strokes)
-    doubtful = _stroked(np.zeros_like(mask), wide, True, False).astype(bool)
+    doubtful = _apply_strokes(np.zeros_like(mask), wide, True, False).astype(bool)
     sure = np.where(mask, cv2.GC_FGD, cv2.GC_BGD)
     labels = np.where(doubtful, np.where(mask, cv2.GC_PR_FGD, cv2.GC_PR_BGD), sure).astype(np.uint8)
-    return _stroked(labels, strokes, cv2.GC_FGD, cv2.GC_BGD)
+    return _apply_strokes(labels, strokes, cv2.GC_FGD, cv2.GC_BGD)
 
 
-def _stroked(
+def _apply_strokes(
     values: np.ndarray, strokes: tuple[Stroke, ...], adding: int, removing: int
 ) -> UInt8[np.ndarray, "height width"]:
     """With the strokes drawn over it, the later over the earlier."""
     import cv2
 
-    drawn = values.astype(np.uint8)
-    height, width = drawn.shape
+    canvas = values.astype(np.uint8)
+    height, width = canvas.shape
     for stroke in strokes:
         points = (np.array(stroke.points) * (width, height)).round().astype(np.int32)
         thickness = max(1, round(2 * stroke.radius * max(width, height)))
         value = adding if stroke.adds else removing
-        cv2.polylines(drawn, [points[:, None]], False, int(value), thickness)
+        cv2.polylines(canvas, [points[:, None]], False, int(value), thickness)
         for x, y in points[[0, -1]].tolist():
-            cv2.circle(drawn, (x, y), thickness // 2, int(value), -1)
-    return drawn
+            cv2.circle(canvas, (x, y), thickness // 2, int(value), -1)
+    return canvas
 
 
 def _in_pixels(box: tuple[float, float, float, float], width: int, height: int) -> tuple[int, int, int, int]:
@@ -219,7 +238,7 @@ def _in_pixels(box: tuple[float, float, float, float], width: int, height: int) 
 
 
 def _around(box: tuple[float, float, float, float] | None, width: int, height: int) -> tuple[int, int, int, int]:
-    """The box with a margin of ground, in px; the whole picture where there is none."""
+    """The box with a margin of background, in px; the whole image where there is none."""
     if box is None:
         return 0, 0, width, height
     left, top, right, bottom = _in_pixels(box, width, height)
@@ -227,81 +246,7 @@ def _around(box: tuple[float, float, float, float] | None, width: int, height: i
     return max(0, left - margin), max(0, top - margin), min(width, right + margin), min(height, bottom + margin)
 
 
-def _by_rembg(image: Image.Image) -> Bool[np.ndarray, "height width"] | None:
-    """By a network made for it; None where that is not installed, or cannot work (it fetches its weights once)."""
-    if importlib.util.find_spec("rembg") is None:
-        return None
-    try:
-        from rembg import remove
-
-        return np.asarray(remove(image, only_mask=True).convert("L")) > 127
-    except Exception:  # whatever ails it, there is another way
-        return None
-
-
-# By a plain ground
-
-
-def _ground(colours: Float[np.ndarray, "height width 3"]) -> tuple[Bool[np.ndarray, "height width"], bool]:
-    """Where the ground is, and whether it is white. Raises ``ValueError`` where no plain ground surrounds anything.
-
-    The ground's colour may change slowly over the picture (a lit wall). It spreads from the border over what is
-    alike, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the object's
-    unless they cannot be told from the ground (the gaps in the back of a chair).
-    """
-    lab = rgb2lab(colours).astype(np.float32)
-    model, noise = _ground_colour(lab)
-    distance = np.linalg.norm(lab - model, axis=-1)
-    alike = distance < np.clip(4 * noise + 2, 2.5, _ALIKE)
-    outside = _reached(alike | _shaded(lab, model))
-    gaps = (distance < np.clip(2 * noise, 1.0, 3.0)) & ~outside
-    pieces, count = label(gaps)
-    areas = np.bincount(pieces.ravel(), minlength=count + 1)
-    areas[0] = 0
-    outside |= (areas > 4e-4 * outside.size)[pieces]
-    lightness, chroma = model[..., 0].min(), np.abs(model[..., 1:]).max()
-    return outside, bool(lightness > 96 and chroma < 3)
-
-
-def _ground_colour(lab: Float[np.ndarray, "height width 3"]) -> tuple[Float[np.ndarray, "height width 3"], float]:
-    """A smooth ground fitted to the border, robust to an object that touches it, and how much it wavers (CIE76)."""
-    height, width = lab.shape[:2]
-    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
-    terms = np.stack((np.ones_like(x), x, y, x * x, y * y, x * y), -1)
-    ring = np.ones((height, width), dtype=bool)
-    thick = max(1, round(0.015 * min(height, width)))
-    ring[thick:-thick, thick:-thick] = False
-    colours, places = lab[ring], terms[ring]
-    centre = np.median(colours, axis=0)
-    kept = np.linalg.norm(colours - centre, axis=1) < 3 * _ALIKE
-    for count in (1, 3, 6, 6):
-        if kept.sum() < 2 * count:
-            raise NoGroundError(_NO_GROUND)
-        factors = np.linalg.lstsq(places[kept, :count], colours[kept], rcond=None)[0]
-        away = np.linalg.norm(colours - places[:, :count] @ factors, axis=1)
-        kept = away < (2 if count == 1 else 1) * _ALIKE
-    if kept.mean() < 0.6:
-        raise NoGroundError(_NO_GROUND)
-    return terms @ factors, float(np.quantile(away[kept], 0.9))
-
-
-def _shaded(
-    lab: Float[np.ndarray, "height width 3"], model: Float[np.ndarray, "height width 3"]
-) -> Bool[np.ndarray, "height width"]:
-    """Pixels that soft light or shadow on the ground may have made: of about its hue, and without an edge."""
-    longer = max(lab.shape)
-    if longer < 200:  # no room for soft shadows: a render
-        return np.zeros(lab.shape[:2], dtype=bool)
-    slope = np.linalg.norm([gaussian_gradient_magnitude(lab[..., axis], 1.0) for axis in range(3)], axis=0)
-    apart, chroma = lab - model, np.linalg.norm(model[..., 1:], axis=-1)
-    same_hue = np.linalg.norm(apart[..., 1:], axis=-1) < 5 + 0.5 * chroma
-    return (np.abs(apart[..., 0]) < _SHADED) & same_hue & (slope < _SMOOTH / longer)
-
-
-def _reached(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """What can be reached from the border over passable pixels (not diagonally)."""
-    pieces, _ = label(np.pad(passable, 1, constant_values=True))
-    return (pieces == pieces[0, 0])[1:-1, 1:-1]
+# Masks
 
 
 def _without_specks(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
@@ -313,5 +258,5 @@ def _without_specks(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, 
 
 
 def _eroded(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """Less the pixels that the object shares with the ground, where there are enough of its own."""
+    """Less the pixels that the object shares with the background, where there are enough of its own."""
     return binary_erosion(mask, iterations=1, border_value=1) if min(mask.shape) >= 200 else mask

@@ -1,40 +1,40 @@
-"""Volume rendering (Eq. 3): densities between edges become weights; the light left over belongs to the ground."""
+"""Volume rendering (Eq. 3): densities between edges become weights; the transmittance belongs to the background."""
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 
-def weights(
+def compositing_weights(
     density: Float[Tensor, "*batch samples"], edges: Float[Tensor, "*batch samples_and_one"]
 ) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch"]]:
-    """The share of a ray's light that each interval gives, and the share that is left over.
+    """The weight of each interval in its ray's colour, and the transmittance of the whole ray.
 
     Eq. 3 with :math:`\\delta_i = t_{i+1} - t_i`: interval i weighs
     :math:`T_i (1 - e^{-\\sigma_i \\delta_i}) = T_i - T_{i+1}` with :math:`T_i = e^{-\\sum_{j<i} \\sigma_j \\delta_j}`,
     in float32 right to 1e-7. There are as many intervals as densities and one edge more, so no last interval is
-    invented. Weights and left-over light sum to one.
+    invented. Weights and transmittance sum to one.
 
     Args:
         density: per scene unit, not negative.
         edges: scene units along the ray, non-decreasing.
 
     Example:
-        >>> shares, left = weights(torch.tensor([1e9]), torch.tensor([0.0, 1.0]))
-        >>> float(shares), float(left)
+        >>> weights, transmittance = compositing_weights(torch.tensor([1e9]), torch.tensor([0.0, 1.0]))
+        >>> float(weights), float(transmittance)
         (1.0, 0.0)
     """
-    depth = density * edges.diff(dim=-1)
+    thickness = density * edges.diff(dim=-1)
     # Padded before the sum: cumsum(x) - x would be inf - inf for an opaque interval.
-    passed = torch.nn.functional.pad(depth.cumsum(-1), (1, 0))
-    light = torch.exp(-passed)
-    return light[..., :-1] - light[..., 1:], light[..., -1]
+    depths = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
+    transmittance = torch.exp(-depths)
+    return transmittance[..., :-1] - transmittance[..., 1:], transmittance[..., -1]
 
 
-def over_white(
-    shares: Float[Tensor, "*batch samples"],
-    left: Float[Tensor, "*batch"],
+def composite_on_white(
+    weights: Float[Tensor, "*batch samples"],
+    transmittance: Float[Tensor, "*batch"],
     colours: Float[Tensor, "*batch samples 3"],
 ) -> Float[Tensor, "*batch 3"]:
-    """Eq. 3's colour, with the left-over light falling on a white ground."""
-    return (shares[..., None] * colours).sum(-2) + left[..., None]
+    """Eq. 3's colour, with the transmittance falling on a white background."""
+    return (weights[..., None] * colours).sum(-2) + transmittance[..., None]

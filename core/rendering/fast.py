@@ -1,7 +1,7 @@
-"""The fast renderer: only occupied cells are evaluated, front to back, and only what is seen is coloured.
+"""The fast renderer: only occupied cells are evaluated, front to back, and only visible intervals are coloured.
 
 It works in two passes, as the field does. What a shape shows from a camera (:class:`Visible`) does not depend on the
-texture and is kept: a new texture is a second pass over what is kept. A new view keeps the occupied cells.
+texture and is cached: a new texture runs the second pass only. A new view reuses the occupied cells.
 """
 
 from collections import OrderedDict
@@ -14,55 +14,59 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from core.geometry.camera import Camera
-from core.geometry.rays import Rays, pixel_centres, rays_through
+from core.geometry.camera import Camera, pixel_centres
+from core.geometry.rays import Rays, rays_at_pixels
 from core.models.codes import Codes
-from core.models.fused import filled
+from core.models.layers import pad_rows
 from core.models.model import Model
-from core.rendering.folded_field import Folded
-from core.rendering.occupancy import Occupancy, Overlooked, overlooked
+from core.rendering.folded_field import FoldedField
+from core.rendering.occupancy import Occupancy, Tolerances, tolerances
 from core.rendering.reference import Rendered
 
 _CHUNK_RAYS = 4096
-"""Rays marched at a time, about 32k evaluations: what a newer job waits for."""
-_VIEWS = 8
-"""Views of which it is kept what they show: as many as a picture has stages."""
-_SHAPES = 8
-"""Shapes of which the occupied cells are kept."""
-_SIMILAR = 0.25
-"""Standard deviations of the trained shapes within which one shape is looked for around another."""
+"""Rays evaluated at a time, about 32k evaluations: what a newer job waits for."""
+_CACHED_VIEWS = 8
+"""Views whose visible intervals are cached: as many as an image has stages."""
+_CACHED_SHAPES = 8
+"""Shapes whose occupied cells are cached."""
+_SIMILAR_DISTANCE = 0.25
+"""Standard deviations of the trained shapes: a shape this near to the last one reuses its occupied cells."""
 _BLOCK = 8192
 """Points evaluated at a time: few enough that activations stay in cache."""
 
 
-def march(
-    model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True
+def render_steps(
+    model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
 ) -> Generator[None, None, Rendered]:
-    """What :func:`core.rendering.reference.render_exact` draws, many times faster; returned after a chunk for every
-    value.
+    """Render as :func:`core.rendering.reference.render_exact` does, many times faster.
 
-    Where the network paints the ground itself, the ground is plain white here.
+    Yields None after every chunk of rays and returns the render. A model whose network paints the background itself
+    is rendered on plain white here.
 
     Args:
         samples: intervals along the longest side of the scene's box; a ray has as many as fit between the first and
             the last occupied cell behind its pixel.
-        whole: otherwise the shape is looked for around the one drawn last, if they are similar: meant for a shape on
-            the move.
+        complete: False looks for the shape only around the one rendered last, if they are similar: for a shape that
+            changes continuously.
+        cutoff: what of a ray is neither evaluated nor shaded; :func:`tolerances` of the samples where it is None.
     """
     with torch.inference_mode():
-        folded = _folded(model, codes)
-    kept = yield from _visible(folded, View(model, tuple(codes.shape.tolist()), camera, samples, whole))
-    parts = []
-    for chunk in kept:
+        folded = _folded_field(model, codes)
+    key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff)
+    chunks = yield from _visible_chunks(folded, key)
+    shaded = []
+    for chunk in chunks:
         with torch.inference_mode():
-            parts.append(_coloured(folded, chunk))
+            shaded.append(_shade(folded, chunk))
         yield None
-    return _picture(camera, kept, parts, model.device)
+    return _assemble(camera, chunks, shaded, model.device)
 
 
-def marched(model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True) -> Rendered:
-    """What :func:`march` returns, at once."""
-    stream = march(model, codes, camera, samples, whole)
+def render(
+    model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
+) -> Rendered:
+    """The result of :func:`render_steps`, in one call."""
+    stream = render_steps(model, codes, camera, samples, complete, cutoff)
     while True:
         try:
             next(stream)
@@ -72,178 +76,189 @@ def marched(model: Model, codes: Codes, camera: Camera, samples: int, whole: boo
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """What some rays see of a shape: their depth and opacity, and the intervals that are worth a colour."""
+    """What some rays show of a shape: depth, opacity and the intervals that are worth a colour."""
 
     pixel: Int[Tensor, "rays"]
-    """of the picture, row by row"""
+    """of the image, row by row"""
     directions: Float[Tensor, "rays 3"]
     depth: Float[Tensor, "rays"]
     opacity: Float[Tensor, "rays"]
-    asked: Int[Tensor, "rays"]
-    """intervals of each whose density was evaluated"""
+    evaluations: Int[Tensor, "rays"]
+    """intervals of each ray whose density was evaluated"""
     ray: Int[Tensor, "seen"]
-    share: Float[Tensor, "seen"]
-    """of its ray's light"""
-    y: Float[Tensor, "seen width"]
-    """activations from which the texture part goes on"""
+    weight: Float[Tensor, "seen"]
+    """share of its ray's light"""
+    features: Float[Tensor, "seen width"]
+    """activations that the texture part takes"""
 
 
-class View(NamedTuple):
-    """What is seen of a shape depends on these."""
+class VisibilityKey(NamedTuple):
+    """What the visible intervals depend on: the key of their cache."""
 
     model: Model
     shape: tuple[float, ...]
     camera: Camera
     samples: int
-    whole: bool
+    complete: bool
+    cutoff: Tolerances | None = None
 
 
-_kept: OrderedDict[View, list[Chunk]] = OrderedDict()
+_visible_cache: OrderedDict[VisibilityKey, list[Chunk]] = OrderedDict()
 
 
-def keeps(model: Model, codes: Codes, camera: Camera, samples: int, whole: bool = True) -> bool:
-    """Whether :func:`march` has only colours to find, as it has drawn this shape from this camera lately."""
-    return View(model, tuple(codes.shape.tolist()), camera, samples, whole) in _kept
+def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
+    """Whether the visible intervals of this shape from this camera are cached, so that only colours are evaluated."""
+    return VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete) in _visible_cache
 
 
 @lru_cache(maxsize=4)
-def _folded(model: Model, codes: Codes) -> Folded:
-    """Of the codes drawn last: a new view does not change them."""
-    return Folded(model, codes)
+def _folded_field(model: Model, codes: Codes) -> FoldedField:
+    """The field of codes rendered lately: a new view does not change it."""
+    return FoldedField(model, codes)
 
 
-def forget_views() -> None:
-    """Keep nothing of any view: the next pictures cost what a new view costs."""
-    _kept.clear()
+def clear_views() -> None:
+    """Forget every view: the next render costs what a new view costs."""
+    _visible_cache.clear()
 
 
-def forget() -> None:
-    """Keep nothing of any shape: the next pictures cost what a new shape costs."""
-    forget_views()
-    _occupied.clear()
-    _folded.cache_clear()
+def clear_cache() -> None:
+    """Forget every shape: the next render costs what a new shape costs."""
+    clear_views()
+    _occupancy_cache.clear()
+    _folded_field.cache_clear()
 
 
-def _visible(folded: Folded, view: View) -> Generator[None, None, list[Chunk]]:
-    """What a shape shows, whatever its texture; kept for the last few views, which are the stages of a picture."""
-    if view in _kept:
-        _kept.move_to_end(view)
-        return _kept[view]
+def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Generator[None, None, list[Chunk]]:
+    """The visible intervals of a shape, whatever its texture; cached for the last few views."""
+    if view in _visible_cache:
+        _visible_cache.move_to_end(view)
+        return _visible_cache[view]
     with torch.inference_mode():
         occupancy = _occupancy(view)
-        first, last = occupancy.span(view.camera, view.model.corner)
+        first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
         pixel = (first < last).flatten().nonzero()[:, 0]
         centres = pixel_centres(view.camera.width, view.camera.height, pixel.device).reshape(-1, 2)
-        rays = rays_through(centres.index_select(0, pixel) - view.model.corner, view.camera, occupancy.extent)
+        rays = rays_at_pixels(centres.index_select(0, pixel) - view.model.pixel_offset, view.camera, occupancy.extent)
         near = torch.maximum(rays.near, first.flatten().index_select(0, pixel))
         far = torch.minimum(rays.far, last.flatten().index_select(0, pixel))
         rays = replace(rays, near=near, far=torch.maximum(near, far))
-        step, beyond = 2 * float(occupancy.extent.max()) / view.samples, overlooked(view.samples)
+        step = 2 * float(occupancy.extent.max()) / view.samples
+        beyond = view.cutoff or tolerances(view.samples)
     chunks = []
     for start in range(0, len(rays.near), _CHUNK_RAYS):
         with torch.inference_mode():
             some = slice(start, start + _CHUNK_RAYS)
             chunks.append(_chunk(folded, occupancy, pixel[some], rays[some], step, beyond))
         yield None
-    _kept[view] = chunks
-    while len(_kept) > _VIEWS:
-        _kept.popitem(last=False)
-    return _kept[view]
+    _visible_cache[view] = chunks
+    while len(_visible_cache) > _CACHED_VIEWS:
+        _visible_cache.popitem(last=False)
+    return _visible_cache[view]
 
 
-_occupied: OrderedDict[tuple[Model, tuple[float, ...]], Occupancy] = OrderedDict()
+_occupancy_cache: OrderedDict[tuple[Model, tuple[float, ...]], Occupancy] = OrderedDict()
 
 
-def _occupancy(view: View) -> Occupancy:
-    """A shape's occupied cells: kept, as neither a new view nor a new texture changes them."""
+def _occupancy(view: VisibilityKey) -> Occupancy:
+    """A shape's occupied cells: cached, as neither a new view nor a new texture changes them."""
     key = view.model, view.shape
-    known = _occupied.get(key)
-    if known is None or (view.whole and not known.whole):
+    known = _occupancy_cache.get(key)
+    if known is None or (view.complete and not known.complete):
         code = torch.tensor(view.shape, device=view.model.codes.shapes.device)
-        folded = Folded(view.model, Codes(code, view.model.codes.mean.texture))
-        _occupied[key] = Occupancy(view.model, folded, None if view.whole else _similar(view.model, code))
-    _occupied.move_to_end(key)
-    while len(_occupied) > _SHAPES:
-        _occupied.popitem(last=False)
-    return _occupied[key]
+        folded = FoldedField(view.model, Codes(code, view.model.codes.mean.texture))
+        _occupancy_cache[key] = Occupancy(
+            view.model, folded, None if view.complete else _similar_occupancy(view.model, code)
+        )
+    _occupancy_cache.move_to_end(key)
+    while len(_occupancy_cache) > _CACHED_SHAPES:
+        _occupancy_cache.popitem(last=False)
+    return _occupancy_cache[key]
 
 
-def _similar(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
-    """The occupied cells of the shape drawn last, where it is similar."""
-    for (other, shape), occupancy in reversed(_occupied.items()):
+def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
+    """The occupied cells of the shape rendered last, where it is similar."""
+    for (other, shape), occupancy in reversed(_occupancy_cache.items()):
         if other is model:
             away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
-            return occupancy if float(away) < _SIMILAR else None
+            return occupancy if float(away) < _SIMILAR_DISTANCE else None
     return None
 
 
-def _chunk(folded: Folded, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float, beyond: Overlooked) -> Chunk:
+def _chunk(
+    folded: FoldedField, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float, tolerances: Tolerances
+) -> Chunk:
     """Some rays, to the end; those that cross nothing are dropped."""
-    crossed = occupancy.crossed(rays, step, beyond.spent)
-    some, ray, counts = torch.unique_consecutive(crossed.ray, return_inverse=True, return_counts=True)
+    occupied = occupancy.intersect(rays, step, tolerances.termination)
+    some, ray, counts = torch.unique_consecutive(occupied.ray, return_inverse=True, return_counts=True)
     pixel, rays = pixel.index_select(0, some), rays[some]
     rank = torch.arange(len(ray), device=ray.device) - (counts.cumsum(0) - counts).index_select(0, ray)
-    places = rays.near.index_select(0, ray) + (crossed.interval + 0.5) * step
-    points = rays.origins.index_select(0, ray) + rays.directions.index_select(0, ray) * places[:, None]
+    depths = rays.near.index_select(0, ray) + (occupied.interval + 0.5) * step
+    points = rays.origins.index_select(0, ray) + rays.directions.index_select(0, ray) * depths[:, None]
     thickness = torch.zeros(len(counts), int(counts.amax()) if len(counts) else 0, device=ray.device)
     slot = ray * thickness.shape[1] + rank
-    asked, found = [], []
-    for index in _rounds(ray, crossed.dark, thickness, beyond.spent):
+    evaluated, activations = [], []
+    for index in _evaluation_rounds(ray, occupied.occluded, thickness, tolerances.termination):
         for part in index.split(_BLOCK):
-            density, y = folded.density(folded.first(filled(points.index_select(0, part))))
+            density, y = folded.density(folded.first_layer(pad_rows(points.index_select(0, part))))
             thickness.view(-1).index_copy_(0, slot.index_select(0, part), density[: len(part)] * step)
-            asked.append(part)
-            found.append(y[: len(part)])
-    passed = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
-    light = torch.exp(-passed)
-    shares, opacity = light[:, :-1] - light[:, 1:], 1 - light[:, -1]
-    order, y = torch.cat(asked), torch.cat(found)
-    whose = ray.index_select(0, order)
-    share = shares.flatten().index_select(0, slot.index_select(0, order))
-    depth = torch.zeros_like(opacity).index_add_(0, whose, share * places.index_select(0, order))
+            evaluated.append(part)
+            activations.append(y[: len(part)])
+    optical_depth = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
+    transmittance = torch.exp(-optical_depth)
+    weights, opacity = transmittance[:, :-1] - transmittance[:, 1:], 1 - transmittance[:, -1]
+    order, y = torch.cat(evaluated), torch.cat(activations)
+    owner = ray.index_select(0, order)
+    weight = weights.flatten().index_select(0, slot.index_select(0, order))
+    depth = torch.zeros_like(opacity).index_add_(0, owner, weight * depths.index_select(0, order))
     depth = depth / opacity.clamp_min(1e-6)
-    seen = (share > beyond.unseen * opacity.index_select(0, whose)).nonzero()[:, 0]
-    kept = (part.index_select(0, seen) for part in (whose, share, y))
-    evaluated = torch.bincount(whose, minlength=len(counts))
-    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluated, *kept)
+    seen = (weight > tolerances.min_weight * opacity.index_select(0, owner)).nonzero()[:, 0]
+    kept = (part.index_select(0, seen) for part in (owner, weight, y))
+    evaluations = torch.bincount(owner, minlength=len(counts))
+    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, *kept)
 
 
-def _rounds(
-    ray: Int[Tensor, "crossed"], dark: Bool[Tensor, "crossed"], thickness: Float[Tensor, "rays ranks"], spent: float
+def _evaluation_rounds(
+    ray: Int[Tensor, "crossed"],
+    occluded: Bool[Tensor, "crossed"],
+    thickness: Float[Tensor, "rays ranks"],
+    termination: float,
 ) -> Iterator[Int[Tensor, "some"]]:
-    """Which of the intervals to evaluate next: those that may be seen, then the dark ones of rays that are not spent.
+    """Which intervals to evaluate next: those in front, then the occluded ones of rays that are not opaque yet.
 
     ``thickness`` is filled in between.
 
     Args:
-        ray, dark: of every interval: which ray it lies on, and whether it is expected to lie behind the object.
+        ray, occluded: of every interval: which ray it lies on, and whether it probably lies behind the object.
     """
-    yield (~dark).nonzero()[:, 0]
-    alive = thickness.sum(-1) < spent
-    yield (dark & alive[ray]).nonzero()[:, 0]
+    yield (~occluded).nonzero()[:, 0]
+    alive = thickness.sum(-1) < termination
+    yield (occluded & alive[ray]).nonzero()[:, 0]
 
 
-def _coloured(folded: Folded, chunk: Chunk) -> Float[Tensor, "rays 3"]:
+def _shade(folded: FoldedField, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     """The colours of a chunk's rays, on white."""
     direction_bias = folded.direction_bias(chunk.directions)
     mixed = torch.zeros_like(chunk.directions)
-    for ray, share, y in zip(*(part.split(_BLOCK) for part in (chunk.ray, chunk.share, chunk.y)), strict=True):
-        colour = folded.colour(filled(y), direction_bias.index_select(0, filled(ray)))[: len(ray)]
-        mixed.index_add_(0, ray, colour * share[:, None])
-    total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.share)[:, None]
+    for ray, weight, features in zip(
+        *(part.split(_BLOCK) for part in (chunk.ray, chunk.weight, chunk.features)), strict=True
+    ):
+        colour = folded.colour(pad_rows(features), direction_bias.index_select(0, pad_rows(ray)))[: len(ray)]
+        mixed.index_add_(0, ray, colour * weight[:, None])
+    total = torch.zeros_like(chunk.opacity).index_add_(0, chunk.ray, chunk.weight)[:, None]
     # Where nothing weighed enough to be coloured, what little there is counts as white.
     mean = torch.where(total > 0, mixed / total.clamp_min(1e-9), 1.0)
     return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
-def _picture(camera: Camera, chunks: list[Chunk], colours: list[Tensor], device: torch.device) -> Rendered:
-    """The marched rays among the white ground."""
+def _assemble(camera: Camera, chunks: list[Chunk], colours: list[Tensor], device: torch.device) -> Rendered:
+    """The rendered rays in an image with a white background."""
     count = camera.height * camera.width
     colour = torch.ones(count, 3, device=device)
     depth, opacity = torch.zeros(count, device=device), torch.zeros(count, device=device)
-    asked = torch.zeros(count, dtype=torch.long, device=device)
-    for chunk, seen in zip(chunks, colours, strict=True):
-        colour[chunk.pixel], depth[chunk.pixel], opacity[chunk.pixel] = seen, chunk.depth, chunk.opacity
-        asked[chunk.pixel] = chunk.asked
+    evaluations = torch.zeros(count, dtype=torch.long, device=device)
+    for chunk, shaded in zip(chunks, colours, strict=True):
+        colour[chunk.pixel], depth[chunk.pixel], opacity[chunk.pixel] = shaded, chunk.depth, chunk.opacity
+        evaluations[chunk.pixel] = chunk.evaluations
     size = camera.height, camera.width
-    return Rendered(colour.reshape(*size, 3), depth.reshape(size), opacity.reshape(size), asked.reshape(size))
+    return Rendered(colour.reshape(*size, 3), depth.reshape(size), opacity.reshape(size), evaluations.reshape(size))

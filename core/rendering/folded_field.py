@@ -4,8 +4,8 @@ Two foldings are exact. A code's part of a block is a bias (see :class:`core.mod
 does not depend on the codes. And the feature layer is linear with nothing between it and the two layers that follow, so
 it is multiplied into both.
 
-A third one is nearly so. An encoding looks at each axis by itself, and a layer is linear in it: what it makes of a
-point, or of a direction, is a function of x, plus one of y, plus one of z. These are tables.
+A third one is nearly so. An encoding treats each axis by itself, and a layer is linear in it: its output for a point,
+or for a direction, is a function of x, plus one of y, plus one of z. These are lookup tables.
 """
 
 from collections.abc import Sequence
@@ -19,94 +19,96 @@ from torch.nn import functional
 
 from core.models.codes import Codes
 from core.models.field import Field, encode
-from core.models.fused import linear_relu, rectify_
+from core.models.layers import linear_relu, relu_
 from core.models.model import Model
-from core.models.precision import linear_dtype
+from core.models.precision import matmul_dtype
 
 _CHUNK_POINTS = 16384
 """Points evaluated in one go: with fewer, calls cost more than leaving the cache does."""
-_ENTRIES = 8192
-"""Places along each axis at which a layer of an encoding is known."""
-_BEYOND = 1.1
-"""For points they reach so far, in half sizes of the scene's box: samples of rays may be moved out of it a little."""
+_RESOLUTION = 8192
+"""entries along each axis"""
+_MARGIN = 1.1
+"""half sizes of the scene's box that the table of positions covers: samples may lie a little outside the box"""
 
 
-class Tables(NamedTuple):
-    """A linear layer of an encoding, whose axes it adds up, as a function of x, of y, of z."""
+class AxisLookup(NamedTuple):
+    """A linear layer of a positional encoding, tabulated as a function of x, plus one of y, plus one of z."""
 
     scale: Float[Tensor, "3"]
     """entries per unit of each axis"""
-    middle: Float[Tensor, "3"]
-    """where among the entries the origin stands on each axis"""
+    origin_index: Float[Tensor, "3"]
+    """index of the origin on each axis"""
     first: Float[Tensor, "3"]
     last: Float[Tensor, "3"]
-    """where each axis begins and ends among them"""
+    """first and last index of each axis"""
     entries: Float[Tensor, "entries outputs"]
-    """of x, of y, of z, one behind the other; the bias is in the first"""
-    octaves: int
+    """those of x, then of y, then of z; the bias is in those of x"""
+    frequencies: int
     layer: tuple[Tensor, Tensor]
     """weight and bias, for encoded values"""
 
     @classmethod
-    def of(cls, octaves: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype) -> "Tables":
-        """An entry is right in its middle."""
-        places = ((torch.arange(_ENTRIES, device=reach.device) + 0.5) * (2 / _ENTRIES) - 1)[:, None] * reach
-        origin = encode(torch.zeros_like(reach), octaves)
-        along = encode(torch.diag_embed(places).movedim(1, 0), octaves) - origin  # axes, entries, encoded
+    def from_layer(
+        cls, frequencies: int, weight: Tensor, bias: Tensor, reach: Float[Tensor, "3"], dtype: torch.dtype
+    ) -> "AxisLookup":
+        """Tabulate a layer over [-reach, reach]; an entry is exact in its middle."""
+        positions = ((torch.arange(_RESOLUTION, device=reach.device) + 0.5) * (2 / _RESOLUTION) - 1)[:, None] * reach
+        origin = encode(torch.zeros_like(reach), frequencies)
+        along = encode(torch.diag_embed(positions).movedim(1, 0), frequencies) - origin  # axes, entries, encoded
         outputs = functional.linear(along, weight)
         outputs[0] += functional.linear(origin, weight, bias)
-        first = torch.arange(3.0, device=reach.device) * _ENTRIES
-        where = _ENTRIES / (2 * reach), first + _ENTRIES / 2, first, first + (_ENTRIES - 1)
-        return cls(*where, outputs.flatten(0, 1).to(dtype), octaves, (weight.to(dtype), bias.to(dtype)))
+        first = torch.arange(3.0, device=reach.device) * _RESOLUTION
+        where = _RESOLUTION / (2 * reach), first + _RESOLUTION / 2, first, first + (_RESOLUTION - 1)
+        return cls(*where, outputs.flatten(0, 1).to(dtype), frequencies, (weight.to(dtype), bias.to(dtype)))
 
     def __call__(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
-        """What the layer makes of the encoded values."""
-        entry = torch.addcmul(self.middle, values, self.scale).nan_to_num_(0.0)
+        """The layer's output for these values, from the table."""
+        entry = torch.addcmul(self.origin_index, values, self.scale).nan_to_num_(0.0)
         entry = entry.clamp_(self.first, self.last).int()
         return functional.embedding_bag(entry, self.entries, mode="sum")
 
-    def exactly(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
-        """The same without tables, anywhere."""
+    def evaluate(self, values: Float[Tensor, "values 3"]) -> Float[Tensor, "values outputs"]:
+        """The layer's output computed exactly, also outside the table."""
         weight, bias = self.layer
-        return functional.linear(encode(values, self.octaves).to(weight.dtype), weight, bias)
+        return functional.linear(encode(values, self.frequencies).to(weight.dtype), weight, bias)
 
 
 class FieldWeights(NamedTuple):
-    """What no code changes, in the number format that this machine multiplies fastest."""
+    """The weights that no code changes, in the number format that this machine multiplies fastest."""
 
-    point: Tables
+    position: AxisLookup
     shape_blocks: tuple[Tensor, ...]
     density: tuple[Tensor, Tensor]
-    direction: Tensor
-    view: Tables
+    features: Tensor
+    direction: AxisLookup
     texture_blocks: tuple[Tensor, ...]
     hidden: tuple[Tensor, Tensor]
     rgb: tuple[Tensor, Tensor]
 
 
-class Folded:
-    """Density and colour of one object, asked in two steps so that only what is visible is coloured."""
+class FoldedField:
+    """Density and colour of one object, evaluated in two steps so that only what is visible is coloured."""
 
     def __init__(self, model: Model, codes: Codes) -> None:
-        self.field, self.device, self.dtype = model.field, model.device, linear_dtype(model.device.type)
+        self.field, self.device, self.dtype = model.field, model.device, matmul_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
         with torch.no_grad():
             self._shape = tuple(model.field.shape_bias(codes.shape).to(self.dtype).unbind(-2))
             self._texture = tuple(model.field.texture_bias(codes.texture).to(self.dtype).unbind(-2))
 
-    def first(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
+    def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
         """The activations of the first layer, which depend on no code."""
-        return rectify_(self._weights.point(points))
+        return relu_(self._weights.position(points))
 
     def density(
         self, first: Float[Tensor, "points width"]
     ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
-        """Density per scene unit, and what the texture part goes on from, of :meth:`first`'s activations."""
+        """Density per scene unit, and the features for the texture part, of :meth:`first_layer`'s activations."""
         return _density(self.field, self._weights, first, self._shape)
 
     def direction_bias(self, directions: Float[Tensor, "rays 3"]) -> Float[Tensor, "rays width"]:
         """The viewing direction's part of the first texture layer."""
-        return self._weights.view(directions)
+        return self._weights.direction(directions)
 
     def colour(
         self, y: Float[Tensor, "points width"], direction_bias: Float[Tensor, "points width"]
@@ -116,16 +118,16 @@ class Folded:
 
 
 @torch.no_grad()
-def densities(
+def batch_density(
     model: Model, points: Float[Tensor, "objects points 3"], shape_bias: Float[Tensor, "objects blocks width"]
 ) -> Float[Tensor, "objects points"]:
     """Density per scene unit of many objects at once, each at its own points; not differentiable."""
-    weights = field_weights(model, linear_dtype(model.device.type))
-    biases = shape_bias.to(weights.direction.dtype)
-    # A network that paints the ground is asked around the box too.
-    first = weights.point.exactly if model.painted_ground else weights.point
+    weights = field_weights(model, matmul_dtype(model.device.type))
+    biases = shape_bias.to(weights.features.dtype)
+    # A network that paints the background is evaluated around the box too.
+    first = weights.position.evaluate if model.white_from_network else weights.position
     rows = [
-        _density(model.field, weights, rectify_(first(part)), bias.unbind(0))[0]
+        _density(model.field, weights, relu_(first(part)), bias.unbind(0))[0]
         for one, bias in zip(points, biases, strict=True)
         for part in one.split(_CHUNK_POINTS)
     ]
@@ -133,7 +135,7 @@ def densities(
 
 
 @torch.no_grad()
-def colours(
+def batch_colour(
     model: Model,
     points: Float[Tensor, "objects points 3"],
     directions: Float[Tensor, "objects points 3"],
@@ -141,15 +143,15 @@ def colours(
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> Float[Tensor, "objects points 3"]:
     """Rgb of many objects at once, each at its own points as seen from there; not differentiable."""
-    weights = field_weights(model, linear_dtype(model.device.type))
-    dtype = weights.direction.dtype
-    first = weights.point.exactly if model.painted_ground else weights.point
+    weights = field_weights(model, matmul_dtype(model.device.type))
+    dtype = weights.features.dtype
+    first = weights.position.evaluate if model.white_from_network else weights.position
     found = []
-    for one, seen, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
+    for one, towards, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
         shape, texture = (bias.unbind(0) for bias in biases)
-        for part, look in zip(one.split(_CHUNK_POINTS), seen.split(_CHUNK_POINTS), strict=True):
-            y = _features(weights, rectify_(first(part)), shape)
-            found.append(_colour(model.field, weights, y, weights.view(look), texture))
+        for part, direction in zip(one.split(_CHUNK_POINTS), towards.split(_CHUNK_POINTS), strict=True):
+            y = _features(weights, relu_(first(part)), shape)
+            found.append(_colour(model.field, weights, y, weights.direction(direction), texture))
     return torch.cat(found).reshape(points.shape)
 
 
@@ -166,7 +168,7 @@ def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Te
 
 
 def _colour(field: Field, weights: FieldWeights, y: Tensor, direction_bias: Tensor, biases: Sequence[Tensor]) -> Tensor:
-    y = rectify_(functional.linear(y, weights.direction).add_(direction_bias))
+    y = relu_(functional.linear(y, weights.features).add_(direction_bias))
     for weight, bias in zip(weights.texture_blocks, biases, strict=True):
         y = linear_relu(y, weight, bias)
     y = linear_relu(y, *weights.hidden)
@@ -179,8 +181,10 @@ def _colour(field: Field, weights: FieldWeights, y: Tensor, direction_bias: Tens
 def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     """The layers of a model's field, the feature layer multiplied into those that follow."""
     field: Field = model.field
-    if model.entangled:
-        raise ValueError(f"a model of the design {field.config.design} is drawn exactly only (--exact), and not fitted")
+    if model.is_ablation:
+        raise ValueError(
+            f"a model of architecture {field.config.architecture} is rendered with --exact only, and not fitted"
+        )
     width, features = field.config.width, field.feature_layer
     entry = field.direction_layer
     from_features = entry.weight[:, :width]
@@ -193,13 +197,13 @@ def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
 
     sigma, point = field.density_layer, field.point_layer
     view = entry.weight[:, width:], from_features @ features.bias + entry.bias
-    reach = _BEYOND * model.extent_tensor
+    reach = _MARGIN * model.extent_tensor
     return FieldWeights(
-        point=Tables.of(field.config.point_octaves, point.weight, point.bias, reach, dtype),
+        position=AxisLookup.from_layer(field.config.position_frequencies, point.weight, point.bias, reach, dtype),
         shape_blocks=tuple(layer(f"shape_block.{index}")[0] for index in range(field.config.shape_blocks)),
         density=(cast(sigma.weight @ features.weight), cast(sigma.weight @ features.bias + sigma.bias)),
-        direction=cast(from_features @ features.weight),
-        view=Tables.of(field.config.direction_octaves, *view, torch.ones_like(reach), dtype),
+        features=cast(from_features @ features.weight),
+        direction=AxisLookup.from_layer(field.config.direction_frequencies, *view, torch.ones_like(reach), dtype),
         texture_blocks=tuple(layer(f"texture_block.{index}")[0] for index in range(field.config.texture_blocks)),
         hidden=layer("colour_hidden"),
         rgb=layer("colour_layer"),

@@ -1,8 +1,8 @@
-"""How every pixel changes with every number of a hypothesis: the Jacobian of rendered rays.
+"""The Jacobian of rendered rays: how every pixel changes with every parameter of a hypothesis.
 
-A ray depends on no other ray, so one pass back through the field gives the slopes of all rays in one channel at once:
-red, green, blue and opacity go back together. While they are still per sample they are taken to the numbers that are
-searched for; then they are summed over each ray. Autograd would keep the four passes apart.
+A ray depends on no other ray, so one backward pass through the field gives the derivatives of all rays in one channel
+at once: red, green, blue and opacity go back together. While they are still per sample they are taken to the estimated
+parameters; then they are summed over each ray. Autograd would keep the four passes apart.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,87 +14,88 @@ from torch import Tensor
 from torch.nn import functional
 from torch.nn.functional import pad
 
-from core.geometry.rays import Rays
-from core.geometry.sampling import points_at
+from core.geometry.rays import Rays, ray_points
 from core.models.field import encode
-from core.models.fused import held_back_, linear_relu, rectify_
+from core.models.layers import linear_relu, relu_, relu_backward_
 from core.models.model import Model
-from core.models.precision import linear_dtype
-from core.rendering.compositing import weights
-from core.rendering.folded_field import densities, field_weights
-from core.rendering.reference import intervals
+from core.models.precision import matmul_dtype
+from core.rendering.compositing import compositing_weights
+from core.rendering.folded_field import batch_density, field_weights
+from core.rendering.reference import sample_intervals
 
 _CHUNK_POINTS = 8192
-"""Points taken back at a time: with fewer, calls cost more than leaving the cache does."""
+"""Points differentiated at a time: with fewer, calls cost more than leaving the cache does."""
 
 
-class Entries(NamedTuple):
-    """How the numbers searched for enter the field: slopes of its biases."""
+class BiasJacobians(NamedTuple):
+    """How the estimated parameters enter the field: derivatives of its biases."""
 
     shape: Float[Tensor, "objects blocks width shape_numbers"]
     texture: Float[Tensor, "objects more_blocks width texture_numbers"]
 
 
-class Traced(NamedTuple):
+class RenderedJacobian(NamedTuple):
     """Rays, and how each of their channels (red, green, blue, opacity) changes."""
 
     colour: Float[Tensor, "objects views rays 3"]
     opacity: Float[Tensor, "objects views rays"]
     origin: Float[Tensor, "objects views rays 4 3"]
-    """slopes along the ray's origin"""
+    """derivatives along the ray's origin"""
     direction: Float[Tensor, "objects views rays 4 3"]
-    """slopes along the ray's direction, of the samples' places and of what is seen from there"""
+    """derivatives along the ray's direction, through the samples' positions and the viewing direction"""
     codes: Float[Tensor, "objects views rays 4 numbers"]
-    """slopes along the numbers of the shape, then of the texture"""
+    """derivatives along the parameters of the shape, then of the texture"""
 
 
 @torch.no_grad()
-def trace(
+def render_with_jacobian(
     model: Model,
     rays: Rays,
     samples: int,
     kept: int,
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
-    entries: Entries,
-) -> Traced:
-    """What :func:`core.rendering.importance.render_seen` renders, with its Jacobian; shaped (objects, views, rays)
-    likewise.
+    bias_jacobians: BiasJacobians,
+) -> RenderedJacobian:
+    """What :func:`core.rendering.importance.render_top_samples` renders, with its Jacobian; shaped (objects, views,
+    rays) likewise.
     """
-    depths, edges = intervals(model, rays, samples)
-    points = points_at(rays, depths).flatten(1, 3)
-    looked = densities(model, points, shape_bias).reshape(depths.shape)
-    shares, left = weights(looked, edges)
-    count = min(kept, samples) * left[0].numel()
-    seen = shares.flatten(1).topk(count, sorted=False).indices.sort().values
-    ray, objects = seen // samples, torch.arange(len(points), device=seen.device)[:, None]
-    chunks = list(_chunks(*seen.shape))
-    colours, passages = torch.empty(*seen.shape, 3, device=seen.device), []
+    depths, edges = sample_intervals(model, rays, samples)
+    points = ray_points(rays, depths).flatten(1, 3)
+    density = batch_density(model, points, shape_bias).reshape(depths.shape)
+    sample_weights, transmittance = compositing_weights(density, edges)
+    count = min(kept, samples) * transmittance[0].numel()
+    top = sample_weights.flatten(1).topk(count, sorted=False).indices.sort().values
+    ray, objects = top // samples, torch.arange(len(points), device=top.device)[:, None]
+    chunks = list(_chunks(*top.shape))
+    colours, activations = torch.empty(*top.shape, 3, device=top.device), []
     for some in chunks:
-        chosen, owners = seen[some], objects[some[0]]
+        chosen, owners = top[some], objects[some[0]]
         directions = rays.directions.flatten(1, 2)[owners, ray[some]]
-        passed, colours[some] = _passed(
+        forward, colours[some] = _forward(
             model, points[owners, chosen], directions, shape_bias[some[0]], texture_bias[some[0]]
         )
-        passages.append(passed)
-    found = _composed(colours, shares, left, seen)
-    steep = _steepness(model, looked.flatten(1).gather(1, seen))
+        activations.append(forward)
+    composited = _composite(colours, sample_weights, transmittance, top)
+    density_derivative = _softplus_derivative(model, density.flatten(1).gather(1, top))
     # An interval without end is opaque whatever its density.
-    lengths = edges.diff(dim=-1).flatten(1).gather(1, seen)[..., None]
-    by_density = found.by_depth * lengths.where(lengths < 1e9, 0.0)
-    along = depths.flatten(1).gather(1, seen)
-    numbers = entries.shape.shape[-1] + entries.texture.shape[-1]
-    summed = torch.zeros(left.numel(), 4 * (6 + numbers), device=seen.device)
-    place = ray + objects * left[0].numel()
-    for some, passed in zip(chunks, passages, strict=True):
-        entered = Entries(entries.shape[some[0]], entries.texture[some[0]])
-        slopes = _back(model, passed, found.by_colour[some], by_density[some], steep[some], along[some], entered)
-        summed.index_add_(0, place[some].flatten(), slopes.flatten(0, 1).flatten(1))
-    summed = summed.reshape(*left.shape, 4, -1)
-    return Traced(found.colour, found.opacity, *summed.split((3, 3, numbers), -1))
+    lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
+    by_density = composited.by_depth * lengths.where(lengths < 1e9, 0.0)
+    depth = depths.flatten(1).gather(1, top)
+    numbers = bias_jacobians.shape.shape[-1] + bias_jacobians.texture.shape[-1]
+    summed = torch.zeros(transmittance.numel(), 4 * (6 + numbers), device=top.device)
+    row = ray + objects * transmittance[0].numel()
+    for some, forward in zip(chunks, activations, strict=True):
+        entered = BiasJacobians(bias_jacobians.shape[some[0]], bias_jacobians.texture[some[0]])
+        derivatives = _backward(
+            model, forward, composited.by_colour[some], by_density[some], density_derivative[some], depth[some], entered
+        )
+        summed.index_add_(0, row[some].flatten(), derivatives.flatten(0, 1).flatten(1))
+    summed = summed.reshape(*transmittance.shape, 4, -1)
+    return RenderedJacobian(composited.colour, composited.opacity, *summed.split((3, 3, numbers), -1))
 
 
-class _Composed(NamedTuple):
+class _Composited(NamedTuple):
     """Rays composed of their samples; how they change with the colours and optical depths of those that are kept."""
 
     colour: Float[Tensor, "objects views rays 3"]
@@ -103,131 +104,144 @@ class _Composed(NamedTuple):
     by_depth: Float[Tensor, "objects kept 4"]
 
 
-def _composed(colours: Tensor, shares: Tensor, left: Tensor, seen: Tensor) -> _Composed:
-    samples = shares.shape[-1]
-    objects, count = len(left), left[0].numel()
-    ray = seen // samples
-    share = shares.flatten(1).gather(1, seen)[..., None]
+def _composite(colours: Tensor, sample_weights: Tensor, transmittance: Tensor, top: Tensor) -> _Composited:
+    samples = sample_weights.shape[-1]
+    objects, count = len(transmittance), transmittance[0].numel()
+    ray = top // samples
+    weight = sample_weights.flatten(1).gather(1, top)[..., None]
     index = ray[..., None].expand(-1, -1, 4)
-    light = torch.zeros(objects, count, 4, device=seen.device)
-    light = light.scatter_add_(1, index, torch.cat((share * colours, share), -1))
-    total, gone = light[..., 3:].clamp_min(1e-6), left.flatten(1)[..., None]
+    light = torch.zeros(objects, count, 4, device=top.device)
+    light = light.scatter_add_(1, index, torch.cat((weight * colours, weight), -1))
+    total, remaining = light[..., 3:].clamp_min(1e-6), transmittance.flatten(1)[..., None]
     mean = torch.where(light[..., 3:] > 0, light[..., :3] / total, 1.0)
-    colour = mean * (1 - gone) + gone
+    colour = mean * (1 - remaining) + remaining
     # Behind a sample lies what its ray shows in all, less what the samples up to it give.
     filled = mean[:, :, None].repeat(1, 1, samples, 1).flatten(1, 2)
-    filled = filled.scatter_(1, seen[..., None].expand(-1, -1, 3), colours).unflatten(1, (count, samples))
-    given = (filled * shares.reshape(objects, count, samples, 1)).cumsum(2).flatten(1, 2)
-    passing = 1 - shares.cumsum(-1).flatten(1).gather(1, seen)[..., None]
-    at = seen[..., None].expand(-1, -1, 3)
+    filled = filled.scatter_(1, top[..., None].expand(-1, -1, 3), colours).unflatten(1, (count, samples))
+    given = (filled * sample_weights.reshape(objects, count, samples, 1)).cumsum(2).flatten(1, 2)
+    passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)[..., None]
+    at = top[..., None].expand(-1, -1, 3)
     behind = colour.gather(1, index[..., :3]) - given.gather(1, at)
-    dimmed = gone.gather(1, ray[..., None])
+    dimmed = remaining.gather(1, ray[..., None])
     by_depth = torch.cat((passing * colours - behind, dimmed), -1)
-    by_colour = (share * ((1 - gone) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
-    return _Composed(colour.reshape(*left.shape, 3), 1 - left, by_colour, by_depth)
+    by_colour = (weight * ((1 - remaining) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
+    return _Composited(colour.reshape(*transmittance.shape, 3), 1 - transmittance, by_colour, by_depth)
 
 
-def _steepness(model: Model, density: Tensor) -> Tensor:
-    """Of density along its logit: a softplus ends where its slope is a sigmoid."""
+def _softplus_derivative(model: Model, density: Tensor) -> Tensor:
+    """The derivative of density along its logit, a sigmoid, from the density itself."""
     scale = model.field.config.density_scale
     return scale * -torch.expm1(-density / scale)
 
 
-class _Passed(NamedTuple):
-    """What some samples left behind on their way through the field, shaped (objects, samples, width)."""
+class _Activations(NamedTuple):
+    """What the backward pass needs of some samples' forward pass, shaped (objects, samples, width)."""
 
-    encoded: Tensor
-    """slopes of the encoded place along the axes, as :func:`core.models.field.encode` orders it"""
-    seen_along: Tensor
+    position_derivative: Tensor
+    """derivative of the encoded position along the axes, as :func:`core.models.field.encode` orders it"""
+    direction_derivative: Tensor
     """the same of the direction"""
     shape: tuple[Tensor, ...]
     """activations after each layer of the shape part"""
     texture: tuple[Tensor, ...]
     """and of the texture part"""
-    rgb: Tensor
-    """of the last layer's output"""
+    rgb_derivative: Tensor
+    """derivative of rgb along the last layer's output"""
 
 
-def _passed(
+def _forward(
     model: Model, points: Tensor, directions: Tensor, shape_bias: Tensor, texture_bias: Tensor
-) -> tuple[_Passed, Tensor]:
-    """Also the colours."""
-    config, weights = model.field.config, field_weights(model, linear_dtype(model.device.type))
-    dtype = weights.direction.dtype
-    place, look = encode(points, config.point_octaves), encode(directions, config.direction_octaves)
-    y = linear_relu(place.to(dtype), *weights.point.layer)
+) -> tuple[_Activations, Tensor]:
+    """The activations of some samples, and their colours."""
+    config, weights = model.field.config, field_weights(model, matmul_dtype(model.device.type))
+    dtype = weights.features.dtype
+    position, direction = encode(points, config.position_frequencies), encode(directions, config.direction_frequencies)
+    y = linear_relu(position.to(dtype), *weights.position.layer)
     shape = [y]
     for weight, bias in zip(weights.shape_blocks, shape_bias.to(dtype).unbind(-2), strict=True):
-        y = rectify_(functional.linear(y, weight).add_(bias[:, None]))
+        y = relu_(functional.linear(y, weight).add_(bias[:, None]))
         shape.append(y)
-    y = functional.linear(y, weights.direction).add_(functional.linear(look.to(dtype), *weights.view.layer))
-    texture = [rectify_(y)]
+    y = functional.linear(y, weights.features).add_(functional.linear(direction.to(dtype), *weights.direction.layer))
+    texture = [relu_(y)]
     for weight, bias in zip(weights.texture_blocks, texture_bias.to(dtype).unbind(-2), strict=True):
-        y = rectify_(functional.linear(y, weight).add_(bias[:, None]))
+        y = relu_(functional.linear(y, weight).add_(bias[:, None]))
         texture.append(y)
     y = linear_relu(y, *weights.hidden)
     texture.append(y)
     colour = functional.linear(y, *weights.rgb).float()
-    steep = torch.ones_like(colour)
+    rgb_derivative = torch.ones_like(colour)
     if config.bounded_colour:
         colour = colour.sigmoid()
-        steep = colour * (1 - colour)
-    turned, looked = _turned(place, config.point_octaves), _turned(look, config.direction_octaves)
-    return _Passed(turned, looked, tuple(shape), tuple(texture), steep), colour
+        rgb_derivative = colour * (1 - colour)
+    position_derivative, direction_derivative = (
+        _encoding_derivative(position, config.position_frequencies),
+        _encoding_derivative(direction, config.direction_frequencies),
+    )
+    return _Activations(position_derivative, direction_derivative, tuple(shape), tuple(texture), rgb_derivative), colour
 
 
-def _turned(encoded: Tensor, octaves: int) -> Tensor:
-    """The slope of each encoded value along its axis."""
-    frequencies = (2.0 ** torch.arange(octaves, device=encoded.device)).repeat_interleave(3)
-    values, sines, cosines = encoded.split((3, 3 * octaves, 3 * octaves), -1)
-    return torch.cat((torch.ones_like(values), cosines * frequencies, -sines * frequencies), -1)
+def _encoding_derivative(encoded: Tensor, frequencies: int) -> Tensor:
+    """The derivative of each encoded value along its axis."""
+    scales = (2.0 ** torch.arange(frequencies, device=encoded.device)).repeat_interleave(3)
+    values, sines, cosines = encoded.split((3, 3 * frequencies, 3 * frequencies), -1)
+    return torch.cat((torch.ones_like(values), cosines * scales, -sines * scales), -1)
 
 
-def _back(
-    model: Model, passed: _Passed, by_colour: Tensor, by_density: Tensor, steep: Tensor, along: Tensor, entries: Entries
+def _backward(
+    model: Model,
+    activations: _Activations,
+    by_colour: Tensor,
+    by_density: Tensor,
+    density_derivative: Tensor,
+    depth: Tensor,
+    bias_jacobians: BiasJacobians,
 ) -> Float[Tensor, "objects samples 4 numbers"]:
-    """Slopes of four channels of each sample's ray: along origin, direction and codes.
+    """Derivatives of the four channels of each sample's ray along origin, direction and codes.
 
     Args:
         by_colour: (objects, samples, 3), of a channel along the sample's own.
         by_density: (objects, samples, 4).
-        steep: (objects, samples), of the density along its logit.
-        along: (objects, samples), distance from the ray's origin.
+        density_derivative: (objects, samples), of the density along its logit.
+        depth: (objects, samples), distance from the ray's origin.
     """
-    weights = field_weights(model, linear_dtype(model.device.type))
-    dtype = weights.direction.dtype
-    g = pad((by_colour * passed.rgb).diag_embed(), (0, 0, 0, 1)).to(dtype) @ weights.rgb[0]
-    g = held_back_(g, passed.texture[-1][:, :, None]) @ weights.hidden[0]
-    g, texture = _through(g, passed.texture[:-1], weights.texture_blocks, entries.texture)
-    looked = _along_axes(g @ weights.view.layer[0], passed.seen_along)
-    by_logit = (by_density * steep[..., None]).to(dtype).reshape(-1, 1) @ weights.density[0]
-    g = torch.addmm(by_logit, g.flatten(0, 2), weights.direction).reshape(g.shape)
-    g, shape = _through(g, passed.shape, weights.shape_blocks, entries.shape)
-    place = _along_axes(g @ weights.point.layer[0], passed.encoded)
-    slopes = torch.empty(*place.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=place.device)
-    parts = place, place * along[..., None, None] + looked, shape, texture
+    weights = field_weights(model, matmul_dtype(model.device.type))
+    dtype = weights.features.dtype
+    gradient = pad((by_colour * activations.rgb_derivative).diag_embed(), (0, 0, 0, 1)).to(dtype) @ weights.rgb[0]
+    gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
+    gradient, texture = _backward_blocks(
+        gradient, activations.texture[:-1], weights.texture_blocks, bias_jacobians.texture
+    )
+    by_direction = _along_axes(gradient @ weights.direction.layer[0], activations.direction_derivative)
+    by_logit = (by_density * density_derivative[..., None]).to(dtype).reshape(-1, 1) @ weights.density[0]
+    gradient = torch.addmm(by_logit, gradient.flatten(0, 2), weights.features).reshape(gradient.shape)
+    gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
+    by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
+    derivatives = torch.empty(
+        *by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=by_position.device
+    )
+    parts = by_position, by_position * depth[..., None, None] + by_direction, shape, texture
     # torch.cat is slower where formats differ.
-    for part, to in zip(parts, slopes.split([part.shape[-1] for part in parts], -1), strict=True):
+    for part, to in zip(parts, derivatives.split([part.shape[-1] for part in parts], -1), strict=True):
         to.copy_(part)
-    return slopes
+    return derivatives
 
 
-def _through(
-    g: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], entries: Tensor
+def _backward_blocks(
+    gradient: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], bias_jacobians: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """Slopes taken back through blocks and the rectifier before them; and what they are along the blocks' numbers."""
-    numbers = torch.zeros((), dtype=g.dtype, device=g.device)
-    for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(entries.unbind(1)), strict=True):
-        g = held_back_(g, y[:, :, None])
-        numbers = torch.baddbmm(numbers, g.flatten(1, 2), entry)
-        g = g @ weight
-    return held_back_(g, activations[0][:, :, None]), numbers.unflatten(1, g.shape[1:3])
+    """Gradients taken back through blocks and the ReLU before them, and those along the blocks' parameters."""
+    numbers = torch.zeros((), dtype=gradient.dtype, device=gradient.device)
+    for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(bias_jacobians.unbind(1)), strict=True):
+        gradient = relu_backward_(gradient, y[:, :, None])
+        numbers = torch.baddbmm(numbers, gradient.flatten(1, 2), entry)
+        gradient = gradient @ weight
+    return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, gradient.shape[1:3])
 
 
-def _along_axes(slopes: Tensor, encoded: Tensor) -> Tensor:
+def _along_axes(gradient: Tensor, encoded: Tensor) -> Tensor:
     """From the encoded values to the three axes."""
-    axes = torch.eye(3, device=slopes.device).repeat(slopes.shape[-1] // 3, 1)
-    return (slopes.float() * encoded[:, :, None]) @ axes
+    axes = torch.eye(3, device=gradient.device).repeat(gradient.shape[-1] // 3, 1)
+    return (gradient.float() * encoded[:, :, None]) @ axes
 
 
 def _chunks(objects: int, count: int) -> Iterator[tuple[slice, slice]]:

@@ -1,6 +1,6 @@
-"""Where an object is: a grid over the scene's box that says which cells can hold any of it.
+"""Occupancy grid: which cells of the scene's box can hold a part of the object.
 
-Densities are asked at the corners of the cells and a cell counts as occupied where one of its eight corners is, so
+Densities are evaluated at the corners of the cells and a cell counts as occupied where one of its eight corners is, so
 that a part as thick as a cell is never lost. The first layer's activations there depend on no code and are kept per
 model: a new shape costs two small layers.
 """
@@ -14,130 +14,135 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera
+from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
-from core.models.fused import filled
+from core.models.layers import pad_rows
 from core.models.model import Model
-from core.rendering.folded_field import Folded
+from core.rendering.folded_field import FoldedField
 
 CELLS = 64
 """Cells along each axis of the box."""
-_EMPTY = 0.001
+_MIN_OPACITY = 0.001
 """A corner whose cell would take less of the light than this is empty."""
-_TOLERANCE = 0.002
-"""Share of a ray's light that is not worth looking at where pictures are finished, with so many intervals:"""
-_FINE = 192
-_COARSEST = 0.03
-"""of the light, at the most"""
-_COARSE = 2
-"""Cells along each axis that are joined where only the outline counts."""
+_FINE_TOLERANCE = 0.002
+"""Share of a ray's light that may be neglected with :data:`_FINE_SAMPLES` intervals."""
+_FINE_SAMPLES = 192
+_MAX_TOLERANCE = 0.03
+"""share of the light, with few intervals"""
+_COARSE_FACTOR = 2
+"""Cells along each axis that make a coarse cell, for the outline and for dilation."""
 _BLOCK = 16384
 
 
-class Overlooked(NamedTuple):
-    """What of a ray is not looked at."""
+class Tolerances(NamedTuple):
+    """What of a ray is neglected: early ray termination and intervals too faint to colour."""
 
-    spent: float
-    """Intervals that have more than this in front of them; optical thickness."""
-    unseen: float
-    """The colour of intervals that give less than this of what the object gives to their ray."""
-
-
-def overlooked(samples: int) -> Overlooked:
-    """For so many intervals: the error of their sum grows with the square of their length, and so may this."""
-    tolerance = min(_COARSEST, _TOLERANCE * (_FINE / samples) ** 2)
-    return Overlooked(spent=-math.log(tolerance), unseen=tolerance / 3)
+    termination: float
+    """optical depth: intervals behind more than this are not evaluated"""
+    min_weight: float
+    """share of the object's light in a ray: intervals that give less are not coloured"""
 
 
-class Crossed(NamedTuple):
+def tolerances(samples: int) -> Tolerances:
+    """The tolerances for so many intervals, growing as the error of their sum does: with the square of their length."""
+    tolerance = min(_MAX_TOLERANCE, _FINE_TOLERANCE * (_FINE_SAMPLES / samples) ** 2)
+    return Tolerances(termination=-math.log(tolerance), min_weight=tolerance / 3)
+
+
+class OccupiedIntervals(NamedTuple):
     """Intervals of rays that can hold something, ray by ray, from near to far."""
 
     ray: Int[Tensor, "crossed"]
     interval: Int[Tensor, "crossed"]
-    dark: Bool[Tensor, "crossed"]
-    """Even the thinnest corners of the cells in front take all the light that counts: it is expected to lie behind."""
+    occluded: Bool[Tensor, "crossed"]
+    """Even the thinnest corners of the cells in front take all the light that counts, so it probably lies behind."""
 
 
 class Occupancy:
     """The occupied cells of one shape.
 
     Args:
-        near: where given, the shape is looked for around this one, and anywhere else only with every second corner: a
-            few times faster, and enough for a shape on the move. Something thin that appears far from it is missed.
+        previous: the occupancy of a similar shape. Corners are evaluated around it, and elsewhere only every second
+            one: a few times faster, and enough while a shape changes. Something thin far from it is missed.
     """
 
-    def __init__(self, model: Model, folded: Folded, near: "Occupancy | None" = None) -> None:
-        self.extent, self.whole = model.extent_tensor, near is None
+    def __init__(self, model: Model, folded: FoldedField, previous: "Occupancy | None" = None) -> None:
+        self.extent, self.complete = model.extent_tensor, previous is None
         self.cell = 2 * self.extent / CELLS
         activations = _corner_activations(model, folded.dtype)
         with torch.inference_mode():
-            corners = _densities(folded, activations, near._corners_around() if near else None)
-        self.cells: Bool[Tensor, "cells cells cells"] = _most_of_corners(corners) * float(self.cell.amin()) > _EMPTY
+            corners = _corner_densities(folded, activations, previous._corners_around() if previous else None)
+        self.cells: Bool[Tensor, "cells cells cells"] = (
+            _max_pool_corners(corners) * float(self.cell.amin()) > _MIN_OPACITY
+        )
         self._flat = self.cells.flatten()
-        self._least = -_most_of_corners(-corners).flatten()
-        self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE)[0] > 0
-        self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE - self.extent
+        self._min_density = -_max_pool_corners(-corners).flatten()
+        self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
+        self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
     def _corners_around(self) -> Int[Tensor, "some"]:
         """Every second corner, and all those of the cells within two of an occupied one."""
         around = self._coarse
         for axis in range(3):
-            around = _spread(around, axis)
+            around = _dilate(around, axis)
         around[::2, ::2, ::2] = True
         return around.flatten().nonzero()[:, 0]
 
-    def holds(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
+    def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
         """Whether each point of the box lies in an occupied cell."""
         cells = ((points + self.extent) / self.cell).long().clamp_(0, CELLS - 1)
         return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
 
-    def crossed(self, rays: Rays, step: float, spent: float) -> Crossed:
+    def intersect(self, rays: Rays, step: float, termination: float) -> OccupiedIntervals:
         """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object: those whose
-        middle lies in an occupied cell. ``spent`` is :attr:`Overlooked.spent`.
+        middle lies in an occupied cell. ``termination`` is :attr:`Tolerances.termination`.
         """
         cell, inside = self._cells_along(rays, step)
-        held = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
-        ray = held // (len(cell) // len(rays.near))
-        interval = held - ray * (len(cell) // len(rays.near))
-        least = self._least.index_select(0, cell.index_select(0, held)) * step
+        occupied = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
+        ray = occupied // (len(cell) // len(rays.near))
+        interval = occupied - ray * (len(cell) // len(rays.near))
+        least = self._min_density.index_select(0, cell.index_select(0, occupied)) * step
         counts = torch.bincount(ray)
-        dark = _summed(least, counts.cumsum(0) - counts, ray) - least > spent
-        return Crossed(ray, interval, dark)
+        occluded = _cumulative_per_ray(least, counts.cumsum(0) - counts, ray) - least > termination
+        return OccupiedIntervals(ray, interval, occluded)
 
     def _cells_along(self, rays: Rays, step: float) -> tuple[Int[Tensor, "all"], Bool[Tensor, "all"]]:
         """The cell in which the middle of each interval lies, ray by ray, and whether the ray reaches it."""
         length = (rays.far - rays.near) / step
         along = torch.arange(max(1, math.ceil(float(length.amax()))), device=length.device) + 0.5
-        pace = rays.directions * step / self.cell
+        step_cells = rays.directions * step / self.cell
         first = (rays.origins + rays.directions * rays.near[:, None] + self.extent) / self.cell
         # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
-        x, y, z = torch.addcmul(first.T[..., None], pace.T[..., None], along).clamp_(0, CELLS - 1).floor_().unbind()
+        x, y, z = (
+            torch.addcmul(first.T[..., None], step_cells.T[..., None], along).clamp_(0, CELLS - 1).floor_().unbind()
+        )
         cell = torch.add(z, torch.add(y, x, alpha=CELLS), alpha=CELLS)
         return cell.int().flatten(), (along < length[:, None]).flatten()
 
-    def span(
-        self, camera: Camera, corner: float = 0.0
+    def depth_range(
+        self, camera: Camera, pixel_offset: float = 0.0
     ) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
-        """Between which distances from the camera the occupied cells behind every pixel lie; near > far: none does.
+        """Nearest and farthest distance from the camera of the occupied cells behind every pixel; near > far: none.
 
-        Cells, joined to larger ones, are thrown on a raster whose pixels are at least as large as half a cell looks,
-        and each covers the 3x3 pixels around its centre: never too little, at most a cell too much. ``corner`` as in
+        Coarse cells are splatted on a raster whose pixels are at least as large as half a cell looks, and each covers
+        the 3x3 pixels around its centre: never too little, at most a cell too much. ``pixel_offset`` as in
         :func:`core.geometry.rays.camera_rays`.
         """
-        cell = self.cell * _COARSE
+        cell = self.cell * _COARSE_FACTOR
         centres = self._centres
-        turned, place = camera.placed(centres.device)
-        local = (centres - place) @ turned.T
+        local = camera.to_camera_axes(centres)
         reach = float(cell.norm()) / 2
         depth = local.norm(dim=-1)
         before = -local[:, 2]
-        looks = reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
-        tile = max(1.0, looks)
-        across, down = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
-        column = (camera.width / 2 + corner + local[:, 0] / before * camera.focal) * (across / camera.width)
-        row = (camera.height / 2 + corner - local[:, 1] / before * camera.focal) * (down / camera.height)
+        cell_pixels = (
+            reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
+        )
+        tile = max(1.0, cell_pixels)
+        tile_columns, tile_rows = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
+        points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
+        column, row = points[:, 0] * (tile_columns / camera.width), points[:, 1] * (tile_rows / camera.height)
         # A margin of one all round holds the centres of cells that reach in from outside; one more, all others.
-        size = down + 2, across + 2
+        size = tile_rows + 2, tile_columns + 2
         x, y = column.floor().long() + 1, row.floor().long() + 1
         on = (before > 1e-3) & (x >= 0) & (x < size[1]) & (y >= 0) & (y < size[0])
         at = torch.where(on, y * size[1] + x, size[0] * size[1])
@@ -150,13 +155,13 @@ class Occupancy:
         near, far = -tiles[0].flatten(), tiles[1].flatten()
         rows, columns = (
             ((torch.arange(pixels, device=centres.device) + 0.5) * (count / pixels)).long()
-            for pixels, count in ((camera.height, down), (camera.width, across))
+            for pixels, count in ((camera.height, tile_rows), (camera.width, tile_columns))
         )
-        at = rows[:, None] * across + columns
+        at = rows[:, None] * tile_columns + columns
         return near[at], far[at]
 
 
-def _summed(
+def _cumulative_per_ray(
     values: Float[Tensor, "crossed"], first: Int[Tensor, "rays"], ray: Int[Tensor, "crossed"]
 ) -> Float[Tensor, "crossed"]:
     """Sums along each ray up to and with every interval; intervals lie ray by ray, each from its ``first`` one."""
@@ -165,32 +170,32 @@ def _summed(
     return (whole - before.index_select(0, ray)).float()
 
 
-def _spread(joined: Bool[Tensor, "x y z"], axis: int) -> Bool[Tensor, "more y2 z2"]:
-    """From joined cells to corners along one axis: those of the joined cells and of their neighbours."""
-    cells = joined.movedim(axis, 0)
+def _dilate(coarse: Bool[Tensor, "x y z"], axis: int) -> Bool[Tensor, "more y2 z2"]:
+    """From coarse cells to corners along one axis: those of the cells and of their neighbours."""
+    cells = coarse.movedim(axis, 0)
     grown = cells.clone()
     grown[1:] |= cells[:-1]
     grown[:-1] |= cells[1:]
-    corners = grown.new_zeros(_COARSE * len(grown) + 1, *grown.shape[1:])
-    for offset in range(_COARSE + 1):
-        corners[offset : offset + _COARSE * len(grown) : _COARSE] |= grown
+    corners = grown.new_zeros(_COARSE_FACTOR * len(grown) + 1, *grown.shape[1:])
+    for offset in range(_COARSE_FACTOR + 1):
+        corners[offset : offset + _COARSE_FACTOR * len(grown) : _COARSE_FACTOR] |= grown
     return corners.movedim(0, axis)
 
 
-def _densities(
-    folded: Folded, activations: Float[Tensor, "all width"], some: Int[Tensor, "some"] | None
+def _corner_densities(
+    folded: FoldedField, activations: Float[Tensor, "all width"], some: Int[Tensor, "some"] | None
 ) -> Float[Tensor, "corners corners corners"]:
-    """Densities at the corners of the grid; zero at those that are not asked."""
+    """Densities at the corners of the grid; zero at those that are not evaluated."""
     if some is None:
         found = torch.cat([folded.density(part)[0] for part in activations.split(_BLOCK)])
     else:
         found = torch.zeros(len(activations), device=activations.device)
         for part in some.split(_BLOCK):
-            found[part] = folded.density(activations.index_select(0, filled(part)))[0][: len(part)]
+            found[part] = folded.density(activations.index_select(0, pad_rows(part)))[0][: len(part)]
     return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
-def _most_of_corners(corners: Float[Tensor, "corners corners corners"]) -> Float[Tensor, "cells cells cells"]:
+def _max_pool_corners(corners: Float[Tensor, "corners corners corners"]) -> Float[Tensor, "cells cells cells"]:
     for axis in range(3):
         length = corners.shape[axis]
         corners = torch.maximum(corners.narrow(axis, 0, length - 1), corners.narrow(axis, 1, length - 1))
@@ -202,7 +207,7 @@ def _corner_activations(model: Model, dtype: torch.dtype) -> Float[Tensor, "all 
     """First-layer activations at all corners of the grid."""
     axes = [torch.linspace(-half, half, CELLS + 1, device=model.device) for half in model.extent]
     corners = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    folded = Folded(model, model.codes.mean)
+    folded = FoldedField(model, model.codes.mean)
     assert folded.dtype == dtype
     with torch.inference_mode():
-        return torch.cat([folded.first(part) for part in corners.split(_BLOCK)])
+        return torch.cat([folded.first_layer(part) for part in corners.split(_BLOCK)])

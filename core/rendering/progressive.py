@@ -1,4 +1,4 @@
-"""The progressive stream of pictures that a viewer shows: coarse at once, fine when the hand rests."""
+"""The progressive stream of frames that a viewer shows: coarse at once, fine when the input rests."""
 
 import time
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import keeps, march
+from core.rendering.fast import is_cached, render_steps
 from core.rendering.reference import Rendered
 
 
@@ -23,21 +23,25 @@ class RenderSettings:
 
     samples: int = 192
     """intervals along the longest side of the scene's box in the last stage"""
-    stages: tuple[int, ...] = (8, 4, 2, 1)
-    """what the size of the picture is divided by, stage after stage"""
-    moving: int = 64
+    divisors: tuple[int, ...] = (8, 4, 2, 1)
+    """what the size of the image is divided by, stage after stage"""
+    preview_samples: int = 64
     """intervals in the stages before the last"""
-    across: int = 1
-    """where above 1, one more stage draws so many pixels across each pixel, and as many down"""
+    supersampling: int = 1
+    """above 1: one more stage renders so many pixels along each side of a pixel"""
 
     def __post_init__(self) -> None:
-        if min(self.samples, self.moving) < 2 or not self.stages or min(*self.stages, self.across) < 1:
+        if (
+            min(self.samples, self.preview_samples) < 2
+            or not self.divisors
+            or min(*self.divisors, self.supersampling) < 1
+        ):
             raise ValueError(f"rendering needs at least 2 samples and a stage, got {self}")
 
 
 @dataclass(frozen=True)
 class RenderJob:
-    """A picture to be drawn."""
+    """An image to render."""
 
     codes: Codes
     camera: Camera
@@ -46,23 +50,23 @@ class RenderJob:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A picture as far as it is known. Its arrays are never written again."""
+    """An image as far as it is known. Its arrays are never written again."""
 
     image: UInt8[np.ndarray, "height width 3"]
     depth: Float32[np.ndarray, "height width"]
-    """scene units; 0 on the ground"""
+    """scene units; 0 on the background"""
     opacity: Float32[np.ndarray, "height width"]
     stage: int
     """0 is the coarsest"""
-    stages: int
+    stage_count: int
     samples: int
     """along a ray"""
     seconds: float
     """since the job began"""
-    asked: Int32[np.ndarray, "height width"] | None = None
-    """samples of each ray that were evaluated, where that is known"""
-    across: int = 1
-    """pixels drawn across each pixel, and as many down"""
+    evaluations: Int32[np.ndarray, "height width"] | None = None
+    """samples of each ray whose density was evaluated, where that is known"""
+    supersampling: int = 1
+    """pixels rendered along each side of a pixel"""
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -72,73 +76,84 @@ class Frame:
     @property
     def final(self) -> bool:
         """Nothing finer follows."""
-        return self.stage == self.stages - 1
+        return self.stage == self.stage_count - 1
 
 
-def frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-    """Coarse to fine: a Frame after every stage, None after every chunk between, so that a newer job waits for one
-    chunk at the most. To stop, ask for no more.
+def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+    """Render from coarse to fine: a Frame after every stage, None after every chunk between.
+
+    A newer job so waits for one chunk at the most. To stop, take no more values.
     """
     began = time.perf_counter()
-    plan = _plan(job)
-    # A new texture is put at once on the finest picture whose shape is known, if it is drawn pixel by pixel.
-    kept = [at for at, stage in enumerate(plan) if stage.across == 1 and keeps(model, job.codes, *stage.view)]
-    for at in range(max(kept, default=0), len(plan)):
-        stage = plan[at]
-        seen = _joined((yield from march(model, job.codes, *stage.view)), stage.across)
-        image = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
-        depth, opacity = seen.depth.cpu().numpy(), seen.opacity.cpu().numpy()
+    stages = _stages(job)
+    # A new texture begins with the finest stage whose shape is cached, if that has one render pixel a pixel.
+    cached = [
+        at
+        for at, stage in enumerate(stages)
+        if stage.supersampling == 1 and is_cached(model, job.codes, *stage.arguments)
+    ]
+    for at in range(max(cached, default=0), len(stages)):
+        stage = stages[at]
+        rendered = _downsampled((yield from render_steps(model, job.codes, *stage.arguments)), stage.supersampling)
+        image = (rendered.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+        depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
-        asked = None if seen.asked is None else seen.asked.int().cpu().numpy()
-        yield Frame(image, depth, opacity, at, len(plan), stage.view.samples, seconds, asked, stage.across)
+        evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
+        yield Frame(
+            image, depth, opacity, at, len(stages), stage.arguments.samples, seconds, evaluations, stage.supersampling
+        )
 
 
-class _View(NamedTuple):
-    """As :func:`core.rendering.fast.march` takes it."""
+class _Arguments(NamedTuple):
+    """The arguments of :func:`core.rendering.fast.render_steps` besides model and codes."""
 
     camera: Camera
     samples: int
-    whole: bool
+    complete: bool
 
 
 class _Stage(NamedTuple):
-    """A picture on the way."""
+    """One render of the stream."""
 
-    view: _View
-    across: int = 1
+    arguments: _Arguments
+    supersampling: int = 1
 
 
-def _plan(job: RenderJob) -> list[_Stage]:
-    """From the coarsest to the last stage. Whole occupancy is asked for once the picture has its size."""
+def _stages(job: RenderJob) -> list[_Stage]:
+    """From the coarsest to the last stage. Occupancy is complete once the image has its full size."""
     settings, (width, height) = job.settings, (job.camera.width, job.camera.height)
-    plan = []
-    for at, divisor in enumerate(settings.stages):
-        samples = settings.samples if at == len(settings.stages) - 1 else settings.moving
+    stages = []
+    for at, divisor in enumerate(settings.divisors):
+        samples = settings.samples if at == len(settings.divisors) - 1 else settings.preview_samples
         camera = job.camera.resized(max(1, width // divisor), max(1, height // divisor))
-        plan.append(_Stage(_View(camera, samples, divisor == 1)))
-    if settings.across > 1:
-        camera = job.camera.resized(width * settings.across, height * settings.across)
-        plan.append(_Stage(_View(camera, settings.samples, True), settings.across))
-    return plan
+        stages.append(_Stage(_Arguments(camera, samples, divisor == 1)))
+    if settings.supersampling > 1:
+        camera = job.camera.resized(width * settings.supersampling, height * settings.supersampling)
+        stages.append(_Stage(_Arguments(camera, settings.samples, True), settings.supersampling))
+    return stages
 
 
-def _joined(seen: Rendered, across: int) -> Rendered:
-    """Squares of pixels as their mean; a depth is that of the part which shows the object."""
-    if across == 1:
-        return seen
-    colour, opacity = (_means(part, across) for part in (seen.colour, seen.opacity[..., None]))
-    depth = _means((seen.depth * seen.opacity)[..., None], across) / opacity.clamp_min(1e-6)
-    asked = None if seen.asked is None else _means(across**2 * seen.asked[..., None].float(), across)[..., 0].long()
-    return Rendered(colour, depth[..., 0], opacity[..., 0], asked)
+def _downsampled(rendered: Rendered, factor: int) -> Rendered:
+    """The means of squares of pixels; depth is averaged over the part that shows the object."""
+    if factor == 1:
+        return rendered
+    colour, opacity = (_block_means(part, factor) for part in (rendered.colour, rendered.opacity[..., None]))
+    depth = _block_means((rendered.depth * rendered.opacity)[..., None], factor) / opacity.clamp_min(1e-6)
+    evaluations = (
+        None
+        if rendered.evaluations is None
+        else _block_means(factor**2 * rendered.evaluations[..., None].float(), factor)[..., 0].long()
+    )
+    return Rendered(colour, depth[..., 0], opacity[..., 0], evaluations)
 
 
-def _means(image: Float[Tensor, "rows columns channels"], across: int) -> Float[Tensor, "height width channels"]:
+def _block_means(image: Float[Tensor, "rows columns channels"], factor: int) -> Float[Tensor, "height width channels"]:
     rows, columns, channels = image.shape
-    return image.reshape(rows // across, across, columns // across, across, channels).mean((1, 3))
+    return image.reshape(rows // factor, factor, columns // factor, factor, channels).mean((1, 3))
 
 
-def picture(model: Model, codes: Codes, camera: Camera) -> Frame:
-    """The finished frame at once."""
-    *_, last = frames(model, RenderJob(codes, camera, RenderSettings(stages=(1,))))
+def render_frame(model: Model, codes: Codes, camera: Camera) -> Frame:
+    """The finished frame, in one call."""
+    *_, last = render_progressively(model, RenderJob(codes, camera, RenderSettings(divisors=(1,))))
     assert last is not None
     return last

@@ -7,11 +7,10 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from core.geometry.camera import Camera
-from core.geometry.rays import Rays, camera_rays
-from core.geometry.sampling import midpoints, points_at, uniform_edges
+from core.geometry.rays import Rays, camera_rays, midpoints, ray_points, uniform_edges
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.compositing import over_white, weights
+from core.rendering.compositing import composite_on_white, compositing_weights
 
 _CHUNK_POINTS = 8192
 """Points evaluated at a time: few enough that activations stay in cache (32k ran up to 1.7x slower)."""
@@ -27,18 +26,19 @@ class Rendered:
     """scene units along the ray to the middle of the light's share that the object gave; 0 where it gave none"""
     opacity: Float[Tensor, "*batch"]
     """0..1, one less the light left over"""
-    asked: Int[Tensor, "*batch"] | None = None
+    evaluations: Int[Tensor, "*batch"] | None = None
     """samples whose density was evaluated, where that differs from ray to ray"""
 
 
-def intervals(
+def sample_intervals(
     model: Model, rays: Rays, samples: int
 ) -> tuple[Float[Tensor, "*batch samples"], Float[Tensor, "*batch samples_and_one"]]:
-    """Where a ray is asked, and the edges of the intervals that each answer stands for; scene units along the ray.
+    """The depths of a ray's samples and the edges of their intervals; scene units along the ray.
 
-    Where the network paints the ground they are the authors': samples at both ends, the last interval without end.
+    Where the network paints the background (``white_from_network``) they are the authors': samples at both ends, the
+    last interval without end.
     """
-    if model.painted_ground:
+    if model.white_from_network:
         depths = uniform_edges(rays, samples - 1)
         return depths, torch.cat((depths, depths[..., -1:] + 1e10), -1)
     edges = uniform_edges(rays, samples)
@@ -51,24 +51,24 @@ def render_rays(model: Model, rays: Rays, samples: int, shape_bias: Tensor, text
     Args:
         shape_bias, texture_bias: the field's, for these codes; broadcast against (*batch, samples, blocks, width).
     """
-    depths, edges = intervals(model, rays, samples)
+    depths, edges = sample_intervals(model, rays, samples)
     direction_bias = model.field.direction_bias(rays.directions)[..., None, :]
-    density, colours = model.field.radiance(points_at(rays, depths), direction_bias, shape_bias, texture_bias)
-    shares, left = weights(density, edges)
-    opacity = 1 - left
-    depth = (shares * depths).sum(-1) / opacity.clamp_min(1e-6)
-    return Rendered(over_white(shares, left, colours), depth * (opacity > 0), opacity)
+    density, colours = model.field.radiance(ray_points(rays, depths), direction_bias, shape_bias, texture_bias)
+    weights, transmittance = compositing_weights(density, edges)
+    opacity = 1 - transmittance
+    depth = (weights * depths).sum(-1) / opacity.clamp_min(1e-6)
+    return Rendered(composite_on_white(weights, transmittance, colours), depth * (opacity > 0), opacity)
 
 
 def exact_rays(model: Model, camera: Camera) -> Rays:
     """The reference's rays, shaped (height, width).
 
-    Where the network paints the ground they are the authors': through pixel corners, from 0.5 before the origin
+    Where the network paints the background they are the authors': through pixel corners, from 0.5 before the origin
     to 0.5 behind it at every pixel.
     """
-    if not model.painted_ground:
+    if not model.white_from_network:
         return camera_rays(camera, model.extent_tensor)
-    rays = camera_rays(camera, model.extent_tensor, model.corner)
+    rays = camera_rays(camera, model.extent_tensor, model.pixel_offset)
     near = torch.full_like(rays.near, camera.distance - 0.5)
     return replace(rays, near=near, far=near + 1.0)
 

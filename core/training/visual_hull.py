@@ -8,7 +8,6 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import ObjectViews
-from core.geometry.camera import Camera, position, rotation
 
 Extent = tuple[float, float, float]
 
@@ -24,31 +23,23 @@ def visual_hull(
 ) -> Bool[Tensor, "resolution resolution resolution"]:
     """Cells that may hold a part of the object: their centres fall on the dilated mask in every view.
 
-    Masks are dilated by what half a cell's diagonal covers in the picture, so no cell of the object is lost.
-    What a picture does not show it cannot rule out.
+    Masks are dilated by what half a cell's diagonal covers in the image, so no cell of the object is lost.
+    What an image does not show it cannot rule out.
     """
     centres = grid_centres(extent, resolution)
-    alive = torch.arange(len(centres))
+    remaining = torch.arange(len(centres))
     cell = 2 * torch.tensor(extent).norm() / resolution
     for mask, camera in zip(views.masks, views.cameras, strict=True):
         nearest = max(camera.distance - 0.5, 0.5 * camera.distance)
         reach = int(torch.ceil(cell / 2 * camera.focal / nearest))
-        grown = functional.max_pool2d(torch.from_numpy(mask)[None].float(), 2 * reach + 1, 1, reach)[0] > 0
-        columns, rows = project(centres[alive], camera).floor().long().unbind(-1)
+        dilated = functional.max_pool2d(torch.from_numpy(mask)[None].float(), 2 * reach + 1, 1, reach)[0] > 0
+        columns, rows = camera.project(centres[remaining]).floor().long().unbind(-1)
         shown = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
-        inside = grown[rows.clamp(0, camera.height - 1), columns.clamp(0, camera.width - 1)]
-        alive = alive[inside | ~shown]
+        inside = dilated[rows.clamp(0, camera.height - 1), columns.clamp(0, camera.width - 1)]
+        remaining = remaining[inside | ~shown]
     hull = torch.zeros(len(centres), dtype=torch.bool)
-    hull[alive] = True
+    hull[remaining] = True
     return hull.reshape(resolution, resolution, resolution)
-
-
-def project(points: Float[Tensor, "count 3"], camera: Camera) -> Float[Tensor, "count 2"]:
-    """Where world points in front of the camera fall in its picture, (x, y) in px from the top left corner."""
-    angles = torch.tensor([camera.azimuth, camera.elevation, camera.distance])
-    local = (points - position(*angles)) @ rotation(angles[0], angles[1]).T
-    scale = camera.focal / -local[:, 2]
-    return torch.stack((camera.width / 2 + local[:, 0] * scale, camera.height / 2 - local[:, 1] * scale), -1)
 
 
 def shared_extent(objects: Sequence[ObjectViews], resolution: int = 32) -> Extent:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from core.geometry.camera import Camera
 from core.metrics import (
-    MOST_PSNR,
+    MAX_PSNR,
     camera_direction,
     direction_error,
     distance_error,
@@ -29,7 +29,7 @@ def camera(azimuth: float, elevation: float, distance: float = 2.0) -> Camera:
 def test_psnr_against_its_formula():
     truth = torch.zeros(9, 9, 3)
     assert psnr(truth + 0.1, truth) == pytest.approx(20.0, abs=1e-5)
-    assert psnr(truth, truth) == MOST_PSNR
+    assert psnr(truth, truth) == MAX_PSNR
 
 
 def test_ssim_is_one_for_the_same_picture_and_less_for_another():

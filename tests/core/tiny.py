@@ -6,7 +6,8 @@ import torch
 
 from core.geometry.camera import Camera
 from core.models.codes import CodeBook, Codes, Entry
-from core.models.field import Field, FieldConfig
+from core.models.field import Field
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.rendering.reference import render_exact
@@ -19,7 +20,7 @@ SIDE = 40
 def tiny_model() -> Model:
     """Seat, back, one arm rest: no symmetry. The first code makes it taller, the second wider; two more its hue."""
     generator = torch.Generator().manual_seed(0)
-    config = FieldConfig(32, 2, 1, 2, 2, point_octaves=3, direction_octaves=0)
+    config = FieldConfig(32, 2, 1, 2, 2, position_frequencies=3, direction_frequencies=0)
     with torch.random.fork_rng():
         torch.manual_seed(0)
         field = Field(config)

@@ -10,13 +10,18 @@ from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.models.model import Model
+from core.rendering.progressive import render_progressively
 from tests.conftest import no_opengl, random_model
-from tests.viewer.window_driver import Driver, finish, quick_fit, quick_frames, quick_photo
-from viewer import window
+from tests.viewer.driver import Drive, Driver, finish
+from tests.viewer.stand_ins import quick_fit, quick_frames, quick_photo
 from viewer.app import App
-from viewer.quality import Quality
-from viewer.session import Session, Streams
-from viewer.worker import Worker
+from viewer.editor import Editor
+from viewer.screen import window
+from viewer.services.backend import Backend
+from viewer.services.worker import Worker
+from viewer.session import Session
+from viewer.values.quality import Quality
+from viewer.workspace import Workspace
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -32,15 +37,15 @@ def model() -> Model:
 
 
 @pytest.fixture
-def streams(model: Model) -> Streams:
+def backend(model: Model) -> Backend:
     """Stand-ins for all that takes time. Turntables are real."""
-    return Streams(lambda name: model, quick_photo, quick_frames, quick_fit, lambda model: iter(()))
+    return Backend(lambda name: model, quick_photo, quick_frames, quick_fit, lambda model: iter(()))
 
 
 @pytest.fixture
-def real_streams(model: Model) -> Streams:
-    """Nothing stands in but a tiny model. Its bank of views is left out: that of a mist takes a minute."""
-    return Streams(load_model=lambda name: model, preparing=lambda _: iter(()))
+def real_backend(model: Model) -> Backend:
+    """Nothing stands in but a tiny model. Its view bank is left out: that of a mist takes a minute."""
+    return Backend(load_model=lambda name: model, view_bank=lambda _: iter(()))
 
 
 @pytest.fixture
@@ -51,18 +56,31 @@ def worker() -> Iterator[Worker]:
 
 
 @pytest.fixture
-def session(worker: Worker, streams: Streams) -> Session:
-    """A session with its model open and everything drawn, without a window."""
-    session = Session(worker, streams, seed=0)
-    session.viewport.quality = Quality(32, 96)
+def session(worker: Worker, backend: Backend) -> Session:
+    """A session with its model open and everything rendered, without a window."""
+    session = Session(worker, backend, seed=0)
+    session.view.quality = Quality(32, 96)
     session.open_model("chairs")
     finish(session)
     return session
 
 
 @pytest.fixture
+def workspace(session: Session) -> Workspace:
+    """Of the model that is open."""
+    assert session.workspace is not None
+    return session.workspace
+
+
+@pytest.fixture
+def editor(workspace: Workspace) -> Editor:
+    """Of the model that is open."""
+    return workspace.editor
+
+
+@pytest.fixture
 def photo(tmp_path: Path) -> Path:
-    """A picture that can be fitted: a red block on white."""
+    """An image that can be fitted: a red block on white."""
     image = Image.new("RGB", (96, 96), "white")
     image.paste((200, 30, 30), (30, 20, 66, 80))
     image.save(tmp_path / "block.png")
@@ -92,34 +110,35 @@ def opengl() -> None:
 
 
 @pytest.fixture
-def drive(streams: Streams, opengl: None) -> Callable[..., None]:
+def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFactory) -> Drive:
     """Opens the real window and hands a :class:`Driver` to a function.
 
     ``strict`` makes a mistake in the use of imgui fail the test; in the program it is logged.
     """
-    ours = streams
+    ours = backend
+    captures = tmp_path_factory.mktemp("captures")
 
     def run(
         act: Callable[[Driver], None],
-        streams: Streams = ours,
+        backend: Backend = ours,
         size: tuple[int, int] = (1280, 800),
         strict: bool = True,
         folder: Path | None = None,
     ) -> None:
-        session = Session(Worker(), streams, seed=0)
-        session.viewport.quality = Quality(32, 96)
+        session = Session(Worker(), backend, seed=0)
+        session.view.quality = Quality(32, 96)
         app = App(session, size, folder, headless=True, native_dialogs=False)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict
-            driver = Driver(app, ctx)
+            driver = Driver(app, ctx, captures)
             session.open_model("chairs")
-            driver.wait(lambda: session.viewport.frame is not None and not session.worker.busy())
+            driver.wait_for_view() if backend.frames is render_progressively else driver.wait()
             act(driver)
 
         try:
             testing.run(test_function=test, runner_params=app.params, add_ons_params=window.add_ons())
         finally:
-            session.worker.close()
+            session.jobs.worker.close()
 
     return run

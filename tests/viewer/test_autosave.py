@@ -6,11 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.viewer.window_driver import finish
+from tests.viewer.driver import finish
 from viewer.autosave import Autosave
-from viewer.gallery import Thing
-from viewer.saved import Saved
+from viewer.editor import Editor
 from viewer.session import Session
+from viewer.values.objects import EditableObject
+from viewer.values.saved_session import SavedSession
+from viewer.workspace import Workspace
 
 
 class Clock:
@@ -27,50 +29,55 @@ def clock() -> Clock:
     return Clock()
 
 
-def busy(session: Session, photo: Path) -> None:
-    """A fitted object, a mix, a film."""
-    session.fitting.start(photo)
-    finish(session, lambda: not session.fitting.running)
-    session.pick_b("object 4")
-    session.mix("texture", 0.4)
-    session.film.add_key()
-    session.film.seek(1.5)
-    session.show("object 2")
-    session.film.add_key()
-    session.film.set_turns(-2)
+def edit(session: Session, photo: Path) -> None:
+    """A fitted object, a mix, a timeline."""
+    workspace = session.workspace
+    assert workspace is not None
+    editor = workspace.editor
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    editor.set_b("object 4")
+    editor.mix("texture", 0.4)
+    workspace.player.add_key()
+    workspace.player.seek(1.5)
+    editor.show_object("object 2")
+    workspace.player.add_key()
+    workspace.player.set_turns(-2)
 
 
-def test_a_session_comes_back_from_its_text(session: Session, photo: Path) -> None:
-    busy(session, photo)
-    session.save_scene(photo.with_name("opened.json"))
-    session.load_scene(photo.with_name("opened.json"))
-    state, thing = session.state, session.gallery["block"]
-    saved = Saved.read(Saved.of("chairs", state, session.gallery.added).text)
-    found, things = saved.restored(session.model)
+def test_a_session_comes_back_from_its_text(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path
+) -> None:
+    edit(session, photo)
+    workspace.exporting.scene(photo.with_name("opened.json"))
+    session.open_scene(photo.with_name("opened.json"))
+    state, fitted = editor.state, editor.objects["block"]
+    saved = SavedSession.read(SavedSession.of("chairs", state, editor.objects.added).text)
+    found, objects = saved.restored(workspace.model)
     assert saved.model == "chairs"
     assert found == state
-    assert [thing.name for thing in things] == ["block", "opened"]
-    assert things[1].photo is None
-    assert things[0].codes == thing.codes
-    assert things[0].photo.pixels == pytest.approx(thing.photo.pixels, abs=0.003)
-    assert (things[0].photo.mask == thing.photo.mask).all()
+    assert [one.name for one in objects] == ["block", "opened"]
+    assert objects[1].photo is None
+    assert objects[0].codes == fitted.codes
+    assert objects[0].photo.pixels == pytest.approx(fitted.photo.pixels, abs=0.003)
+    assert (objects[0].photo.mask == fitted.photo.mask).all()
 
 
-def test_it_is_written_when_the_hand_rests_and_goes_with_a_good_end(
-    session: Session, tmp_path: Path, clock: Clock
+def test_it_is_written_between_drags_and_goes_with_a_good_end(
+    session: Session, editor: Editor, tmp_path: Path, clock: Clock
 ) -> None:
     autosave = Autosave(session, tmp_path, clock)
     clock.now = 10.0
     autosave.tick()
-    assert not list(tmp_path.iterdir())  # nothing was made yet
-    session.move_along("shape", 0, 1.0, gesture="shape 0")
+    assert not list(tmp_path.iterdir())  # nofitted was made yet
+    editor.set_coordinate("shape", 0, 1.0, gesture="shape 0")
     autosave.tick()
     assert not list(tmp_path.iterdir())
-    session.settle()
+    editor.end_gesture()
     autosave.tick()
     (written,) = tmp_path.iterdir()
     before = written.read_text()
-    session.show("object 2")
+    editor.show_object("object 2")
     autosave.tick()
     assert written.read_text() == before  # too early
     clock.now = 20.0
@@ -78,6 +85,17 @@ def test_it_is_written_when_the_hand_rests_and_goes_with_a_good_end(
     assert written.read_text() != before
     autosave.close()
     assert not list(tmp_path.iterdir())
+
+
+def test_what_an_older_version_wrote_is_read(session: Session, editor: Editor, photo: Path) -> None:
+    edit(session, photo)
+    about = json.loads(SavedSession.of("chairs", editor.state, editor.objects.added).text)
+    older = {"opened": about.pop("model"), "things": about.pop("objects")} | about
+    saved = SavedSession.read(json.dumps(older))
+    assert saved.model == "chairs"
+    state, objects = saved.restored(editor.model)
+    assert state == editor.state
+    assert [one.name for one in objects] == ["block"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot be asked")
@@ -104,51 +122,57 @@ def test_of_several_that_were_left_the_last_is_offered_first(session: Session, t
     assert autosave.left
 
 
-@pytest.mark.parametrize("harm", ["{", "[]", "opened only", "no key", "another model", "bad film", "no such object"])
-def test_what_cannot_be_read_is_told_and_changes_nothing(session: Session, tmp_path: Path, harm: str) -> None:
-    session.show("object 3")
-    about = json.loads(Saved.of("chairs", session.state, ()).text)
-    if harm == "opened only":
-        about = {"opened": "chairs"}
+@pytest.mark.parametrize("harm", ["{", "[]", "model only", "no key", "another model", "bad timeline", "no such object"])
+def test_what_cannot_be_read_is_reported_and_changes_nothing(
+    session: Session, editor: Editor, tmp_path: Path, harm: str
+) -> None:
+    editor.show_object("object 3")
+    about = json.loads(SavedSession.of("chairs", editor.state, ()).text)
+    if harm == "model only":
+        about = {"model": "chairs"}
     elif harm == "no key":
         del about["mix"]["a"]
     elif harm == "another model":
         about["scene"]["model"] = "another"
-    elif harm == "bad film":
+    elif harm == "bad timeline":
         about["timeline"]["length"] = -1.0
     elif harm == "no such object":
         about["mix"]["b"] = "gone"
     text = harm if harm in ("{", "[]") else json.dumps(about)
     (tmp_path / "session-999999999.json").write_text(text)
-    before = session.history
+    before = editor.history
     autosave = Autosave(session, tmp_path)
     autosave.restore()
     finish(session)
-    assert session.history is before
-    assert len(session.errors) == 1
+    assert editor.history is before
+    assert len(session.messages.errors) == 1
     assert len(list(tmp_path.iterdir())) == 1
     autosave.discard()
     assert not list(tmp_path.iterdir())
 
 
-def test_a_session_of_another_model_opens_it_first(session: Session, photo: Path) -> None:
-    busy(session, photo)
-    saved = Saved.of("other", session.state, (session.gallery["block"],))
+def test_a_session_of_another_model_opens_it_first(session: Session, editor: Editor, photo: Path) -> None:
+    edit(session, photo)
+    saved = SavedSession.of("other", editor.state, (editor.objects["block"],))
     session.restore(saved)
     finish(session)
-    assert session.opened == "other"
-    assert session.gallery.names[0] == "block"
-    assert len(session.state.timeline.keys) == 2
+    assert session.model_name == "other"
+    assert session.workspace is not None
+    editor = session.workspace.editor
+    assert editor.objects.names[0] == "block"
+    assert len(editor.state.timeline.keys) == 2
 
 
-def test_a_restored_object_whose_name_is_taken_gets_another(session: Session, photo: Path) -> None:
-    busy(session, photo)
-    session.show("block")
-    saved = Saved.of("other", session.state, session.gallery.added)
-    codes = session.gallery["block"].codes
+def test_a_restored_object_whose_name_is_taken_gets_another(session: Session, editor: Editor, photo: Path) -> None:
+    edit(session, photo)
+    editor.show_object("block")
+    saved = SavedSession.of("other", editor.state, editor.objects.added)
+    codes = editor.objects["block"].codes
     session.open_model("other")
     finish(session)
-    session.gallery.add(Thing("block", session.gallery["object 1"].codes))
+    assert session.workspace is not None
+    editor = session.workspace.editor
+    editor.objects.add(EditableObject("block", editor.objects["object 1"].codes))
     session.restore(saved)
-    assert session.state.mix.a == ("block (2)", "block (2)")
-    assert session.gallery["block (2)"].codes == codes
+    assert editor.state.mix.a == ("block (2)", "block (2)")
+    assert editor.objects["block (2)"].codes == codes

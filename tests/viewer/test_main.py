@@ -12,6 +12,7 @@ from PIL import Image
 
 from core.models.field import Field
 from core.models.model import Model
+from tests.viewer.machine import slowness
 from viewer.__main__ import parser
 
 
@@ -20,7 +21,9 @@ def call(*words: object, **environment: str) -> subprocess.CompletedProcess[str]
     command = [sys.executable, "-m", "viewer", *map(str, words)]
     root = Path(__file__).resolve().parents[2]
     settings = hidden | {"OMP_NUM_THREADS": "1"} | environment
-    return subprocess.run(command, cwd=root, env=settings, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(
+        command, cwd=root, env=settings, capture_output=True, text=True, timeout=120 * slowness(), check=False
+    )
 
 
 @pytest.fixture

@@ -1,23 +1,24 @@
-"""One subject per file; each panel reads the session and calls its named edits."""
+"""One subject per file; each panel reads the workspace and calls its named edits."""
 
-from viewer.desk import Panel
+from viewer.context import Panel
 from viewer.panels.camera import CameraPanel
-from viewer.panels.codes import CodesPanel
-from viewer.panels.export import Export
-from viewer.panels.fit import Fit
+from viewer.panels.candidates import CandidatesPanel
+from viewer.panels.export import ExportPanel
+from viewer.panels.fit import FitPanel
+from viewer.panels.grid import GridPanel
+from viewer.panels.history import HistoryPanel
 from viewer.panels.mix import MixPanel
-from viewer.panels.objects import Objects
-from viewer.panels.plausibility import Plausibility
-from viewer.panels.race import RacePanel
-from viewer.panels.sheet import SheetPanel
-from viewer.panels.speed import SpeedPanel
+from viewer.panels.objects import ObjectsPanel
+from viewer.panels.performance import PerformancePanel
+from viewer.panels.realism import RealismPanel
+from viewer.panels.sliders import SlidersPanel
 from viewer.panels.timeline import TimelinePanel
-from viewer.panels.view import View
-from viewer.panels.visited import Visited
+from viewer.panels.view import ViewPanel
 
 
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
-    lower = CodesPanel(), Plausibility(), SheetPanel(), Fit(), Export()
-    later = Visited(), TimelinePanel(), CameraPanel(), SpeedPanel()
-    return [View(), MixPanel(), Objects(), RacePanel(), *lower, *later]
+    top = MixPanel(), ObjectsPanel(), CandidatesPanel()
+    lower = SlidersPanel(), RealismPanel(), GridPanel(), FitPanel(), ExportPanel()
+    strip = HistoryPanel(), TimelinePanel(), CameraPanel(), PerformancePanel()
+    return [ViewPanel(), *top, *lower, *strip]

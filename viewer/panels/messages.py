@@ -1,11 +1,12 @@
-"""What the session has to say, in the corner of the view. Not a docked panel: it is there when needed."""
+"""Messages, in the corner of the view. Not a docked panel: it is there when needed."""
 
 import textwrap
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.desk import Desk, tip
-from viewer.messages import Kind, Message
+from viewer.context import PanelContext
+from viewer.services.messages import Kind, Message
+from viewer.widgets.controls import tooltip
 
 _WIDTH = 24
 """em"""
@@ -20,24 +21,24 @@ _FLAGS = (
 )
 
 
-def draw(desk: Desk) -> None:
-    """The newest at the bottom. Information fades, an error stays until it is put away."""
-    due = [message for message in desk.session.messages if not message.faded]
+def draw(context: PanelContext) -> None:
+    """The newest at the bottom. Information fades, an error stays until it is dismissed."""
+    due = [message for message in context.session.messages.all if not message.faded]
     if not due:
         return
     em = hello_imgui.em_size()
-    imgui.set_next_window_pos(desk.view[1] - ImVec2(0.7 * em, 0.7 * em), imgui.Cond_.always, (1, 1))
+    imgui.set_next_window_pos(context.view[1] - ImVec2(0.7 * em, 0.7 * em), imgui.Cond_.always, (1, 1))
     imgui.set_next_window_bg_alpha(0.94)
     if imgui.begin("Messages", None, _FLAGS)[0]:
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         for number, message in enumerate(due):
-            _draw(desk, message, number)
+            _draw(context, message, number)
     imgui.end()
 
 
-def _draw(desk: Desk, message: Message, number: int) -> None:
+def _draw(context: PanelContext, message: Message, number: int) -> None:
     wrong = message.kind is Kind.ERROR
-    colour = desk.palette.error if wrong else desk.palette.accent
+    colour = context.palette.error if wrong else context.palette.accent
     icons = icons_fontawesome_4
     icon = icons.ICON_FA_EXCLAMATION_CIRCLE if wrong else icons.ICON_FA_CHECK
     imgui.text_colored((*colour, 1.0), icon)
@@ -48,5 +49,5 @@ def _draw(desk: Desk, message: Message, number: int) -> None:
     if wrong:
         imgui.same_line()
         if imgui.small_button(f"{icons.ICON_FA_TIMES}###dismiss {number}"):
-            desk.session.dismiss(message)
-        tip("Put this message away")
+            context.session.messages.dismiss(message)
+        tooltip("Dismiss this message")

@@ -1,27 +1,28 @@
-"""The offer to go on with a session that ended badly. Not a docked panel: it is there until it is answered."""
+"""The offer to continue a session that ended badly. Not a docked panel: it is there until it is answered."""
 
 from datetime import datetime
 
 from imgui_bundle import imgui
 
-from viewer.desk import Desk, button
+from viewer.context import PanelContext
+from viewer.widgets.controls import button
 
 
-def draw(desk: Desk) -> None:
+def draw(context: PanelContext) -> None:
     """A small window in the middle of the view."""
-    autosave = desk.autosave
+    autosave = context.autosave
     if autosave is None or not autosave.left:
         return
     flags = imgui.WindowFlags_
     fixed = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize | flags.no_move
-    centre = (desk.view[0] + desk.view[1]) * 0.5
+    centre = (context.view[0] + context.view[1]) * 0.5
     imgui.set_next_window_pos(centre, imgui.Cond_.always, (0.5, 0.5))
     if imgui.begin("The last session did not end well###Recovery", None, fixed)[0]:
         when = datetime.fromtimestamp(autosave.times[-1])
-        imgui.text(f"It was saved on {when:%d %B at %H:%M}, with its film and its fitted objects.")
-        if button("Go on with it###restore", "Bring its state, its film and its fitted objects back", width=9):
+        imgui.text(f"It was saved on {when:%d %B at %H:%M}, with its timeline and its fitted objects.")
+        if button("Restore###restore", "Bring its state, its timeline and its fitted objects back", width=9):
             autosave.restore()
         imgui.same_line()
-        if button("Put it away###discard", "Delete what was saved", width=9):
+        if button("Discard###discard", "Delete what was saved", width=9):
             autosave.discard()
     imgui.end()

@@ -30,7 +30,7 @@ def carve(solid: Solid, region: Region) -> tuple[Solid, Solid]:
     return solid, joined(rest)
 
 
-def sunk(piece: Solid, move: Callable[[Points], Points]) -> Solid:
+def inset(piece: Solid, move: Callable[[Points], Points]) -> Solid:
     """A piece cut out of a half mesh (x >= 0), moved, and the walls between its border there and where it was."""
     rim = _border(piece)
     rim = rim[(np.abs(piece.vertices[rim, 0]) > 1e-6).any(1)]

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 _TILE = 64
-"""px; at 128 px pictures a tile of 0.3 m is seen at some 20 px."""
+"""px; at 128 px images a tile of 0.3 m is seen at some 20 px."""
 
 _WOODS = ("c89b66", "dfc294", "7a4a2b", "96552f", "5b2d1c", "3a2a22", "e6d3b1", "b5793f", "a8663a", "d9a566")
 _METALS = ("c4c6c8", "8d9196", "2a2b2e", "e4e4e0", "b99b5a", "55585c")
@@ -33,27 +33,27 @@ def texture(seed: int) -> Mapping[str, Paint]:
 
 def _wooden(g: np.random.Generator) -> Mapping[str, Paint]:
     wood = _wood(g)
-    return _look(g, seat=wood, back=wood, legs=wood, arms=wood, cushion=_fabric(g, any_colour(g)))
+    return _with_metal(g, seat=wood, back=wood, legs=wood, arms=wood, cushion=_fabric(g, any_colour(g)))
 
 
 def _painted(g: np.random.Generator) -> Mapping[str, Paint]:
     paint = plain(any_colour(g))
     seat = _wood(g) if g.random() < 0.4 else paint
     back = seat if g.random() < 0.3 else paint
-    return _look(g, seat=seat, back=back, legs=paint, arms=back, cushion=_fabric(g, any_colour(g)))
+    return _with_metal(g, seat=seat, back=back, legs=paint, arms=back, cushion=_fabric(g, any_colour(g)))
 
 
 def _plastic(g: np.random.Generator) -> Mapping[str, Paint]:
     body = plain(_vivid(g) if g.random() < 0.7 else any_colour(g))
     legs = (body, _metal(g), _wood(g), plain(from_hex("242424")))[g.integers(4)]
     cushion = body if g.random() < 0.5 else _fabric(g, _vivid(g))
-    return _look(g, seat=body, back=body, legs=legs, arms=body if g.random() < 0.6 else legs, cushion=cushion)
+    return _with_metal(g, seat=body, back=body, legs=legs, arms=body if g.random() < 0.6 else legs, cushion=cushion)
 
 
 def _leather(g: np.random.Generator) -> Mapping[str, Paint]:
     hide = _speckled(g, from_hex(_LEATHERS[g.integers(len(_LEATHERS))]), 0.05, 0.22, 2.0)
     legs = (_metal(g), _wood(g))[g.integers(2)]
-    return _look(g, seat=hide, back=hide, legs=legs, arms=hide if g.random() < 0.5 else legs, cushion=hide)
+    return _with_metal(g, seat=hide, back=hide, legs=legs, arms=hide if g.random() < 0.5 else legs, cushion=hide)
 
 
 def _upholstered(g: np.random.Generator) -> Mapping[str, Paint]:
@@ -61,10 +61,10 @@ def _upholstered(g: np.random.Generator) -> Mapping[str, Paint]:
     legs = (_wood(g), _metal(g), plain(from_hex("1e1e1e")))[g.integers(3)]
     second = _fabric(g, any_colour(g)) if g.random() < 0.3 else fabric
     arms = legs if g.random() < 0.5 else second
-    return _look(g, seat=fabric, back=second, legs=legs, arms=arms, cushion=fabric)
+    return _with_metal(g, seat=fabric, back=second, legs=legs, arms=arms, cushion=fabric)
 
 
-def _look(g: np.random.Generator, **paints: Paint) -> Mapping[str, Paint]:
+def _with_metal(g: np.random.Generator, **paints: Paint) -> Mapping[str, Paint]:
     return {**paints, "metal": _metal(g)}
 
 

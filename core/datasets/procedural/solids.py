@@ -38,6 +38,26 @@ class Part:
     solid: Solid
 
 
+@dataclass(frozen=True)
+class Shape:
+    """A whole object: bounding box centred on the origin with a diagonal of 1, z up, its front at +y."""
+
+    kind: str
+    parts: tuple[Part, ...]
+    metre: float
+    """scene units"""
+
+
+def normalised_shape(kind: str, parts: Sequence[Part]) -> Shape:
+    """Parts in metres, brought to ShapeNet's place and scale."""
+    used = np.concatenate([part.solid.vertices for part in parts])
+    low, high = used.min(0), used.max(0)
+    metre = 1.0 / float(np.linalg.norm(high - low))
+    middle = (low + high) / 2
+    placed = [Part(p.label, replace(p.solid, vertices=(p.solid.vertices - middle) * metre)) for p in parts]
+    return Shape(kind, tuple(placed), metre)
+
+
 def slab(
     width: float,
     depth: float,
@@ -192,7 +212,7 @@ def warped(solid: Solid, bend: Callable[[Points], Points], mirrors: bool = False
 
 
 def surface(solids: Sequence[Solid], texture: UInt8[np.ndarray, "h w 4"], period: float) -> Surface:
-    """Solids ready to draw: smooth where they are round, creased at edges, a square tile every ``period`` m."""
+    """Solids as one surface: smooth where they are round, creased at edges, a square tile every ``period`` m."""
     vertices = np.concatenate([solid.vertices[solid.faces] for solid in solids]).reshape(-1, 3)
     normals = np.concatenate([_creased_normals(solid) for solid in solids]).reshape(-1, 3)
     uvs = np.concatenate([_painted_at(solid) for solid in solids]).reshape(-1, 2) / period

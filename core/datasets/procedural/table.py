@@ -1,19 +1,19 @@
-"""Renders procedural objects: a sparse table of shapes x textures, so that shape and look vary on their own."""
+"""Renders procedural objects: a sparse table of shapes x textures, so that both vary independently."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from core.datasets.categories import Split
 from core.datasets.procedural.cars.car import car
 from core.datasets.procedural.cars.paint import car_texture
 from core.datasets.procedural.chairs.chair import chair
 from core.datasets.procedural.paint import Paint, texture
-from core.datasets.procedural.shape import Shape
-from core.datasets.procedural.solids import Solid, surface
+from core.datasets.procedural.solids import Shape, Solid, surface
 from core.datasets.rasteriser import Surface
-from core.datasets.render_objects import Sitter, picture_all
-from core.datasets.splits import Split, first_seed
+from core.datasets.render_objects import RenderTask, render_objects
+from core.datasets.splits import first_seed
 
 _GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str, Paint]]]] = {
     "cars": (car, car_texture),
@@ -22,8 +22,8 @@ _GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One object of the table: a shape's seed and a texture's."""
+class ProceduralObject:
+    """One object of the table: the seed of its shape and that of its texture."""
 
     category: str
     shape: int
@@ -45,11 +45,12 @@ class Cell:
         return f"{self.category}-{self.shape:07d}-{self.texture:07d}"
 
 
-def procedural_plan(category: str, count: int, split: Split) -> tuple[Cell, ...]:
+def procedural_table(category: str, count: int, split: Split) -> tuple[ProceduralObject, ...]:
     """``count`` objects from about count / 2 shapes and count / 3 textures.
 
-    Shapes are gone through twice, textures three times; the second round pairs each shape with a texture half the
-    table away, so no pair comes twice and shapes and textures form one connected net.
+    Each shape is used twice, each texture three times; the second round pairs each shape with a texture half the
+    table away, so that no pair comes twice and shapes and textures form one connected graph. Raises ``ValueError`` for
+    an unknown category or a count below 1.
     """
     if category not in _GENERATORS:
         raise ValueError(f"no procedural {category!r}: one of {', '.join(_GENERATORS)}")
@@ -57,43 +58,44 @@ def procedural_plan(category: str, count: int, split: Split) -> tuple[Cell, ...]
         raise ValueError(f"count of objects must be positive, got {count}")
     first = first_seed(split)
     shapes, textures = max(1, (count + 1) // 2), max(2, count // 3)
-    cells = []
+    objects = []
     for i in range(count):
         turn, shape = divmod(i, shapes)
-        cells.append(Cell(category, first + shape, first + (shape + turn * (textures // 2)) % textures))
-    return tuple(cells)
+        texture = (shape + turn * (textures // 2)) % textures
+        objects.append(ProceduralObject(category, first + shape, first + texture))
+    return tuple(objects)
 
 
-def swap_plan(category: str, count: int, blocks: int) -> tuple[Cell, ...]:
-    """Whole tables of four shapes x four textures out of the training table of ``count`` objects, one for each block.
+def disentanglement_pairs(category: str, count: int, tables: int) -> tuple[ProceduralObject, ...]:
+    """Full tables of four shapes x four textures of the ``count`` training objects.
 
-    Half of a table's cells are trained, the other half pairs that never were: each shape and each texture is seen in
-    trained cells.
+    Half of a table's pairs are trained on, the other half are not, and each shape and each texture is in a trained
+    pair. Raises ``ValueError`` where there are not enough textures.
     """
-    if blocks < 1:
-        raise ValueError(f"count of blocks must be positive, got {blocks}")
+    if tables < 1:
+        raise ValueError(f"count of tables must be positive, got {tables}")
     first, textures = first_seed("train"), max(2, count // 3)
-    if textures // 4 < blocks:
-        raise ValueError(f"{blocks} blocks of four textures are more than {count} objects wear: {textures}")
-    cells = []
-    for block in range(blocks):
-        seeds = [first + block * (textures // 4) // blocks + turn * (textures // 4) for turn in range(4)]
-        cells += [Cell(category, shape, texture) for shape in seeds for texture in seeds]
-    return tuple(cells)
+    if textures // 4 < tables:
+        raise ValueError(f"{tables} tables of four textures are more than {count} objects have: {textures}")
+    objects = []
+    for table in range(tables):
+        seeds = [first + table * (textures // 4) // tables + turn * (textures // 4) for turn in range(4)]
+        objects += [ProceduralObject(category, shape, texture) for shape in seeds for texture in seeds]
+    return tuple(objects)
 
 
 def render_procedural(
-    plan: Sequence[Cell], category: str, out: Path | str, split: Split, views: int, size: int
+    objects: Sequence[ProceduralObject], category: str, out: Path | str, split: Split, views: int, size: int
 ) -> Iterator[str]:
-    """Renders cells into the dataset ``out`` as :func:`core.datasets.render_objects.picture_all` does."""
-    sitters = [Sitter(cell.name, cell.shape_id, cell.texture_id, partial(surfaces, cell)) for cell in plan]
-    yield from picture_all(sitters, out, category, split, views, size)
+    """Renders objects into the dataset ``out``, by :func:`core.datasets.render_objects.render_objects`."""
+    tasks = [RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects]
+    yield from render_objects(tasks, out, category, split, views, size)
 
 
-def surfaces(cell: Cell) -> tuple[Surface, ...]:
-    """The object of a cell, ready to draw."""
-    make_shape, make_texture = _GENERATORS[cell.category]
-    shape, paints = make_shape(cell.shape), make_texture(cell.texture)
+def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:
+    """An object's surfaces, ready to render."""
+    make_shape, make_texture = _GENERATORS[item.category]
+    shape, paints = make_shape(item.shape), make_texture(item.texture)
     # Labels often share a paint (a chair all of one wood); one surface for each paint means few draw calls.
     painted: dict[int, list[Solid]] = {}
     for part in shape.parts:

@@ -2,45 +2,56 @@ from dataclasses import replace
 
 import pytest
 
-from core.benchmarks import ablations as parts
-from core.benchmarks.ablations import WHOLE, Measured, measured
-from core.benchmarks.charts import parts_table
+from core.benchmarks import ablations
+from core.benchmarks.ablations import ABLATIONS, FULL, AblationResults, run
 from core.benchmarks.fits import TIMES, Trial
-from core.benchmarks.held_out_views import Subject
-from core.fitting.fit import FitSettings
+from core.benchmarks.held_out_views import HeldOutView
+from core.benchmarks.tables import ablations_table
+from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
 from core.models.model import Model
+from core.models.precision import matmul_dtype
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
 
+USED: dict[str, tuple] = {}
+
 
 @pytest.fixture
-def found(monkeypatch: pytest.MonkeyPatch) -> Measured:
-    """Three objects, of which each is 10 dB harder than the one before; without the race a fit is 1 dB worse."""
+def found(monkeypatch: pytest.MonkeyPatch) -> AblationResults:
+    """Three objects, each 10 dB harder than the one before; with a single hypothesis a fit is 1 dB worse."""
 
-    def tried(model: Model, subject: Subject, preset: str, settings: FitSettings, seed: int) -> Trial:
-        raced = settings.starts > 1
-        seconds, psnr = (4.0 if raced else 1.0) * (1 + seed), 50.0 - 10 * seed - (not raced)
+    def fit_view(
+        model: Model, target: HeldOutView, preset: str, settings: FitSettings, seed: int, components: Components
+    ) -> Trial:
+        USED[preset] = settings, components, matmul_dtype("cpu")
+        many = settings.hypotheses > 1
+        seconds, psnr = (4.0 if many else 1.0) * (1 + seed), 50.0 - 10 * seed - (not many)
         errors = (3.0, 2.0, 0.01)
         return Trial(preset, "a", 0, seconds, *errors, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False)
 
-    monkeypatch.setattr(parts, "trial", tried)
+    monkeypatch.setattr(ablations, "fit_view", fit_view)
     model = tiny_model()
-    subjects = [Subject(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
-    *_, last = measured(model, subjects)
-    assert isinstance(last, Measured)
+    views = [HeldOutView(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
+    *_, last = run(model, views)
+    assert isinstance(last, AblationResults)
     return last
 
 
-def test_each_part_is_compared_with_the_whole_on_the_same_view(found: Measured) -> None:
-    whole, *others = found.parts
-    assert (whole.summary.preset, whole.gain, whole.time) == (WHOLE, (0.0, 0.0, 0.0), 1.0)
-    (race,) = (part for part in others if "race" in part.summary.preset)
-    assert (race.gain, race.time) == ((-1.0, -1.0, -1.0), 0.25)
-    assert all(part.gain.mean == 0.0 for part in others if part is not race)
+def test_each_ablation_is_compared_with_the_full_fit_of_the_same_view(found: AblationResults) -> None:
+    full, *others = found.ablations
+    assert (full.summary.preset, full.gain, full.time) == (FULL, (0.0, 0.0, 0.0), 1.0)
+    (single,) = (one for one in others if "multi-start" in one.summary.preset)
+    assert (single.gain, single.time) == ((-1.0, -1.0, -1.0), 0.25)
+    assert all(one.gain.mean == 0.0 for one in others if one is not single)
 
 
-def test_the_table_has_a_row_for_every_part(found: Measured) -> None:
-    rows = parts_table(found).splitlines()[4:]
-    assert len(rows) == len(found.parts) == len(parts._PARTS)
-    assert rows[0].startswith(f"| {WHOLE} | 1.00 | 2.00° |")
+def test_every_ablation_leaves_something_out_and_no_two_the_same(found: AblationResults) -> None:
+    assert USED[FULL][:2] == (PRESETS["normal"], ALL_COMPONENTS)
+    assert len(set(USED.values())) >= len(ABLATIONS) - (USED["in float32"] == USED[FULL])
+
+
+def test_the_table_has_a_row_for_every_ablation(found: AblationResults) -> None:
+    rows = ablations_table(found).splitlines()[4:]
+    assert len(rows) == len(found.ablations) == len(ABLATIONS)
+    assert rows[0].startswith(f"| {FULL} | 1.00 | 2.00° |")
     assert sum("| -1.00 (-1.00 to -1.00) |" in row for row in rows) == 1

@@ -1,17 +1,15 @@
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
-from PIL import Image
 
-from core.benchmarks import fits as fitting
-from core.benchmarks import held_out_views as subjects
-from core.benchmarks.charts import fitting_table, prepare, write_fitting
-from core.benchmarks.fits import Measured, measured
-from core.benchmarks.held_out_views import OTHERS, anywhere, looks_alike, own_subjects
+from core.benchmarks import fits, held_out_views
+from core.benchmarks.charts import prepare, read_fits, redraw, write_fits
+from core.benchmarks.fits import FitResults
+from core.benchmarks.held_out_views import HELD_OUT_VIEWS, is_symmetric_view, random_camera, training_object_views
+from core.benchmarks.tables import fit_table
 from core.fitting.confidence import confidence
 from core.fitting.fit import PRESETS, FitSettings
 from core.geometry.camera import Camera
@@ -19,89 +17,96 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.reference import render_exact
-from tests.conftest import random_model
+from tests.conftest import picture_size, random_model
 from tests.core.tiny import tiny_model
 
 QUICK = {
-    "normal": FitSettings(starts=6, steps=40, rays=96, samples=20),
+    "normal": FitSettings(hypotheses=6, steps=40, rays=96, samples=20),
     "paper": replace(PRESETS["paper"], steps=20, rays=64, samples=16),
 }
 
 
 @pytest.fixture(scope="module")
-def found() -> Measured:
-    subjects = tuple(own_subjects(tiny_model(), 2, torch.Generator().manual_seed(0)))
-    *told, found = measured(tiny_model(), subjects, QUICK)
-    assert all(isinstance(line, str) for line in told)
-    assert isinstance(found, Measured)
+def found() -> FitResults:
+    targets = tuple(training_object_views(tiny_model(), 2, torch.Generator().manual_seed(0)))
+    *lines, found = fits.run(tiny_model(), targets, QUICK)
+    assert all(isinstance(line, str) for line in lines)
+    assert isinstance(found, FitResults)
     return found
 
 
-def test_subjects_are_pictures_of_objects_from_the_upper_half():
+def test_training_objects_are_rendered_from_the_upper_hemisphere():
     model = tiny_model()
-    subjects = tuple(own_subjects(model, 2, torch.Generator().manual_seed(1)))
-    assert [subject.views.name for subject in subjects] == ["stool0", "stool2"]
-    for subject, codes in zip(subjects, (model.codes[0], model.codes[2]), strict=True):
-        assert len(subject.views.cameras) == 1 + OTHERS
-        exact = render_exact(model, codes, subject.camera, 96).colour.clamp(0, 1)
-        assert psnr(torch.from_numpy(subject.views.images[subject.view]) / 255, exact) > 35
-        assert 0.01 < subject.views.masks[subject.view].mean() < 0.9
+    targets = tuple(training_object_views(model, 2, torch.Generator().manual_seed(1)))
+    assert [target.views.name for target in targets] == ["stool0", "stool2"]
+    for target, codes in zip(targets, (model.codes[0], model.codes[2]), strict=True):
+        assert len(target.views.cameras) == 1 + HELD_OUT_VIEWS
+        exact = render_exact(model, codes, target.camera, 96).colour.clamp(0, 1)
+        assert psnr(torch.from_numpy(target.views.images[target.index]) / 255, exact) > 35
+        assert 0.01 < target.views.masks[target.index].mean() < 0.9
     generator = torch.Generator().manual_seed(0)
-    heights = [math.sin(anywhere(model, generator).elevation) for _ in range(300)]
+    heights = [math.sin(random_camera(model, generator).elevation) for _ in range(300)]
     assert min(heights) >= 0
     assert sum(heights) / len(heights) == pytest.approx(0.5, abs=0.05)
 
 
-def test_a_model_that_paints_its_ground_has_subjects_too():
-    subject, *_ = own_subjects(random_model(1, True), 1, torch.Generator().manual_seed(0))
-    assert subject.views.images.shape[-1] == 3
+def test_a_network_that_renders_its_background_has_views_too():
+    target, *_ = training_object_views(random_model(1, True), 1, torch.Generator().manual_seed(0))
+    assert target.views.images.shape[-1] == 3
 
 
-def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Measured):
+def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: FitResults):
     assert [(trial.preset, trial.name) for trial in found.trials] == [
         (preset, name) for name in ("stool0", "stool2") for preset in QUICK
     ]
     for trial in found.trials:
-        assert trial.trace[-1] in (trial.first_rotation, trial.rotation) or trial.seconds > fitting.TIMES[-1]
+        assert trial.rotation_curve[-1] in (trial.initial_rotation, trial.rotation) or trial.seconds > fits.TIMES[-1]
         assert trial.held_out > 5
         if trial.preset == "paper":
-            assert trial.margin is trial.spread is trial.confidence is None
+            assert trial.margin is trial.uncertainty is trial.confidence is None
         else:
             assert trial.margin is not None
-            assert trial.spread is not None
-            assert trial.confidence == confidence(trial.margin, trial.spread)
+            assert trial.uncertainty is not None
+            assert trial.confidence == confidence(trial.margin, trial.uncertainty)
     assert [summary.preset for summary in found.summaries] == list(QUICK)
     assert {summary.fits for summary in found.summaries} == {2}
-    assert all(one.separation is None or 0 <= one.separation <= 1 for one in found.summaries)
+    assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in found.summaries)
 
 
-def test_charts_are_written(found: Measured, tmp_path: Path):
+def test_charts_are_written(found: FitResults, tmp_path: Path):
     prepare(tmp_path / "charts")
-    write_fitting(found, tmp_path / "charts")
-    told = json.loads((tmp_path / "charts/fit.json").read_text())
-    assert [one["preset"] for one in told["summaries"]] == list(QUICK)
-    assert Image.open(tmp_path / "charts/fit.png").width > 800
-    table = fitting_table(found)
+    write_fits(found, tmp_path / "charts")
+    assert read_fits(tmp_path / "charts/fit.csv") == found
+    assert picture_size(tmp_path / "charts/fit.png")[0] > 800
+    table = fit_table(found)
     assert (tmp_path / "charts/fit.md").read_text() == table
     assert "| paper |" in table
+    (tmp_path / "charts/fit.md").unlink()
+    assert redraw(tmp_path) == [tmp_path / "charts/fit.csv"]
+    assert (tmp_path / "charts/fit.md").read_text() == table
 
 
-def test_fits_that_end_before_anything_is_read_off_are_drawn_too(found: Measured, tmp_path: Path) -> None:
-    at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.summaries)
-    write_fitting(replace(found, summaries=at_once), tmp_path)
+def test_a_folder_without_results_is_refused(tmp_path: Path):
+    with pytest.raises(ValueError, match="no CSV file of a benchmark"):
+        redraw(tmp_path)
+
+
+def test_fits_that_end_before_anything_is_read_off_are_drawn_too(found: FitResults, tmp_path: Path) -> None:
+    at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.trials)
+    write_fits(replace(found, trials=at_once), tmp_path)
     assert (tmp_path / "fit.png").exists()
 
 
-def test_an_object_looks_alike_from_its_other_right_cameras_only(monkeypatch: pytest.MonkeyPatch):
+def test_a_symmetric_view_is_one_from_which_the_object_looks_the_same(monkeypatch: pytest.MonkeyPatch):
     model, truth = tiny_model(), tiny_model().camera(0.7, 0.4)
     lopsided = model.codes[0]
-    assert looks_alike(model, lopsided, replace(truth, azimuth=0.75), truth, 5.0)
-    assert not looks_alike(model, lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
-    plain = subjects.drawn_on_white
+    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.75), truth, 5.0)
+    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi), truth, 5.0)
+    plain = held_out_views.render_on_white
 
     def symmetric(model: Model, codes: Codes, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
         return plain(model, codes, replace(camera, azimuth=camera.azimuth % math.pi))
 
-    monkeypatch.setattr(subjects, "drawn_on_white", symmetric)
-    assert looks_alike(model, lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
-    assert not looks_alike(model, lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)
+    monkeypatch.setattr(held_out_views, "render_on_white", symmetric)
+    assert is_symmetric_view(model, lopsided, replace(truth, azimuth=0.71 + math.pi), truth, 5.0)
+    assert not is_symmetric_view(model, lopsided, replace(truth, azimuth=0.7 + math.pi / 2), truth, 5.0)

@@ -10,19 +10,16 @@ import pytest
 import torch
 from PIL import ExifTags, Image
 
-from core.__main__ import main, parser
-from core.benchmarks import ablations as parts
-from core.benchmarks import robustness as stability
+from core.__main__ import main
+from core.benchmarks import ablations, gate, robustness
 from core.cli import fit as fitting
 from core.datasets.srn import read_dataset, write_manifest, write_object
 from core.fitting import fit as fits
-from core.fitting import hypotheses
-from core.fitting.fit import PRESETS, Alternative, FitStep
+from core.fitting.fit import PRESETS, FitStep, RunnerUp
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.photo import Photo
-from core.training.trainer import RECIPES
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
 
@@ -118,16 +115,16 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
     tiny.save(tmp_path / "m.safetensors")
     for index in range(3):
         write_object(tmp_path / "d", views_of(tiny, index, 3))
-    words = ("evaluate", tmp_path / "d", "--model", tmp_path / "m.safetensors", "--inputs", "0,1", "--objects", 1)
+    words = ("evaluate", tmp_path / "d", "--model", tmp_path / "m.safetensors", "--input-views", "0,1", "--objects", 1)
     run(*words, "--report", tmp_path / "r.json")
     assert "2-view (0, 1), camera known" in capsys.readouterr().out
     told = json.loads((tmp_path / "r.json").read_text())
     assert [one["name"] for one in told["objects"]] == ["stool0"]
     assert told["summary"]["psnr"][0] > 20
     assert (tmp_path / "r.png").exists()
-    assert "stool0: 3 views" in refused(capsys, *words[:4], "--inputs", "7")
-    assert "no held-out cell" in refused(capsys, *words[:4], "--swap")
-    assert "no --inputs" in refused(capsys, *words, "--swap")
+    assert "stool0: 3 views" in refused(capsys, *words[:4], "--input-views", "7")
+    assert "no held-out pair" in refused(capsys, *words[:4], "--disentanglement")
+    assert "no --input-views" in refused(capsys, *words, "--disentanglement")
     write_manifest(tmp_path / "d", "boats", {})
     assert "boats" in refused(capsys, *words)
 
@@ -149,8 +146,8 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("convert", "{file}", "--out", "{tmp}/a.safetensors"), "hpam.json"),
         (("convert", "{file}", "--config", "{file}", "--out", "{tmp}/a.pth"), "safetensors"),
         (("evaluate", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
-        (("evaluate", "{tmp}", "--model", "{file}", "--inputs", "64,,1"), "--inputs"),
-        (("evaluate", "{tmp}", "--model", "{file}", "--inputs", "3,3"), "different views"),
+        (("evaluate", "{tmp}", "--model", "{file}", "--input-views", "64,,1"), "--input-views"),
+        (("evaluate", "{tmp}", "--model", "{file}", "--input-views", "3,3"), "different views"),
         (("fit", "{tmp}/gone.png", "--model", "{file}"), "gone.png"),
         (("fit", "{file}", "--model", "{file}"), "m.safetensors"),
         (("fit", "a.png", "--out", "{tmp}"), "called .json"),
@@ -158,11 +155,11 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
         (("fit", "a.png", "--out", "{tmp}/gone/a.json"), "no folder"),
         (("fit", "a.png", "b.png", "--model", "{file}", "--pose", "p.txt"), "as many poses"),
         (("fit", "a.png", "--preset", "best"), "paper"),
-        (("fit", "a.png", "--preset", "paper", "--lens"), "focal length"),
-        (("fit", "a.png", "--pose", "a.txt", "--lens"), "--pose gives them"),
+        (("fit", "a.png", "--preset", "paper", "--estimate-focal"), "focal length"),
+        (("fit", "a.png", "--pose", "a.txt", "--estimate-focal"), "--pose gives them"),
         (("bench", "fit", "--dataset", "{tmp}/gone", "--model", "{file}"), "no such dataset"),
         (("train", "{tmp}", "--out", "{tmp}/x.safetensors"), "no object folders"),
-        (("train", "{tmp}", "--from", "{file}", "--width", "32", "--out", "{tmp}/x.safetensors"), "no --width"),
+        (("train", "{tmp}", "--init", "{file}", "--width", "32", "--out", "{tmp}/x.safetensors"), "no --width"),
         (("dataset", "meshes", "{tmp}", "--out", "{tmp}/d", "--category", "chairs"), "index.json"),
         (("nonsense",), "nonsense"),
         ((), "COMMAND"),
@@ -189,47 +186,58 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     curve = json.loads((tmp_path / "n.curve.json").read_text())
     assert [point["step"] for point in curve["n"]] == [8, 12]
     assert (tmp_path / "n.curve.png").exists()
-    run("train", tmp_path / "d", "--from", out, "--steps", 2, "--out", tmp_path / "more.safetensors")
+    run("train", tmp_path / "d", "--init", out, "--steps", 2, "--out", tmp_path / "more.safetensors")
     assert load_model(str(tmp_path / "more.safetensors")).field.config == load_model(str(out)).field.config
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
-    run("glance", tmp_path / "d", "--model", out, "--steps", 1, "--out", tmp_path / "looks.safetensors")
+    run("train-viewpoint", tmp_path / "d", "--model", out, "--steps", 1, "--out", tmp_path / "looks.safetensors")
     looks, before = load_model(str(tmp_path / "looks.safetensors")), load_model(str(out))
     assert looks.fingerprint == before.fingerprint
-    assert looks.glance is not None
-    assert before.glance is not None
+    assert looks.viewpoint_classifier is not None
+    assert before.viewpoint_classifier is not None
     shutil.rmtree(tmp_path / "d")
 
 
 def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch):
     tiny_model().save(tmp_path / "m.safetensors")
-    for presets in (PRESETS, stability.COMPARED):
+    for presets in (PRESETS, robustness.COMPARED):
         for name, settings in presets.items():
-            monkeypatch.setitem(presets, name, replace(settings, starts=1, steps=2, rays=16, samples=8))
-    monkeypatch.setattr(stability, "STRESSORS", {"nothing": stability.STRESSORS["nothing"]})
+            monkeypatch.setitem(presets, name, replace(settings, hypotheses=1, steps=2, rays=16, samples=8))
+    monkeypatch.setattr(robustness, "STRESSORS", {"none": robustness.STRESSORS["none"]})
     words = ("--model", tmp_path / "m.safetensors", "--objects", 1, "--out", tmp_path / "charts")
     run("bench", "fit", *words)
     assert "| paper |" in capsys.readouterr().out
-    run("bench", "stability", *words)
+    run("bench", "robustness", *words)
     assert "| stressor | level | normal | paper |" in capsys.readouterr().out
     write_object(tmp_path / "d", views_of(tiny_model(), 0, 3))
     run("bench", "fit", *words, "--dataset", tmp_path / "d")
-    assert json.loads((tmp_path / "charts/fit.json").read_text())["trials"][0]["name"] == "stool0"
-    for name, (_, changes) in parts._PARTS.items():
-        monkeypatch.setitem(parts._PARTS, name, (PRESETS["normal"], changes))
-    run("bench", "parts", *words)
-    assert "| nothing left out |" in capsys.readouterr().out
-    assert hypotheses.SILHOUETTE > 0
-    assert sorted(path.name for path in (tmp_path / "charts").iterdir()) == [
+    assert "stool0" in (tmp_path / "charts/fit.csv").read_text()
+    (tmp_path / "charts/fit.png").unlink()
+    run("bench", "redraw", "--out", tmp_path / "charts")
+    assert str(tmp_path / "charts/fit.csv") in capsys.readouterr().out
+    baseline = (tmp_path / "charts/fit.csv").read_text()
+    (tmp_path / "fit.csv").write_text(baseline)
+    monkeypatch.setattr(gate, "SPEED_TOLERANCE", 1.0)  # so short fits differ by more
+    run("bench", "fit", *words, "--dataset", tmp_path / "d", "--gate", tmp_path / "fit.csv")
+    assert "no worse than the baseline" in capsys.readouterr().out
+    monkeypatch.setattr(gate, "SPEED_TOLERANCE", -1e6)
+    with pytest.raises(SystemExit, match=r"^worse than the baseline: draft: .* times faster, baseline"):
+        run("bench", "fit", *words, "--dataset", tmp_path / "d", "--gate", tmp_path / "fit.csv")
+    assert (tmp_path / "charts/fit.csv").read_text() == baseline
+    for name, (_, components) in ablations.ABLATIONS.items():
+        monkeypatch.setitem(ablations.ABLATIONS, name, (PRESETS["normal"], components))
+    run("bench", "ablations", *words)
+    assert "| full |" in capsys.readouterr().out
+    assert {path.name for path in (tmp_path / "charts").iterdir()} == {
         "failures.png",
-        *(f"{name}.{kind}" for name in ("fit", "parts", "stability") for kind in ("json", "md", "png")),
-    ]
+        *(f"{name}.{kind}" for name in ("ablations", "fit", "robustness") for kind in ("csv", "md", "png")),
+    }
 
 
 @pytest.mark.parametrize("margin, said", [(-9.0, "doubtful"), (9.0, "")])
 def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, capsys, monkeypatch):
     camera, codes = model.camera(0.3, 0.3), model.codes[0]
-    alternative = Alternative((model.camera(3.4, 0.3),), 0.5)
-    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, alternative=alternative, margin=margin, spread=1.5)
+    runner_up = RunnerUp((model.camera(3.4, 0.3),), 0.5)
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (camera,), codes, runner_up=runner_up, margin=margin, uncertainty=1.5)
     monkeypatch.setattr(
         fitting, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     )
@@ -240,23 +248,9 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     assert bool(told.err) == bool(said)
     found = json.loads(told.out)
     place = {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "focal": 1.025}
-    assert found["alternative"] == place | {"loss": 0.5}
+    assert found["runner_up"] == place | {"loss": 0.5}
     assert found["confidence"] == pytest.approx(step.confidence, abs=1e-3)
-    assert found["spread"] == 1.5
-
-
-def test_the_presets_of_the_command_line_are_those_of_the_fit():
-    for name in PRESETS:
-        assert parser().parse_args(["fit", "a.png", "--preset", name]).preset == name
-
-
-def test_the_sizes_that_the_command_line_tells_are_those_of_the_recipe():
-    ours = RECIPES["ours"].field
-    train = next(iter(parser()._subparsers._group_actions)).choices["train"]
-    told = {action.dest: action for action in train._actions}
-    assert f"ours: {ours.width})" in told["width"].help
-    assert f"ours: {ours.shape_latent} {ours.texture_latent})" in told["latent"].help
-    assert tuple(told["recipe"].choices) == tuple(RECIPES)
+    assert found["uncertainty_deg"] == 1.5
 
 
 def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys, monkeypatch):
@@ -288,7 +282,10 @@ def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys
         (("render", "--size", "0"), "argument --size: must be a whole number of at least 1, not '0'"),
         (("render", "--azimuth", "east"), "argument --azimuth: an angle is a number of degrees, not 'east'"),
         (("render", "--azimuth", "nan"), "argument --azimuth: an angle is a number of degrees, not 'nan'"),
-        (("evaluate", "data", "--inputs", "64;104"), "argument --inputs: views are whole numbers V,V, not '64;104'"),
+        (
+            ("evaluate", "data", "--input-views", "64;104"),
+            "argument --input-views: views are whole numbers V,V, not '64;104'",
+        ),
     ],
 )
 def test_what_is_no_number_is_told_in_plain_words(

@@ -8,9 +8,9 @@ import pytest
 import trimesh
 from PIL import Image
 
-from core.datasets.glb_objects import load_mesh, mesh_plan, render_meshes
+from core.datasets.glb_objects import load_mesh, render_meshes, select_meshes
 from core.datasets.rasteriser import Rasteriser
-from core.datasets.splits import held_out
+from core.datasets.splits import held_out_meshes
 from core.datasets.srn import read_dataset
 
 
@@ -74,14 +74,14 @@ def test_files_that_hold_no_mesh_are_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"bad\.glb"):
         load_mesh(tmp_path / "bad.glb")
     with pytest.raises(ValueError, match=r"index\.json"):
-        mesh_plan(tmp_path, "chairs", "train")
+        select_meshes(tmp_path, "chairs", "train")
     (tmp_path / "index.json").write_text("[]")
     with pytest.raises(ValueError, match="no chairs for the train split"):
-        mesh_plan(tmp_path, "chairs", "train")
+        select_meshes(tmp_path, "chairs", "train")
 
 
 def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, rasteriser: Rasteriser) -> None:
-    kept = min(held_out("chairs"))
+    kept = min(held_out_meshes("chairs"))
     write_folder(tmp_path, ["one", "two", kept])
     out = tmp_path / "out"
     assert next(render_meshes(tmp_path, out, "chairs", "train", 4, 32)) == "one"
@@ -100,15 +100,15 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
 
 def test_the_shared_meshes_split(shared: Path) -> None:
     for category in ("chairs", "cars"):
-        train, test = (mesh_plan(shared / "meshes", category, split) for split in ("train", "test"))
+        train, test = (select_meshes(shared / "meshes", category, split) for split in ("train", "test"))
         assert len(test) == 10
-        assert not {entry.name for entry in train} & held_out(category)
-        assert {entry.name for entry in test} == held_out(category)
+        assert not {entry.name for entry in train} & held_out_meshes(category)
+        assert {entry.name for entry in test} == held_out_meshes(category)
 
 
 def test_a_shared_chair_faces_the_front(shared: Path) -> None:
     """Most of what stands above the seat stands behind it."""
-    for entry in mesh_plan(shared / "meshes", "chairs", "test"):
+    for entry in select_meshes(shared / "meshes", "chairs", "test"):
         if "stool" in entry.name:
             continue
         vertices = np.concatenate([s.vertices[s.faces].mean(1) for s in load_mesh(entry.path)])

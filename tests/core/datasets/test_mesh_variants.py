@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.datasets.mesh_variants import cells, deformed, recoloured
+from core.datasets.mesh_variants import deformed, pairs, recoloured
 from core.datasets.rasteriser import Surface
 
 
@@ -15,17 +15,17 @@ def _box() -> Surface:
 
 @given(st.integers(0, 6))
 def test_cells_are_distinct_and_form_one_connected_half_of_the_table(variants: int) -> None:
-    filled = cells(variants)
-    forms, looks = {form for form, _ in filled}, {look for _, look in filled}
+    filled = pairs(variants)
+    shapes, colourings = {shape for shape, _ in filled}, {colours for _, colours in filled}
     assert len(set(filled)) == len(filled)
     assert filled[0] == (0, 0)
-    assert forms == set(range(variants + 1))
+    assert shapes == set(range(variants + 1))
     reached = {0}
     for _ in filled:
-        reached |= {f for f, look in filled if any(g in reached and other == look for g, other in filled)}
-    assert reached == forms
+        reached |= {s for s, colours in filled if any(o in reached and other == colours for o, other in filled)}
+    assert reached == shapes
     if 3 <= variants <= 5:
-        assert 0.3 <= len(filled) / (len(forms) * len(looks)) <= 0.6
+        assert 0.3 <= len(filled) / (len(shapes) * len(colourings)) <= 0.6
 
 
 def test_variant_zero_is_the_mesh_itself() -> None:
@@ -34,7 +34,7 @@ def test_variant_zero_is_the_mesh_itself() -> None:
     np.testing.assert_array_equal(recoloured([_box()], "a", 0)[0].colours, _box().colours)
 
 
-def test_forms_keep_left_and_right_alike_and_repeat() -> None:
+def test_deformed_shapes_keep_left_and_right_alike_and_repeat() -> None:
     first, again = (deformed([_box()], "a", 2)[0].vertices for _ in range(2))
     np.testing.assert_array_equal(first, again)
     assert not np.allclose(first, _box().vertices)
@@ -42,7 +42,7 @@ def test_forms_keep_left_and_right_alike_and_repeat() -> None:
     assert not np.allclose(first, deformed([_box()], "a", 1)[0].vertices)
 
 
-def test_a_look_is_the_same_on_every_form() -> None:
+def test_a_recolouring_is_the_same_on_every_shape() -> None:
     plain = recoloured([_box()], "a", 1)[0]
     bent = deformed([plain], "a", 2)[0]
     np.testing.assert_array_equal(plain.colours, bent.colours)

@@ -35,7 +35,7 @@ def test_a_point_is_drawn_where_its_ray_looks(rasteriser: Rasteriser, azimuth: f
     for row, column in ((20, 44), (50, 13), (32, 32)):
         place = (rays.origins + 1.25 * rays.directions)[row, column].double().numpy()
         rasteriser.upload([dot(place, 0.03)])
-        image, mask = rasteriser.draw(view)
+        image, mask = rasteriser.render(view)
         dark = 255.0 - image.mean(-1)
         y, x = np.mgrid[:SIZE, :SIZE] + 0.5
         assert (dark * x).sum() / dark.sum() == pytest.approx(column + 0.5, abs=0.08)
@@ -49,7 +49,7 @@ def test_coverage_is_the_share_of_the_pixel(rasteriser: Rasteriser) -> None:
     corners = np.array([(-side, -side, 0), (side, -side, 0), (side, side, 0), (-side, side, 0)], float) / 2
     faces = np.array([(0, 1, 2), (0, 2, 3)])
     rasteriser.upload([Surface(corners, np.zeros((4, 3)), faces, np.zeros((4, 3)))])
-    image, mask = rasteriser.draw(camera(0.3, math.pi / 2))
+    image, mask = rasteriser.render(camera(0.3, math.pi / 2))
     expected = (side * 65.625 / 1.3) ** 2
     assert (1 - image[..., 0] / 255.0).sum() == pytest.approx(expected, rel=0.02)
     assert mask.sum() == pytest.approx(expected, rel=0.05)
@@ -59,11 +59,11 @@ def test_coverage_is_the_share_of_the_pixel(rasteriser: Rasteriser) -> None:
 
 def test_the_ground_is_white_and_out_of_the_mask(rasteriser: Rasteriser) -> None:
     rasteriser.upload([dot(np.zeros(3), 0.1)])
-    image, mask = rasteriser.draw(camera(0, 0))
+    image, mask = rasteriser.render(camera(0, 0))
     assert (image[:8] == 255).all()
     assert not mask[:8].any()
     rasteriser.upload([])
-    image, mask = rasteriser.draw(camera(0, 0))
+    image, mask = rasteriser.render(camera(0, 0))
     assert (image == 255).all()
     assert not mask.any()
 
@@ -72,16 +72,16 @@ def test_near_hides_far(rasteriser: Rasteriser) -> None:
     black, behind = dot(np.zeros(3), 0.1), dot(np.array([0, 0.3, 0]), 0.1)
     white = Surface(behind.vertices, behind.normals, behind.faces, np.ones((6, 3)))
     rasteriser.upload([white, black])
-    assert rasteriser.draw(camera(math.pi / 2, 0))[0][32, 32].min() > 120
-    assert rasteriser.draw(camera(-math.pi / 2, 0))[0][32, 32].max() == 0
+    assert rasteriser.render(camera(math.pi / 2, 0))[0][32, 32].min() > 120
+    assert rasteriser.render(camera(-math.pi / 2, 0))[0][32, 32].max() == 0
 
 
 def test_light_comes_from_above_and_stays_with_the_world(rasteriser: Rasteriser) -> None:
     rasteriser.upload([surface([slab(0.3, 0.3, 0.3, 0.001, 0.001)], GREY, 1.0)])
-    top = rasteriser.draw(camera(0.4, math.pi / 2))[0][32, 32, 0]
-    turned = rasteriser.draw(camera(2.4, math.pi / 2))[0][32, 32, 0]
-    sides = [int(rasteriser.draw(camera(a, 0.0))[0][32, 32, 0]) for a in (0, math.pi / 2, math.pi, -math.pi / 2)]
-    under = rasteriser.draw(camera(0.4, -math.pi / 2))[0][32, 32, 0]
+    top = rasteriser.render(camera(0.4, math.pi / 2))[0][32, 32, 0]
+    turned = rasteriser.render(camera(2.4, math.pi / 2))[0][32, 32, 0]
+    sides = [int(rasteriser.render(camera(a, 0.0))[0][32, 32, 0]) for a in (0, math.pi / 2, math.pi, -math.pi / 2)]
+    under = rasteriser.render(camera(0.4, -math.pi / 2))[0][32, 32, 0]
     assert top == turned
     assert top > max(sides) > min(sides) > under > 40
     assert top <= 128
@@ -97,7 +97,7 @@ def test_both_sides_of_a_face_are_lit(rasteriser: Rasteriser) -> None:
         (box.faces, -box.normals),
     ):
         rasteriser.upload([Surface(box.vertices, normals, faces, box.colours, box.uvs, box.texture)])
-        pictures.append(rasteriser.draw(camera(0.7, 0.5))[0].astype(int))
+        pictures.append(rasteriser.render(camera(0.7, 0.5))[0].astype(int))
     assert np.abs(pictures[0] - pictures[1]).max() <= 1
     assert np.abs(pictures[0] - pictures[2]).max() <= 1
 
@@ -114,7 +114,7 @@ def test_a_texture_is_the_right_way_up_and_cut_out_where_clear(rasteriser: Raste
     )
     faces = np.array([(0, 1, 2), (0, 2, 3)])
     rasteriser.upload([Surface(corners, np.zeros((4, 3)), faces, np.ones((4, 3)), uvs, picture)])
-    image, mask = rasteriser.draw(camera(math.pi / 2, 0))
+    image, mask = rasteriser.render(camera(math.pi / 2, 0))
     quarters = {(r, c): image[r, c].argmax() for r, c in ((27, 27), (27, 37), (37, 27))}
     assert list(quarters.values()) == [0, 1, 2]
     assert image[37, 37].min() == 255
@@ -124,12 +124,12 @@ def test_a_texture_is_the_right_way_up_and_cut_out_where_clear(rasteriser: Raste
 def test_two_rasterisers_do_not_disturb_each_other(rasteriser: Rasteriser) -> None:
     view = camera(0.5, 0.5)
     rasteriser.upload([dot(np.zeros(3), 0.1)])
-    before, _ = rasteriser.draw(view)
+    before, _ = rasteriser.render(view)
     with Rasteriser(32) as other:
         other.upload([dot(np.zeros(3), 0.3)])
-        assert np.array_equal(rasteriser.draw(view)[0], before)
-        assert other.draw(view.resized(32, 32))[1].sum() > 30
-    assert np.array_equal(rasteriser.draw(view)[0], before)
+        assert np.array_equal(rasteriser.render(view)[0], before)
+        assert other.render(view.resized(32, 32))[1].sum() > 30
+    assert np.array_equal(rasteriser.render(view)[0], before)
 
 
 def test_a_surface_that_does_not_fit_is_refused(rasteriser: Rasteriser) -> None:
@@ -140,5 +140,5 @@ def test_a_surface_that_does_not_fit_is_refused(rasteriser: Rasteriser) -> None:
         Surface(three, three, np.array([(0, 1, 2)]), three, None, DARK)
     with pytest.raises(ValueError, match="finite"):
         Surface(three + math.nan, three, np.array([(0, 1, 2)]), three)
-    with pytest.raises(ValueError, match="draws 64 px"):
-        rasteriser.draw(camera(0, 0).resized(32, 32))
+    with pytest.raises(ValueError, match="renders 64 px"):
+        rasteriser.render(camera(0, 0).resized(32, 32))

@@ -12,7 +12,7 @@ import pytest
 import torch
 from PIL import Image
 
-from core.datasets.srn import ObjectViews, find_objects, read_dataset, write_manifest, write_object
+from core.datasets.srn import ObjectViews, index_objects, read_dataset, write_manifest, write_object
 from core.geometry.camera import Camera
 
 SIZE = 16
@@ -59,7 +59,7 @@ def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
     write_object(tmp_path / "one", views("a"))
     write_object(tmp_path / "two", views("b"))
     (tmp_path / "two/b/rgb/000000.png").write_text("broken")
-    category, (a, b) = find_objects([tmp_path / "one", tmp_path / "two"])
+    category, (a, b) = index_objects([tmp_path / "one", tmp_path / "two"])
     assert category == "chairs"
     assert (a.name, a.shape_id, a.texture_id) == ("a", "shape-1", "oak")
     assert (b.name, b.shape_id, b.texture_id) == ("b", "b", "b")
@@ -67,10 +67,10 @@ def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"000000\.png"):
         b.read()
     with pytest.raises(ValueError, match="two folders hold"):
-        find_objects([tmp_path / "one", tmp_path / "one"])
+        index_objects([tmp_path / "one", tmp_path / "one"])
     write_manifest(tmp_path / "two", "cars", {})
     with pytest.raises(ValueError, match="cars, chairs"):
-        find_objects([tmp_path / "one", tmp_path / "two"])
+        index_objects([tmp_path / "one", tmp_path / "two"])
 
 
 def test_without_a_manifest_nothing_is_shared(tmp_path: Path) -> None:
@@ -182,7 +182,7 @@ def test_contradictions_are_refused(tmp_path: Path) -> None:
     for folder, category in (("one", "cars"), ("four", "chairs")):
         write_object(tmp_path / folder, views(folder))
         write_manifest(tmp_path / folder, category, {})
-    for second, said in (("two", "b: pictures of 8x8"), ("three", "a: two folders"), ("four", "categories")):
+    for second, said in (("two", "b: images of 8x8"), ("three", "a: two folders"), ("four", "categories")):
         with pytest.raises(ValueError, match=said):
             read_dataset([tmp_path / "one", tmp_path / second])
     with pytest.raises(ValueError, match="nowhere"):

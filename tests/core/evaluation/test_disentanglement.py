@@ -4,16 +4,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from core.datasets.srn import ObjectPlace, find_objects, write_manifest, write_object
+from core.datasets.srn import ObjectEntry, index_objects, write_manifest, write_object
 from core.evaluation import disentanglement as module
-from core.evaluation.disentanglement import probe, swap, swap_summary, table
-from core.evaluation.report import swap_told, write_swap_report
+from core.evaluation.disentanglement import pairs, probe, score_pairs, summarise_pairs
+from core.evaluation.report import format_disentanglement, write_disentanglement_report
 from core.fitting.fit import FitJob, FitSettings
 from core.models.codes import CodeBook, Codes
 from core.models.model import Model
 from tests.core.evaluation.test_protocol import views_of
 
-CELLS = {"stool0": (0, 1), "stool1": (1, 0), "stool2": (2, 3), "stool3": (3, 2), "new01": (0, 0), "new23": (2, 2)}
+IDS = {"stool0": (0, 1), "stool1": (1, 0), "stool2": (2, 3), "stool3": (3, 2), "new01": (0, 0), "new23": (2, 2)}
 
 
 @pytest.fixture(autouse=True)
@@ -23,61 +23,61 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[ObjectPlace, ...]:
+def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[ObjectEntry, ...]:
     """The stools that the model knows, and two of its shapes in textures that they did not wear."""
     folder = tmp_path_factory.mktemp("factorial")
     shapes, textures = tiny.codes.shapes, tiny.codes.textures
-    for name, (shape, texture) in CELLS.items():
+    for name, (shape, texture) in IDS.items():
         book = CodeBook(shapes[[shape]], textures[[texture]], (tiny.codes.objects[0]._replace(shape=0, texture=0),))
         write_object(folder, replace(views_of(replace(tiny, codes=book), 0, 3), name=name))
-    write_manifest(folder, "stools", {name: (f"s{shape}", f"t{texture}") for name, (shape, texture) in CELLS.items()})
-    return find_objects([folder])[1]
+    write_manifest(folder, "stools", {name: (f"s{shape}", f"t{texture}") for name, (shape, texture) in IDS.items()})
+    return index_objects([folder])[1]
 
 
-def test_the_table_takes_codes_from_objects_known_by_name(tiny: Model, factorial):
-    cells = {cell.place.name: cell for cell in table(tiny, factorial)}
-    for name, (shape, texture) in CELLS.items():
-        assert (cells[name].shape, cells[name].texture) == (shape, texture)
-        assert cells[name].trained == name.startswith("stool")
+def test_pairs_take_codes_from_objects_known_by_name(tiny: Model, factorial):
+    by_name = {pair.entry.name: pair for pair in pairs(tiny, factorial)}
+    for name, (shape, texture) in IDS.items():
+        assert (by_name[name].shape, by_name[name].texture) == (shape, texture)
+        assert by_name[name].trained == name.startswith("stool")
 
 
-def test_broken_objects_lend_no_codes(tiny: Model, factorial):
-    lost = replace(tiny, codes=replace(tiny.codes, broken=frozenset({0})))
-    assert "new01" not in {cell.place.name for cell in table(lost, factorial)}
+def test_collapsed_objects_lend_no_codes(tiny: Model, factorial):
+    lost = replace(tiny, codes=replace(tiny.codes, collapsed=frozenset({0})))
+    assert "new01" not in {pair.entry.name for pair in pairs(lost, factorial)}
 
 
-def test_without_held_out_cells_it_says_so(tiny: Model, factorial):
-    with pytest.raises(ValueError, match="no held-out cell: the model knows 4 of the 4"):
-        table(tiny, [place for place in factorial if place.name.startswith("stool")])
+def test_without_held_out_pairs_it_is_refused(tiny: Model, factorial):
+    with pytest.raises(ValueError, match="no held-out pair: the model knows 4 of the 4"):
+        pairs(tiny, [place for place in factorial if place.name.startswith("stool")])
 
 
-def test_swapped_codes_draw_the_true_cell_and_textures_move_nothing(tiny: Model, factorial, tmp_path: Path):
-    scores = list(swap(tiny, table(tiny, factorial)))
-    found = swap_summary(scores)
-    assert (found.swapped_cells, found.trained_cells) == (2, 4)
-    assert found.swapped.mean > 35
+def test_recombined_codes_render_the_true_pair_and_textures_move_nothing(tiny: Model, factorial, tmp_path: Path):
+    scores = list(score_pairs(tiny, pairs(tiny, factorial)))
+    found = summarise_pairs(scores)
+    assert (found.recombined_pairs, found.trained_pairs) == (2, 4)
+    assert found.recombined.mean > 35
     assert found.trained.mean > 35
-    assert found.direct.mean > 25  # of short fits
+    assert found.refitted.mean > 25  # of short fits
     assert found.opacity_change == 0
-    assert found.ground_change < 1e-3  # all the light that the object gives to what counts as ground
-    text = swap_told(scores)
+    assert found.background_change < 1e-3  # all the light that the object gives to what counts as ground
+    text = format_disentanglement(scores)
     assert "at most 0 of full opacity" in text
     assert "texture from shape codes" in text
-    unfitted = swap_told([replace(score, direct=None, fitted=None) for score in scores])
+    unfitted = format_disentanglement([replace(score, refitted=None, fitted_codes=None) for score in scores])
     assert "other views" in text
     assert "other views" not in unfitted
     assert "nan" not in unfitted
-    write_swap_report(tmp_path / "s.json", scores, {"model": "m"})
+    write_disentanglement_report(tmp_path / "s.json", scores, {"model": "m"})
     assert sorted(path.name for path in tmp_path.iterdir()) == ["s.json", "s.png"]
 
 
 def test_wrong_codes_are_seen(tiny: Model, factorial):
-    wrong = [replace(cell, shape=3 - cell.shape) for cell in table(tiny, factorial) if not cell.trained]
-    assert swap_summary(list(swap(tiny, wrong))).swapped.mean < 24
+    wrong = [replace(pair, shape=3 - pair.shape) for pair in pairs(tiny, factorial) if not pair.trained]
+    assert summarise_pairs(list(score_pairs(tiny, wrong))).recombined.mean < 24
 
 
 def test_a_leaking_field_would_be_caught(tiny: Model, factorial, monkeypatch: pytest.MonkeyPatch):
-    honest = module._seen
+    honest = module._render_first_view
 
     def leaking(model, codes: Codes, views):
         seen = honest(model, codes, views)
@@ -85,21 +85,21 @@ def test_a_leaking_field_would_be_caught(tiny: Model, factorial, monkeypatch: py
             seen, colour=seen.colour - 0.1 * codes.texture[0], opacity=seen.opacity * (0.75 + codes.texture[0] / 4)
         )
 
-    monkeypatch.setattr(module, "_seen", leaking)
-    score, _ = swap(tiny, [cell for cell in table(tiny, factorial) if not cell.trained])
+    monkeypatch.setattr(module, "_render_first_view", leaking)
+    score, _ = score_pairs(tiny, [pair for pair in pairs(tiny, factorial) if not pair.trained])
     assert score.opacity_change > 0.4
-    assert score.ground_change == pytest.approx(0.2, abs=0.01)
+    assert score.background_change == pytest.approx(0.2, abs=0.01)
 
 
 # Probes
 
 
-def cells(shapes: int, textures: int) -> tuple[list[int], list[int]]:
+def grid(shapes: int, textures: int) -> tuple[list[int], list[int]]:
     return zip(*[(s, t) for s in range(shapes) for t in range(textures)], strict=True)
 
 
 def test_a_probe_reads_what_is_there_and_nothing_else():
-    shape_ids, texture_ids = cells(20, 5)
+    shape_ids, texture_ids = grid(20, 5)
     generator = torch.Generator().manual_seed(0)
     shape_codes = torch.randn(20, 6, generator=generator)[list(shape_ids)]
     noise = 0.1 * torch.randn(100, 6, generator=generator)

@@ -1,4 +1,3 @@
-import math
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -9,7 +8,7 @@ import torch
 
 from core.datasets.srn import ObjectViews
 from core.evaluation import protocol as module
-from core.evaluation.protocol import ObjectScore, PoseScore, Protocol, evaluate, mean_of, summarised
+from core.evaluation.protocol import ObjectScore, PoseScore, Protocol, evaluate, summarise
 from core.fitting.fit import PRESETS, FitJob, FitSettings
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.model import Model
@@ -19,7 +18,7 @@ from tests.conftest import random_model
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    settings = FitSettings(starts=8, steps=40, rays=96, samples=20)
+    settings = FitSettings(hypotheses=8, steps=40, rays=96, samples=20)
     monkeypatch.setitem(PRESETS, "normal", settings)
 
 
@@ -35,7 +34,7 @@ def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
 def test_a_known_object_scores_as_rendering_its_fit_by_hand(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], Protocol(inputs=(2,)))
-    _, last = module.fitted(tiny, FitJob((module.photo(views, 2, True),), PRESETS["normal"]))
+    _, last = module.fit_first_last(tiny, FitJob((module.as_photo(views, 2, True),), PRESETS["normal"]))
     by_hand = []
     for index in (0, 1, 3):
         drawn = render_exact(tiny, last.codes, views.cameras[index], 192).colour.clamp(0, 1)
@@ -69,12 +68,12 @@ def test_two_inputs_beat_none_of_the_right_kind(tiny: Model):
 def test_estimated_cameras_are_compared_with_the_true_ones(tiny: Model):
     views = views_of(tiny, 1)
     (score,) = evaluate(tiny, [views], Protocol(inputs=(1,), estimate=True))
-    job = FitJob((module.photo(views, 1, False),), PRESETS["normal"])
-    first, last = module.fitted(tiny, job)
+    job = FitJob((module.as_photo(views, 1, False),), PRESETS["normal"])
+    first, last = module.fit_first_last(tiny, job)
     (pose,) = score.poses
     assert pose.rotation == pytest.approx(rotation_error(last.cameras[0], views.cameras[1]))
     assert pose.translation == pytest.approx(translation_error(last.cameras[0], views.cameras[1]))
-    assert pose.first_rotation == pytest.approx(rotation_error(first.cameras[0], views.cameras[1]))
+    assert pose.initial_rotation == pytest.approx(rotation_error(first.cameras[0], views.cameras[1]))
     assert pose.view == 1
     assert pose.rotation < 15
 
@@ -92,11 +91,11 @@ def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
     assert read == [0, 1]
 
 
-def test_a_painted_ground_is_drawn_as_its_authors_did():
-    model = random_model(1, painted_ground=True)
+def test_a_white_from_network_is_drawn_as_its_authors_did():
+    model = random_model(1, white_from_network=True)
     camera = model.camera(0.4, 0.3)
     expected = render_exact(model, model.codes[0], camera, 64).colour.clamp(0, 1)
-    assert torch.equal(module.drawn_view(model, model.codes[0], camera), expected)
+    assert torch.equal(module.render_view(model, model.codes[0], camera), expected)
 
 
 def test_what_cannot_be_evaluated_is_refused(tiny: Model):
@@ -109,7 +108,7 @@ def test_what_cannot_be_evaluated_is_refused(tiny: Model):
     with pytest.raises(ValueError, match="focal length"):
         list(evaluate(tiny, [closer], Protocol(inputs=(0,), estimate=True)))
     for inputs in ((), (-1,), (3, 3)):
-        with pytest.raises(ValueError, match="inputs"):
+        with pytest.raises(ValueError, match="input views"):
             Protocol(inputs=inputs)
 
 
@@ -121,20 +120,9 @@ def score(name: str, value: float, *rotations: float, translation: float = 0.01)
     return ObjectScore(name, value, value / 30, 3, 2.0, poses)
 
 
-def test_a_bootstrap_interval_is_that_of_the_textbook():
-    values = np.random.default_rng(1).normal(25, 2, 400)
-    found = mean_of(values.tolist())
-    half = 1.96 * values.std(ddof=1) / math.sqrt(len(values))
-    assert found.mean == pytest.approx(values.mean())
-    assert found.low == pytest.approx(values.mean() - half, abs=0.05)
-    assert found.high == pytest.approx(values.mean() + half, abs=0.05)
-    assert found == mean_of(values.tolist())
-    assert math.isnan(mean_of([]).mean)
-
-
 def test_outliers_are_told_apart_by_rotation_and_by_translation():
     scores = [score("good", 24, 2.0), score("turned", 12, 170.0), score("away", 20, 1.0, translation=0.2)]
-    found = summarised(scores)
+    found = summarise(scores)
     assert found.pose is not None
     assert found.without_outliers is not None
     assert (found.objects, found.without_outliers.objects) == (3, 1)
@@ -142,11 +130,11 @@ def test_outliers_are_told_apart_by_rotation_and_by_translation():
     assert found.without_outliers.psnr.mean == 24
     assert found.pose.within_5_degrees.mean == pytest.approx(2 / 3)
     assert found.pose.within_3_percent.mean == pytest.approx(2 / 3)
-    assert found.pose.first_rotation.mean == 80
+    assert found.pose.initial_rotation.mean == 80
 
 
 def test_every_object_counts_alike_however_many_cameras_it_had():
-    found = summarised([score("a", 20, 0.0, 0.0, 9.0), score("b", 20, 9.0)])
+    found = summarise([score("a", 20, 0.0, 0.0, 9.0), score("b", 20, 9.0)])
     assert found.pose is not None
     assert found.pose.cameras == 4
     assert found.pose.rotation.mean == pytest.approx(6)
@@ -154,5 +142,5 @@ def test_every_object_counts_alike_however_many_cameras_it_had():
 
 
 def test_known_cameras_have_no_outliers(tmp_path: Path):
-    found = summarised([score("a", 20), score("b", 22)])
+    found = summarise([score("a", 20), score("b", 22)])
     assert (found.pose, found.without_outliers) == (None, None)

@@ -3,10 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from core.evaluation.protocol import ObjectScore, PoseScore, Protocol
-from core.evaluation.report import chart, told, write_report
+from core.evaluation.report import chart, format_table, write_report
+from tests.conftest import picture_size
 
 ESTIMATED = [
     ObjectScore("a", 24.0, 0.9, 250, 4.0, (PoseScore(64, 2.0, 0.01, 80.0, 1.1),)),
@@ -16,7 +16,7 @@ KNOWN = [ObjectScore("a", 24.0, 0.9, 250, 4.0), ObjectScore("b", 26.0, 0.92, 250
 
 
 def test_known_cameras_give_a_line_of_the_paper():
-    text = told(KNOWN, Protocol())
+    text = format_table(KNOWN, Protocol())
     assert "1-view (64), camera known" in text
     assert "25.00 [24.00, 26.00]" in text
     assert "0.910 [0.900, 0.920]" in text
@@ -25,7 +25,7 @@ def test_known_cameras_give_a_line_of_the_paper():
 
 
 def test_estimated_cameras_add_errors_outliers_and_a_histogram():
-    text = told(ESTIMATED, Protocol((64, 104), estimate=True))
+    text = format_table(ESTIMATED, Protocol((64, 104), estimate=True))
     lines = {line.split("  ")[0].strip(): line for line in text.splitlines()}
     assert "2-view (64, 104), camera estimated" in text
     assert "24.00 [24.00, 24.00]" in next(line for line in text.splitlines() if "- outliers (over" in line)
@@ -38,7 +38,7 @@ def test_estimated_cameras_add_errors_outliers_and_a_histogram():
 
 
 def test_all_outliers_leave_a_dash():
-    assert " - " in told(ESTIMATED[1:], Protocol(estimate=True))
+    assert " - " in format_table(ESTIMATED[1:], Protocol(estimate=True))
 
 
 @pytest.mark.parametrize("scores, panels", [(KNOWN, 1), (ESTIMATED, 3)])
@@ -60,4 +60,4 @@ def test_the_report_holds_every_object_and_no_nan(tmp_path: Path):
     assert about["objects"][0]["poses"][0]["rotation"] == 179.0
     assert about["objects"][0]["outlier"]
     assert about["protocol"] == {"inputs": [64], "estimate": True, "preset": "normal", "seed": 0, "every": 1}
-    assert Image.open(tmp_path / "r.png").size == (1380, 300)
+    assert picture_size(tmp_path / "r.png") == (1380, 300)

@@ -5,19 +5,19 @@ from itertools import pairwise
 import pytest
 import torch
 
-from core.export.keyframes import GAP, Key, Shot, Timeline
+from core.export.keyframes import MIN_GAP, Keyframe, Timeline, View
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 
 
-def shot(azimuth: float = 0.0, elevation: float = 0.2, distance: float = 1.3, code: float = 0.0) -> Shot:
+def shot(azimuth: float = 0.0, elevation: float = 0.2, distance: float = 1.3, code: float = 0.0) -> View:
     camera = Camera(azimuth, elevation, distance, 131.25, 128, 128)
-    return Shot(Codes(torch.full((3,), code), torch.full((2,), -code)), camera)
+    return View(Codes(torch.full((3,), code), torch.full((2,), -code)), camera)
 
 
-def film(*shots: Shot, **about) -> Timeline:
+def film(*shots: View, **about) -> Timeline:
     """Keys a second apart from 0 on."""
-    keys = tuple(Key(float(index), one) for index, one in enumerate(shots))
+    keys = tuple(Keyframe(float(index), one) for index, one in enumerate(shots))
     return Timeline(keys, **({"length": float(len(shots))} | about))
 
 
@@ -64,7 +64,7 @@ def test_turns_are_added_while_codes_change() -> None:
     quarter = made.at(0.5)
     assert quarter.camera.azimuth == pytest.approx(math.pi / 2)
     torch.testing.assert_close(quarter.codes.shape, torch.ones(3))
-    assert made.seam() < 1.5
+    assert made.loop_error() < 1.5
 
 
 def test_smooth_has_no_corner_and_straight_does() -> None:
@@ -85,15 +85,15 @@ def test_a_smooth_path_stays_off_the_pole() -> None:
 
 def test_the_seam_tells_a_loop_from_a_jump() -> None:
     shots = [shot(code=float(number)) for number in range(4)]
-    assert film(*shots, loop=True).seam() < 1.5
-    assert film(*shots, loop=False, length=3.0).seam() > 10
-    assert film(*shots, shots[0], loop=False).seam() < 1.5
-    assert film(shot(), loop=True).seam() < 1.5
+    assert film(*shots, loop=True).loop_error() < 1.5
+    assert film(*shots, loop=False, length=3.0).loop_error() > 10
+    assert film(*shots, shots[0], loop=False).loop_error() < 1.5
+    assert film(shot(), loop=True).loop_error() < 1.5
 
 
 def test_shots_of_a_loop_end_before_the_beginning() -> None:
     two = shot(code=0.0), shot(code=1.0)
-    looped, ended = film(*two, loop=True).shots(12), film(*two, loop=False).shots(12)
+    looped, ended = film(*two, loop=True).views(12), film(*two, loop=False).views(12)
     assert len(looped) == len(ended) == 24
     assert looped[0].codes == ended[0].codes
     assert looped[-1].codes != looped[0].codes
@@ -105,25 +105,25 @@ def test_edits_make_new_timelines_and_keep_keys_apart() -> None:
     assert [key.seconds for key in made.keys] == [0.0, 1.0, 2.0]
     assert made.nearest(1.01) == 1
     assert made.nearest(1.5) is None
-    assert len(made.added(1.0 + GAP / 2, shot()).keys) == 3
-    assert made.replaced(1, shot(code=9.0)).keys[1].shot.codes == shot(code=9.0).codes
+    assert len(made.added(1.0 + MIN_GAP / 2, shot()).keys) == 3
+    assert made.replaced(1, shot(code=9.0)).keys[1].view.codes == shot(code=9.0).codes
     assert [key.seconds for key in made.removed(1).keys] == [0.0, 2.0]
-    assert made.moved(1, 3.5).keys[1].seconds == pytest.approx(2.0 - GAP)
-    assert made.moved(2, 99.0).keys[2].seconds == pytest.approx(made.length - GAP)
+    assert made.moved(1, 3.5).keys[1].seconds == pytest.approx(2.0 - MIN_GAP)
+    assert made.moved(2, 99.0).keys[2].seconds == pytest.approx(made.length - MIN_GAP)
     assert made.moved(0, -1.0).keys[0].seconds == 0.0
     assert [key.seconds for key in made.stretched(8.0).keys] == [0.0, 2.0, 4.0]
-    assert made.stretched(0.0).length >= 3 * GAP
+    assert made.stretched(0.0).length >= 3 * MIN_GAP
     ended = made.looped(False).added(4.0, shot())
     assert ended.keys[-1].seconds == 4.0
-    assert ended.looped(True).keys[-1].seconds == pytest.approx(4.0 - GAP)
+    assert ended.looped(True).keys[-1].seconds == pytest.approx(4.0 - MIN_GAP)
 
 
 def test_what_is_no_film_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one key"):
         Timeline().at(0.0)
     with pytest.raises(ValueError, match="apart"):
-        Timeline((Key(1.0, shot()), Key(0.5, shot())))
+        Timeline((Keyframe(1.0, shot()), Keyframe(0.5, shot())))
     with pytest.raises(ValueError, match="apart"):
-        Timeline((Key(4.0, shot()),), loop=True)
+        Timeline((Keyframe(4.0, shot()),), loop=True)
     with pytest.raises(ValueError, match="takes"):
         replace(Timeline(), length=math.inf)

@@ -9,12 +9,11 @@ import torch
 import trimesh
 
 from core.export import mesh as module
-from core.export.glb import WORLD_FROM_GLTF
-from core.export.mesh import WITHIN, Mesh, export_mesh, surface
+from core.export.mesh import TOLERANCE, Mesh, export_mesh, extract_mesh
+from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.progressive import picture
-from core.training.visual_hull import project
+from core.rendering.progressive import render_frame
 from tests.core.tiny import tiny_model
 
 
@@ -50,9 +49,9 @@ def ball(monkeypatch: pytest.MonkeyPatch):
             outside = torch.minimum(outside, first.norm(dim=-1) - hollow) if hollow else outside
             return torch.nn.functional.softplus(outside * 400) * 44, first
 
-        monkeypatch.setattr(module.Folded, "first", lambda self, points: points)
-        monkeypatch.setattr(module.Folded, "density", density)
-        monkeypatch.setattr(module.Folded, "colour", lambda self, y, towards: (y > 0).float())
+        monkeypatch.setattr(module.FoldedField, "first_layer", lambda self, points: points)
+        monkeypatch.setattr(module.FoldedField, "density", density)
+        monkeypatch.setattr(module.FoldedField, "colour", lambda self, y, towards: (y > 0).float())
         monkeypatch.setattr("core.rendering.occupancy._corner_activations", _corners)
 
     return make
@@ -66,7 +65,7 @@ def _corners(model: Model, dtype: torch.dtype) -> torch.Tensor:
 @pytest.mark.parametrize("resolution", [40, 64, 97])
 def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    found = drained(surface(model, model.codes[0], resolution))
+    found = drained(extract_mesh(model, model.codes[0], resolution))
     assert solid(found).is_watertight
     assert solid(found).is_winding_consistent
     assert solid(found).volume == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.06)
@@ -79,25 +78,25 @@ def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: M
 
 def test_what_leaves_the_box_is_closed_there(ball, model: Model):
     ball(((0.3, 0.0, 0.0), 0.2))
-    found = drained(surface(model, model.codes[0], 48))
+    found = drained(extract_mesh(model, model.codes[0], 48))
     assert solid(found).is_watertight
     assert found.vertices[:, 0].max() == pytest.approx(model.extent[0], abs=0.02)
 
 
 def test_pieces_stay_specks_and_hollows_go(ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2), ((0.0, 0.2, 0.35), 0.04), ((0.2, -0.2, -0.35), 0.013), hollow=0.1)
-    found = solid(drained(surface(model, model.codes[0], 96)))
+    found = solid(drained(extract_mesh(model, model.codes[0], 96)))
     pieces = found.split(only_watertight=False)
     assert sorted(round(float(piece.extents[0]), 2) for piece in pieces) == [0.08, 0.4]
     assert found.is_watertight
 
 
 def test_the_mesh_stands_where_the_picture_shows_the_object(tiny: Model):
-    found = drained(surface(tiny, tiny.codes[1], 64))
+    found = drained(extract_mesh(tiny, tiny.codes[1], 64))
     assert solid(found).is_watertight
     camera = tiny.camera(1.1, 0.4)
-    drawn = picture(tiny, tiny.codes[1], camera)
-    columns, rows = project(torch.from_numpy(found.vertices), camera).long().T.numpy()
+    drawn = render_frame(tiny, tiny.codes[1], camera)
+    columns, rows = camera.project(torch.from_numpy(found.vertices)).long().T.numpy()
     covered = np.zeros((40, 40), bool)
     covered[rows, columns] = True
     opaque = drawn.opacity > 0.5
@@ -115,7 +114,7 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     assert all(before <= after for before, after in pairwise(shares))
     assert shares[-1] == 1.0
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    found = drained(surface(tiny, tiny.codes[0], 32))
+    found = drained(extract_mesh(tiny, tiny.codes[0], 32))
     read = next(iter(trimesh.load_scene(path, process=False).geometry.values()))
     gltf = suffix == ".glb"
     expected = found.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if gltf else found.vertices
@@ -127,12 +126,6 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     else:
         colours = read.visual.vertex_colors[:, :3] / 255
     np.testing.assert_allclose(colours, found.colours, atol=3e-3)
-
-
-def test_the_axes_are_those_that_meshes_are_read_with():
-    from core.datasets import glb_objects as meshes
-
-    assert np.array_equal(meshes.WORLD_FROM_GLTF, WORLD_FROM_GLTF)
 
 
 def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, tmp_path: Path):
@@ -161,11 +154,11 @@ def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
 
 def test_a_mesh_has_as_many_cells_as_its_surface_asks_for(ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    fine, found = drained(surface(model, model.codes[0], 384)), drained(surface(model, model.codes[0]))
+    fine, found = drained(extract_mesh(model, model.codes[0], 384)), drained(extract_mesh(model, model.codes[0]))
     radius = np.median(np.linalg.norm(fine.vertices, axis=1))
     middles = found.vertices[found.faces].mean(1)
-    assert np.quantile(np.abs(np.linalg.norm(middles, axis=1) - radius), 0.95) < WITHIN
+    assert np.quantile(np.abs(np.linalg.norm(middles, axis=1) - radius), 0.95) < TOLERANCE
     assert len(found.faces) < len(fine.faces) / 3
     # Something thinner than the coarsest grid's cells is found all the same.
     ball(((0.0, 0.0, 0.0), 0.2), *(((0.21 + 0.006 * step, 0.0, 0.0), 0.006) for step in range(15)))
-    assert drained(surface(model, model.codes[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)
+    assert drained(extract_mesh(model, model.codes[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)

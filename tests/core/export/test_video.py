@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from core.export.keyframes import Key, Shot, Timeline, turntable
-from core.export.video import FORMATS, TRANSPARENT, VideoSettings, cut_out, film
+from core.export.keyframes import Keyframe, Timeline, View, turntable
+from core.export.video import FORMATS, VideoSettings, to_rgba, write_video
 from core.models.model import Model
-from core.rendering.progressive import picture
+from core.rendering.progressive import render_frame
 
 
 def turn(model: Model, path: Path, frames: int = 5, **about: int):
-    return film(model, turntable(model.codes[0], model.camera(0.0, 0.3), frames), path, VideoSettings(**about))
+    return write_video(model, turntable(model.codes[0], model.camera(0.0, 0.3), frames), path, VideoSettings(**about))
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -56,11 +56,11 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
     assert not list((tmp_path / "turn.frames").iterdir())
 
 
-@pytest.mark.parametrize("suffix", TRANSPARENT)
+@pytest.mark.parametrize("suffix", [name for name, one in FORMATS.items() if one.transparent])
 def test_the_ground_can_be_left_out(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     list(turn(model, path, 2, size=32, transparent=True))
-    opacity = picture(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
+    opacity = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
     with Image.open(path / "00000.png" if suffix == ".frames" else path) as image:
         alpha = np.asarray(image.convert("RGBA"))[..., 3]
     expected = 255 * (opacity >= 0.5) if suffix == ".gif" else 255 * opacity
@@ -69,8 +69,8 @@ def test_the_ground_can_be_left_out(suffix: str, model: Model, tmp_path: Path) -
 
 
 def test_a_cut_out_on_white_is_the_picture(model: Model) -> None:
-    frame = picture(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
-    rgba = cut_out(frame).astype(float)
+    frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
+    rgba = to_rgba(frame).astype(float)
     alpha = rgba[..., 3:] / 255
     assert np.abs(rgba[..., :3] * alpha + 255 * (1 - alpha) - frame.image).max() <= 2.5
 
@@ -96,11 +96,11 @@ def test_less_quality_is_a_smaller_file(suffix: str, model: Model, tmp_path: Pat
 
 def test_a_timeline_is_filmed(model: Model, tmp_path: Path) -> None:
     camera = model.camera(0.0, 0.3)
-    keys = Key(0.0, Shot(model.codes[0], camera)), Key(0.5, Shot(model.codes[1], camera))
-    list(film(model, Timeline(keys, 1.0, turns=1).shots(8), tmp_path / "a.frames", VideoSettings(size=32)))
+    keys = Keyframe(0.0, View(model.codes[0], camera)), Keyframe(0.5, View(model.codes[1], camera))
+    list(write_video(model, Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(size=32)))
     for index, code in ((0, 0), (4, 1)):
         turned = model.camera(np.pi * code, 0.3).resized(32, 32)
-        expected = picture(model, model.codes[code], turned).image.astype(int)
+        expected = render_frame(model, model.codes[code], turned).image.astype(int)
         with Image.open(tmp_path / f"a.frames/{index:05d}.png") as image:
             assert abs(np.asarray(image) - expected).max() <= 2
 

@@ -3,46 +3,46 @@ import math
 import numpy as np
 import pytest
 
-from core.fitting.confidence import DOUBTFUL, Calibration, calibrated, confidence, separation
+from core.fitting.confidence import DOUBTFUL, Calibration, auroc, confidence, fit_calibration
 
 
 def fits(count: int) -> tuple[list[float], list[float], list[bool]]:
-    """Margins and spreads whose odds are known."""
+    """Margins and uncertainties whose odds are known."""
     numbers = np.random.default_rng(0)
     margins = np.abs(numbers.normal(0, 0.8, count)).tolist()
-    spreads = np.exp(numbers.normal(0, 0.7, count)).tolist()
+    uncertainties = np.exp(numbers.normal(0, 0.7, count)).tolist()
     chances = numbers.random(count).tolist()
     truth = Calibration(-1.0, 4.0, -1.5)
-    right = [chance < confidence(*known, truth) for chance, *known in zip(chances, margins, spreads, strict=True)]
-    return margins, spreads, right
+    right = [chance < confidence(*known, truth) for chance, *known in zip(chances, margins, uncertainties, strict=True)]
+    return margins, uncertainties, right
 
 
 def test_a_calibration_finds_the_odds_that_made_the_fits():
-    found = calibrated(*fits(5000))
+    found = fit_calibration(*fits(5000))
     assert found.constant == pytest.approx(-1, abs=0.3)
-    assert found.lead == pytest.approx(4, abs=0.6)
-    assert found.spread == pytest.approx(-1.5, abs=0.3)
+    assert found.margin == pytest.approx(4, abs=0.6)
+    assert found.uncertainty == pytest.approx(-1.5, abs=0.3)
 
 
 def test_confidence_is_a_probability_that_comes_true():
-    margins, spreads, right = fits(5000)
-    by = calibrated(margins, spreads, right)
-    sure = np.array([confidence(*known, by) for known in zip(margins, spreads, strict=True)])
+    margins, uncertainties, right = fits(5000)
+    by = fit_calibration(margins, uncertainties, right)
+    sure = np.array([confidence(*known, by) for known in zip(margins, uncertainties, strict=True)])
     for low, high in ((0.2, 0.5), (0.5, 0.8), (0.8, 1.0)):
         some = (sure >= low) & (sure < high)
         assert np.asarray(right)[some].mean() == pytest.approx(sure[some].mean(), abs=0.06)
 
 
 def test_separable_fits_have_a_finite_calibration():
-    found = calibrated([0.0, 0.1, 0.8, 0.9], [1.0, 1.0, 1.0, 1.0], [False, False, True, True])
+    found = fit_calibration([0.0, 0.1, 0.8, 0.9], [1.0, 1.0, 1.0, 1.0], [False, False, True, True])
     assert all(map(math.isfinite, found))
     assert confidence(0.0, 1.0, found) < 0.5 < confidence(0.9, 1.0, found)
 
 
 def test_fits_of_one_kind_cannot_be_calibrated():
     with pytest.raises(ValueError, match="right and fits that are wrong"):
-        calibrated([1.0] * 3, [1.0] * 3, [True] * 3)
-    assert math.isnan(separation([1.0, 2.0], [True, True]))
+        fit_calibration([1.0] * 3, [1.0] * 3, [True] * 3)
+    assert math.isnan(auroc([1.0, 2.0], [True, True]))
 
 
 def test_a_wide_margin_is_trusted_and_a_tie_or_a_flat_basin_is_not():

@@ -6,7 +6,7 @@ from statistics import median
 import pytest
 import torch
 
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.fitting.fit import FitJob, FitSettings, FitStep, fit
 from core.metrics import distance_error, psnr, rotation_error
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -14,8 +14,8 @@ from core.rendering.reference import render_exact
 from tests.conftest import random_model
 from tests.core.tiny import photo_of
 
-QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24, races=1)
-SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12, races=1)
+QUICK = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
+SHORT = FitSettings(hypotheses=4, steps=8, rays=48, samples=12, max_restarts=0)
 
 
 def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int = 0) -> FitStep:
@@ -40,25 +40,24 @@ def test_an_unknown_camera_and_the_codes_are_found(tiny: Model, index: int, azim
     assert psnr(render_exact(tiny, found.codes, found.cameras[0], 48).colour, photo.pixels) > 30
 
 
-def test_another_lens_is_found_where_it_is_searched_for(tiny: Model):
+def test_another_focal_length_is_found_where_it_is_searched_for(tiny: Model):
     usual = tiny.camera(3.2, 0.4)
     truth = replace(usual, focal=0.7 * usual.focal, distance=0.7 * usual.distance)
     photo = photo_of(tiny, tiny.codes[2], truth)
-    taken, found = (last(tiny, photo, settings=replace(QUICK, rays=256, lens=lens)) for lens in (False, True))
+    taken, found = (last(tiny, photo, settings=replace(QUICK, rays=256, estimate_focal=one)) for one in (False, True))
     assert taken.cameras[0].focal == usual.focal
     assert found.cameras[0].focal == pytest.approx(truth.focal, rel=0.15)
     assert distance_error(found.cameras[0], truth) < 0.15
     assert found.psnr > taken.psnr + 3
-    race = found.race[0]
-    again = last_of(tiny, FitJob((photo,), replace(QUICK, steps=4), begin=race))
+    again = last_of(tiny, FitJob((photo,), replace(QUICK, steps=4), resume_from=found.hypotheses[0]))
     assert again.cameras[0].focal == pytest.approx(found.cameras[0].focal)  # kept, not searched for
 
 
-def test_every_unknown_camera_has_a_lens_of_its_own(tiny: Model):
+def test_every_unknown_camera_has_a_focal_length_of_its_own(tiny: Model):
     cameras = [tiny.camera(1.2, 0.3), tiny.camera(2.6, 0.5), tiny.camera(4.0, 0.4)]
     known, *others = (photo_of(tiny, tiny.codes[1], camera) for camera in cameras)
     photos = replace(known, camera=cameras[0]), *others
-    found = last(tiny, *photos, settings=replace(SHORT, lens=True))
+    found = last(tiny, *photos, settings=replace(SHORT, estimate_focal=True))
     assert found.cameras[0].focal == cameras[0].focal
     assert found.cameras[1].focal != found.cameras[2].focal
 
@@ -90,7 +89,7 @@ def test_a_known_view_helps_an_unknown_one_and_stays_where_it_is(tiny: Model):
 def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
     truth = tiny.camera(1.2, 0.4)
     photo = photo_of(tiny, tiny.codes[0], truth)
-    moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), framed=True)
+    moved = Photo(photo.pixels.roll((2, -2), (0, 1)), photo.mask.roll((2, -2), (0, 1)), cropped=True)
     assert rotation_error(last(tiny, moved).cameras[0], truth) < 5
 
 
@@ -100,114 +99,75 @@ def test_the_last_step_is_better_than_the_first_ones(tiny: Model):
     assert steps[-1].loss < median(step.loss for step in steps[: QUICK.steps // 2])
 
 
-# The race, and going on
+# The search, and resuming
 
 
-def test_the_race_is_told_the_leader_first(tiny: Model):
+def test_hypotheses_are_told_the_leader_first(tiny: Model):
     steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
     for step in steps:
-        assert [one.loss for one in step.race] == sorted(one.loss for one in step.race)
-        assert (step.race[0].start, step.race[0].cameras) == (step.start, step.cameras)
-        assert torch.equal(step.race[0].codes.shape, step.codes.shape)
-    assert len(steps[0].race) == QUICK.starts
-    assert steps[-1].alternative is not None
-    assert steps[-1].race[1].cameras == steps[-1].alternative.cameras
+        assert [one.loss for one in step.hypotheses] == sorted(one.loss for one in step.hypotheses)
+        assert (step.hypotheses[0].origin, step.hypotheses[0].cameras) == (step.origin, step.cameras)
+        assert torch.equal(step.hypotheses[0].codes.shape, step.codes.shape)
+    assert len(steps[0].hypotheses) == QUICK.hypotheses
+    assert steps[-1].runner_up is not None
+    assert steps[-1].hypotheses[1].cameras == steps[-1].runner_up.cameras
 
 
-def test_a_fit_goes_on_where_another_ended(tiny: Model):
+def test_a_fit_resumes_where_another_ended(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
-    photo = replace(photo_of(tiny, tiny.codes[0], truth), framed=True)
-    begin = replace(last(tiny, photo, settings=SHORT).race[0], start=3)
-    steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), begin=begin)))
-    assert {step.hypotheses for step in steps} == {1}
+    photo = replace(photo_of(tiny, tiny.codes[0], truth), cropped=True)
+    begin = replace(last(tiny, photo, settings=SHORT).hypotheses[0], origin=3)
+    steps = list(fit(tiny, FitJob((photo,), replace(QUICK, steps=30), resume_from=begin)))
+    assert {step.active for step in steps} == {1}
     assert rotation_error(steps[0].cameras[0], begin.cameras[0]) < 10
-    assert steps[0].start == begin.start
+    assert steps[0].origin == begin.origin
     assert steps[-1].psnr > last(tiny, photo, settings=SHORT).psnr
-    assert steps[-1].alternative is not None
+    assert steps[-1].runner_up is not None
     assert steps[-1].confidence is None
 
 
-def test_a_fit_that_goes_on_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
+def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5), tiny.camera(2.4, 0.4)]
     photos = [photo_of(tiny, tiny.codes[1], truth) for truth in truths]
     job = FitJob((replace(photos[0], camera=truths[0]), *photos[1:]), SHORT)
     *_, first = fit(tiny, job)
-    *_, second = fit(tiny, replace(job, begin=first.race[0]))
+    *_, second = fit(tiny, replace(job, resume_from=first.hypotheses[0]))
     assert rotation_error(second.cameras[0], truths[0]) < 1e-3
-    assert len(second.race[0].cameras) == 3
+    assert len(second.hypotheses[0].cameras) == 3
     with pytest.raises(ValueError, match="the pictures it had"):
-        replace(job, photos=job.photos[:1], begin=first.race[0])
+        replace(job, photos=job.photos[:1], resume_from=first.hypotheses[0])
 
 
 # What else it could be
 
 
-def test_the_alternative_is_another_camera_that_is_measured_too(tiny: Model):
+def test_the_runner_up_is_another_camera_that_is_scored_too(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
     steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), QUICK)))
     found = steps[-1]
-    assert found.alternative is not None
+    assert found.runner_up is not None
     assert found.margin is not None
     assert found.confidence is not None
-    assert rotation_error(found.alternative.cameras[0], found.cameras[0]) > 20
-    assert 0 <= found.margin <= math.log(found.alternative.loss / found.loss) + 1e-4
+    assert rotation_error(found.runner_up.cameras[0], found.cameras[0]) > 20
+    assert 0 <= found.margin <= math.log(found.runner_up.loss / found.loss) + 1e-4
     assert found.margin > 0
-    assert found.spread is not None
-    assert 0 < found.spread < 30
+    assert found.uncertainty is not None
+    assert 0 < found.uncertainty < 30
     assert 0 <= found.confidence <= 1
-    assert steps[0].alternative is steps[0].confidence is steps[0].spread is None
+    assert steps[0].runner_up is steps[0].confidence is steps[0].uncertainty is None
 
 
-@pytest.mark.parametrize("starts, steps", [(1, 1), (1, 7), (2, 3), (8, 9)])
-def test_there_is_an_alternative_however_short_the_race(tiny: Model, starts: int, steps: int):
+@pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (8, 9)])
+def test_there_is_a_runner_up_however_short_the_search(tiny: Model, hypotheses: int, steps: int):
     photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
-    found = last(tiny, photo, settings=FitSettings(starts, steps, rays=8, samples=4))
-    assert found.alternative is not None
+    found = last(tiny, photo, settings=FitSettings(hypotheses, steps, rays=8, samples=4))
+    assert found.runner_up is not None
 
 
-def test_a_known_camera_has_no_alternative(tiny: Model):
+def test_a_known_camera_has_no_runner_up(tiny: Model):
     truth = tiny.camera(0.9, 0.5)
     found = last(tiny, replace(photo_of(tiny, tiny.codes[2], truth), camera=truth), settings=SHORT)
-    assert found.alternative is found.confidence is None
-
-
-# The paper's recipe
-
-PAPER = replace(PRESETS["paper"], steps=120, rays=96, samples=20)
-
-
-def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
-    starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
-    assert {step.hypotheses for step in starts} == {1}
-    assert all(step.cameras[0].elevation > -0.11 for step in starts)
-    assert len({round(step.cameras[0].azimuth) for step in starts}) > 3
-    # AdamW's first step is its rate, whatever the slope.
-    moved = (starts[0].codes.shape - tiny.codes.mean.shape).abs()
-    torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
-
-
-def test_the_paper_finds_the_camera_from_some_starts(tiny: Model):
-    truth = tiny.camera(1.2, 0.3)
-    photo = photo_of(tiny, tiny.codes[0], truth)
-    streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(3)]
-    assert min(rotation_error(steps[-1].cameras[0], truth) for steps in streams) < 15
-    assert all(len(steps) == PAPER.steps for steps in streams)
-
-
-def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
-    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
-    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
-    found = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
-    assert found.confidence is None
-    assert rotation_error(found.cameras[0], truths[0]) < 1e-3
-    known = last(tiny, replace(first, camera=truths[0]), settings=PAPER)
-    assert known.psnr > 25
-
-
-def test_the_paper_has_one_start():
-    with pytest.raises(ValueError, match="one start"):
-        FitSettings(paper=True)
+    assert found.runner_up is found.confidence is None
 
 
 # The stream
@@ -245,10 +205,10 @@ def test_fitting_leaves_the_model_as_it_is(tiny: Model):
     assert not any(parameter.requires_grad for parameter in tiny.field.parameters())
 
 
-@pytest.mark.parametrize("starts, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
-def test_any_number_of_starts_and_steps_ends(tiny: Model, starts: int, steps: int):
+@pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
+def test_any_number_of_hypotheses_and_steps_ends(tiny: Model, hypotheses: int, steps: int):
     photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
-    found = list(fit(tiny, FitJob((photo,), FitSettings(starts, steps, rays=8, samples=4))))
+    found = list(fit(tiny, FitJob((photo,), FitSettings(hypotheses, steps, rays=8, samples=4))))
     assert found[-1].step == found[-1].steps == len(found)
 
 
@@ -294,7 +254,9 @@ def test_a_job_without_pictures_is_refused():
         FitJob(())
 
 
-@pytest.mark.parametrize("field, value", [("starts", 0), ("steps", 0), ("races", 0), ("samples", 1), ("prior", -1.0)])
+@pytest.mark.parametrize(
+    ("field", "value"), [("hypotheses", 0), ("steps", 0), ("max_restarts", -1), ("samples", 1), ("code_prior", -1.0)]
+)
 def test_impossible_settings_are_refused(field: str, value: float):
     with pytest.raises(ValueError, match="settings"):
         FitSettings(**{field: value})
@@ -306,4 +268,4 @@ def test_a_model_gone_wrong_ends_in_one_clear_error():
     known = replace(photo, mask=torch.ones_like(photo.mask), camera=model.camera(0.3, 0.3))
     model.field.density_layer.bias.fill_(math.nan)
     with pytest.raises(ValueError, match="diverged from every start"):
-        last(model, known, settings=replace(SHORT, starts=1))
+        last(model, known, settings=replace(SHORT, hypotheses=1))

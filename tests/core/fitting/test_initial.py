@@ -4,13 +4,15 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.fitting.hypotheses import Objective, Pool, cameras
-from core.fitting.initial import combined, entrants, gone_on, renewed
-from core.fitting.schedule import AROUND, RENEWED
+from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras
+from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
+from core.fitting.problem import Problem
+from core.fitting.schedule import LOCAL_HYPOTHESES, LOCAL_OFFSETS
+from core.fitting.settings import ALL_COMPONENTS, Components, FitSettings
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import bank_of
+from core.photos.view_bank import view_bank
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
 
@@ -28,55 +30,66 @@ def photos_of(model: Model, given: list[Camera], known: tuple[bool, ...]) -> lis
     ]
 
 
+def problem_of(
+    model: Model, photos: list[Photo], focal: bool = False, components: Components = ALL_COMPONENTS
+) -> Problem:
+    generator = torch.Generator().manual_seed(0)
+    return Problem.of(model, tuple(photos), FitSettings(estimate_focal=focal), components, generator)
+
+
+def initial(problem: Problem, count: int) -> HypothesisBatch:
+    return initial_hypotheses(problem, count, torch.Generator().manual_seed(0))
+
+
 def test_known_cameras_come_with_the_mean_shape_and_several_others(tiny: Model, given: list[Camera]):
-    pool = entrants(tiny, photos_of(tiny, given, (True, True)), given, 8, lens=False)
+    batch = initial(problem_of(tiny, photos_of(tiny, given, (True, True))), 8)
     angles = torch.tensor([[camera.azimuth, camera.elevation] for camera in given])
-    assert torch.equal(pool.numbers.angles, angles.expand(len(pool), 2, 2))
-    assert len(pool) == len(pool.numbers.shape.unique(dim=0)) > 2
-    assert not pool.numbers.shape[0].any()
-    assert not pool.numbers.texture.any()
+    assert torch.equal(batch.parameters.angles, angles.expand(len(batch), 2, 2))
+    assert len(batch) == len(batch.parameters.shape.unique(dim=0)) > 2
+    assert not batch.parameters.shape[0].any()
+    assert not batch.parameters.texture.any()
 
 
-def test_a_second_heat_keeps_cameras_and_forgets_codes(tiny: Model, given: list[Camera]):
-    photos = photos_of(tiny, given[:1], (False,))
-    first = entrants(tiny, photos, given[:1], 8, lens=False)
-    moved = first.numbers._replace(shape=first.numbers.shape + 3, texture=first.numbers.texture + 3)
-    pool = replace(first, numbers=moved, cost=torch.arange(8.0), opened=(2, 2))
-    again = renewed(tiny, photos, given[:1], pool, RENEWED)
-    assert len(AROUND[0]) < len(again) <= RENEWED
-    assert again.opened == (0, 0)
-    assert float(again.numbers.shape.abs().max()) < 3
-    assert not again.numbers.texture.any()
-    around = (again.numbers.angles - pool.numbers.angles[again.start]).rad2deg()[:, 0]
-    assert {tuple(move) for move in around.round(decimals=3).tolist()} == {move[:2] for part in AROUND for move in part}
-    assert again.start[0] == 0
-    assert len(again.start.unique()) == len(AROUND)
-    places = sum(len(part) for part in AROUND)
-    few = renewed(tiny, photos, given[:1], pool, places)
-    kept = torch.cat((few.start[:, None], few.numbers.angles[:, 0]), 1).unique(dim=0)
+def test_a_local_search_keeps_cameras_and_forgets_codes(tiny: Model, given: list[Camera]):
+    problem = problem_of(tiny, photos_of(tiny, given[:1], (False,)))
+    first = initial(problem, 8)
+    moved = first.parameters._replace(shape=first.parameters.shape + 3, texture=first.parameters.texture + 3)
+    batch = replace(first, parameters=moved, loss=torch.arange(8.0))
+    again = local_hypotheses(problem, batch, LOCAL_HYPOTHESES)
+    assert len(LOCAL_OFFSETS[0]) < len(again) <= LOCAL_HYPOTHESES
+    assert float(again.parameters.shape.abs().max()) < 3
+    assert not again.parameters.texture.any()
+    around = (again.parameters.angles - batch.parameters.angles[again.origin]).rad2deg()[:, 0]
+    moves = {move[:2] for offsets in LOCAL_OFFSETS for move in offsets}
+    assert {tuple(move) for move in around.round(decimals=3).tolist()} == moves
+    assert again.origin[0] == 0
+    assert len(again.origin.unique()) == len(LOCAL_OFFSETS)
+    places = sum(len(part) for part in LOCAL_OFFSETS)
+    few = local_hypotheses(problem, batch, places)
+    kept = torch.cat((few.origin[:, None], few.parameters.angles[:, 0]), 1).unique(dim=0)
     assert len(few) == len(kept) == places  # every place is kept, with fewer shapes
 
 
-def test_known_cameras_stay_in_a_second_heat(tiny: Model, given: list[Camera]):
-    photos = photos_of(tiny, given, (True, False))
-    pool = entrants(tiny, photos, given, 8, lens=False)
-    angles = renewed(tiny, photos, given, pool, RENEWED).numbers.angles
-    assert torch.equal(angles[:, 0], pool.numbers.angles[:1, 0].expand(len(angles), 2))
+def test_known_cameras_stay_in_a_local_search(tiny: Model, given: list[Camera]):
+    problem = problem_of(tiny, photos_of(tiny, given, (True, False)))
+    batch = initial(problem, 8)
+    angles = local_hypotheses(problem, batch, LOCAL_HYPOTHESES).parameters.angles
+    assert torch.equal(angles[:, 0], batch.parameters.angles[:1, 0].expand(len(angles), 2))
     assert len(angles[:, 1].unique(dim=0)) > 2
 
 
 def test_there_are_no_more_starts_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
-    photos = photos_of(tiny, given, (True, False))
-    few, all_there_are = (len(entrants(tiny, photos, given, count, lens=True)) for count in (5, 1000))
+    problem = problem_of(tiny, photos_of(tiny, given, (True, False)), focal=True)
+    few, all_there_are = (len(initial(problem, count)) for count in (5, 1000))
     assert few == 5
     assert 20 < all_there_are < 168
 
 
 def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Camera]):
-    photos = photos_of(tiny, given, (True, True))
-    few, all_there_are = (len(entrants(tiny, photos, given, count, lens=True).cost) for count in (3, 1000))
+    problem = problem_of(tiny, photos_of(tiny, given, (True, True)), focal=True)
+    few, all_there_are = (len(initial(problem, count)) for count in (3, 1000))
     assert few == 3
-    assert all_there_are in (len(bank_of(tiny).codes.shape), len(bank_of(tiny).codes.shape) + 1)
+    assert all_there_are in (len(view_bank(tiny).codes.shape), len(view_bank(tiny).codes.shape) + 1)
 
 
 def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
@@ -84,54 +97,70 @@ def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
     mist.field.density_layer.bias.fill_(-1e4)
     camera = mist.camera(0.3, 0.3)
     photo = Photo(torch.zeros(32, 32, 3), torch.ones(32, 32, dtype=torch.bool), camera)
-    pool = entrants(mist, [photo], [camera], 6, lens=False)
-    assert len(pool) == 1
-    assert not pool.numbers.shape.any()
+    batch = initial(problem_of(mist, [photo]), 6)
+    assert len(batch) == 1
+    assert not batch.parameters.shape.any()
 
 
 def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model, given: list[Camera]):
-    pool = entrants(tiny, photos_of(tiny, given, (True, False)), given, 6, lens=False)
-    first, second = pool.numbers.angles.unbind(1)
-    assert len(pool) == len(second.unique(dim=0)) == 6
+    batch = initial(problem_of(tiny, photos_of(tiny, given, (True, False))), 6)
+    first, second = batch.parameters.angles.unbind(1)
+    assert len(batch) == len(second.unique(dim=0)) == 6
     assert len(first.unique(dim=0)) == 1
-    assert not pool.numbers.zoom.any()
-    assert not pool.numbers.shift.any()
+    assert not batch.parameters.zoom.any()
+    assert not batch.parameters.shift.any()
 
 
-def test_unknown_cameras_take_turns_in_lenses_a_pair_at_a_time(tiny: Model, given: list[Camera]):
-    zoom = entrants(tiny, photos_of(tiny, given, (True, False)), given, 8, lens=True).numbers.zoom
+def test_unknown_cameras_take_turns_in_focal_lengths_a_pair_at_a_time(tiny: Model, given: list[Camera]):
+    zoom = initial(problem_of(tiny, photos_of(tiny, given, (True, False)), focal=True), 8).parameters.zoom
     assert not zoom[:, 0].any()
     assert torch.equal(zoom[::2, 1], zoom[1::2, 1])
     assert len(zoom[:6, 1].unique()) == 3
 
 
-def test_one_hypothesis_goes_on_where_another_fit_ended(tiny: Model, given: list[Camera]):
+def test_one_hypothesis_resumes_where_another_fit_ended(tiny: Model, given: list[Camera]):
     photos = photos_of(tiny, given, (True, False))
     found = [tiny.camera(5.0, 0.1), replace(tiny.camera(2.5, 0.2, 1.3 * tiny.distance), focal=1.3 * tiny.focal)]
-    by, shift = Objective(1e-5), torch.tensor([[0.0, 0.0], [0.01, -0.02]])
-    pool = gone_on(tiny, photos, given, found, shift, tiny.codes[1], by.spaces(tiny))
-    back = cameras(tiny, pool.numbers, 0, given)
+    spaces = tiny.codes.shape_space, tiny.codes.texture_space
+    hypothesis = Hypothesis(3, 1.0, tuple(found), tiny.codes[1], torch.tensor([[0.0, 0.0], [0.01, -0.02]]))
+    batch = resume_from(tiny, photos, given, hypothesis, spaces)
+    back = to_cameras(tiny, batch.parameters, 0, given)
+    assert batch.origin.tolist() == [3]
     assert back[0].azimuth == pytest.approx(given[0].azimuth)  # given, whatever the earlier fit had
     assert (back[1].azimuth, back[1].distance, back[1].focal) == pytest.approx(
         (found[1].azimuth, found[1].distance, found[1].focal)
     )
-    torch.testing.assert_close(
-        by.spaces(tiny)[0].code(pool.numbers.shape[0]), tiny.codes[1].shape, atol=1e-4, rtol=1e-4
-    )
+    torch.testing.assert_close(spaces[0].code(batch.parameters.shape[0]), tiny.codes[1].shape, atol=1e-4, rtol=1e-4)
 
 
-def test_the_cheapest_combinations_of_single_races_meet(tiny: Model, given: list[Camera]):
-    pools = [entrants(tiny, photos_of(tiny, [camera], (False,)), [camera], 4, lens=False) for camera in given]
-    one, two = (
-        replace(pool, cost=torch.tensor(cost), opened=opened)
-        for pool, cost, opened in zip(
-            pools, ([0.1, 0.5, 9.0, 9.0], [0.3, math.inf, 0.2, 9.0]), ((1, 2), (2, 1)), strict=True
-        )
-    )
-    pool: Pool = combined([([0], one), ([1], two)], 2, 3)
+def test_the_best_combinations_of_single_searches_meet(tiny: Model, given: list[Camera]):
+    batches = [initial(problem_of(tiny, photos_of(tiny, [camera], (False,))), 4) for camera in given]
+    losses = [0.1, 0.5, 9.0, 9.0], [0.3, math.inf, 0.2, 9.0]
+    one, two = (replace(batch, loss=torch.tensor(loss)) for batch, loss in zip(batches, losses, strict=True))
+    batch = combine_views([([0], one), ([1], two)], 2, 3)
     chosen = [(0, 2), (0, 0), (1, 2)]
-    expected = torch.stack([torch.cat((one.numbers.angles[i], two.numbers.angles[j])) for i, j in chosen])
-    assert torch.equal(pool.numbers.angles, expected)
-    mean = (one.numbers.shape[0] + two.numbers.shape[2]) / 2
-    torch.testing.assert_close(pool.numbers.shape[0], mean)
-    assert pool.opened == (2, 2)
+    expected = torch.stack([torch.cat((one.parameters.angles[i], two.parameters.angles[j])) for i, j in chosen])
+    assert torch.equal(batch.parameters.angles, expected)
+    mean = (one.parameters.shape[0] + two.parameters.shape[2]) / 2
+    torch.testing.assert_close(batch.parameters.shape[0], mean)
+
+
+def test_without_the_view_bank_cameras_are_random_and_shapes_the_mean(tiny: Model, given: list[Camera]):
+    components = Components(view_bank=False, prototype_shapes=False)
+    batch = initial(problem_of(tiny, photos_of(tiny, given[:1], (False,)), components=components), 12)
+    assert len(batch.parameters.angles[:, 0].unique(dim=0)) == 12
+    assert float(batch.parameters.angles[..., 1].min()) >= 0
+    assert not batch.parameters.shape.any() and not batch.parameters.distance.any()
+
+
+def test_without_prototype_shapes_all_begin_with_the_mean_one(tiny: Model, given: list[Camera]):
+    for known in (True, False):
+        photos = photos_of(tiny, given[:1], (known,))
+        batch = initial(problem_of(tiny, photos, components=Components(prototype_shapes=False)), 6)
+        assert not batch.parameters.shape.any()
+
+
+def test_without_fresh_codes_a_local_search_goes_on_with_what_is_there(tiny: Model, given: list[Camera]):
+    problem = problem_of(tiny, photos_of(tiny, given[:1], (False,)), components=Components(fresh_codes=False))
+    batch = initial(problem, 8)
+    assert local_hypotheses(problem, batch, 18) is batch

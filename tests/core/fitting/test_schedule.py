@@ -1,40 +1,59 @@
+import math
+from dataclasses import replace
+
 import pytest
 
-from core.fitting.schedule import PRESETS, RENEWED, FitSettings, plan
+from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
+from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
 
 
-def test_the_race_is_halved_twice_and_ends_with_the_winner():
+def test_hypotheses_become_fewer_and_one_is_refined():
     settings = PRESETS["normal"]
-    stages = plan(settings, blind=True)
-    (second,) = [index for index, stage in enumerate(stages) if stage.anew]
-    for heat in (stages[:second], stages[second:]):
-        counts = [stage.hypotheses for stage in heat]
+    coarse, local, final = build_schedule(settings, ALL_COMPONENTS, unknown=True)
+    for stages in (coarse, (*local, final)):
+        counts = [stage.hypotheses for stage in stages]
         assert counts == sorted(counts, reverse=True)
-    assert (stages[0].hypotheses, stages[second].hypotheses, stages[-1].hypotheses) == (28, RENEWED, 1)
-    assert sum(stage.steps for stage in stages[second:]) == settings.steps
-    assert sum(stage.steps for stage in stages[:second]) == pytest.approx(settings.steps / 3, abs=2)
+    assert (coarse[0].hypotheses, local[0].hypotheses, final.hypotheses) == (28, LOCAL_HYPOTHESES, 1)
+    assert sum(stage.steps for stage in (*local, final)) == settings.steps
+    assert sum(stage.steps for stage in coarse) == pytest.approx(settings.steps / 3, abs=2)
 
 
-def test_with_known_cameras_there_is_one_heat():
-    assert not any(stage.anew for stage in plan(PRESETS["normal"], blind=False))
+def test_with_known_cameras_there_is_no_coarse_search():
+    assert not build_schedule(PRESETS["normal"], ALL_COMPONENTS, unknown=False).coarse
 
 
-@pytest.mark.parametrize("starts", [1, 2, 3, 7, 100])
+@pytest.mark.parametrize("hypotheses", [1, 2, 3, 7, 100])
 @pytest.mark.parametrize("steps", [1, 4, 50])
-def test_any_settings_make_a_plan(starts: int, steps: int):
-    for blind in (True, False):
-        stages = plan(FitSettings(starts, steps, rays=8, samples=2), blind)
+def test_any_settings_make_a_schedule(hypotheses: int, steps: int):
+    for unknown in (True, False):
+        settings = FitSettings(hypotheses, steps, rays=8, samples=2)
+        stages = build_schedule(settings, ALL_COMPONENTS, unknown).stages
         assert all(stage.steps >= 1 and stage.rays <= 8 and stage.samples >= 2 for stage in stages)
-        assert stages[0].hypotheses == (starts if blind else min(starts, 6))
+        assert stages[0].hypotheses == (hypotheses if unknown else min(hypotheses, 6))
 
 
-def test_a_search_for_the_lens_begins_with_more_cameras():
-    usual, lens = (plan(FitSettings(starts=28, lens=one), blind=True) for one in (False, True))
-    assert (usual[0].hypotheses, lens[0].hypotheses) == (28, 42)
+def test_a_search_for_the_focal_length_begins_with_more_cameras():
+    counts = [
+        build_schedule(FitSettings(28, estimate_focal=one), ALL_COMPONENTS, unknown=True).stages[0].hypotheses
+        for one in (False, True)
+    ]
+    assert counts == [28, 42]
+
+
+def test_a_resumed_fit_is_refined_only():
+    settings = PRESETS["normal"]
+    (final,) = build_schedule(settings, ALL_COMPONENTS, unknown=True, resumed=True).stages
+    assert (final.hypotheses, final.steps, final.rays) == (1, settings.steps, settings.rays)
+
+
+def test_components_that_are_off_leave_the_schedule():
+    stages = build_schedule(PRESETS["normal"], Components(robust_loss=False, growing_ranks=False), True).stages
+    assert all(math.isinf(stage.robust_scale) for stage in stages)
+    assert len({stage.ranks for stage in stages}) == 1
+
+
+def test_the_paper_has_one_hypothesis():
+    with pytest.raises(ValueError, match="one hypothesis"):
+        replace(PRESETS["paper"], hypotheses=2)
     with pytest.raises(ValueError, match="focal length"):
-        FitSettings(starts=1, paper=True, lens=True)
-
-
-def test_the_paper_does_not_race():
-    (stage,) = plan(PRESETS["paper"], blind=True)
-    assert (stage.hypotheses, stage.steps, stage.samples) == (1, 299, 64)
+        replace(PRESETS["paper"], estimate_focal=True)

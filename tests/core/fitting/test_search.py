@@ -1,4 +1,4 @@
-"""What a race does between the start line and the winner."""
+"""What a search does between the first hypotheses and its result."""
 
 import math
 from collections.abc import Iterator
@@ -7,267 +7,271 @@ from dataclasses import replace
 import pytest
 import torch
 
-from core.fitting import schedule as plan
-from core.fitting import search as racing
+from core.fitting import fit as fits
+from core.fitting import search
 from core.fitting.fit import FitJob, FitSettings, FitStep, fit
-from core.fitting.hypotheses import DivergedError, Numbers, Pool
-from core.fitting.search import Race, Standing
+from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters
+from core.fitting.initial import initial_hypotheses
+from core.fitting.objective import CROPPED_DISTANCE_SCALE, TRUNCATED_DISTANCE_SCALE
+from core.fitting.problem import Problem
+from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
+from core.fitting.search import SearchResult, better_of, optimise, prune, refine, score, select
+from core.fitting.settings import ALL_COMPONENTS, Components
 from core.models.model import Model
 from core.photos.photo import Photo
 from tests.core.tiny import photo_of
 
-QUICK = FitSettings(starts=8, steps=60, rays=128, samples=24, races=1)
-SHORT = FitSettings(starts=4, steps=8, rays=48, samples=12, races=1)
+QUICK = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
+SHORT = FitSettings(hypotheses=4, steps=8, rays=48, samples=12, max_restarts=0)
 
 
-def last(model: Model, photo: Photo, settings: FitSettings, seed: int = 0) -> FitStep:
-    *_, step = fit(model, FitJob((photo,), settings, seed))
-    return step
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
 
 
-@pytest.mark.parametrize(("pays", "sparing", "directions"), [(0.002, True, 2), (2.0, True, 1), (2.0, False, 2)])
-def test_code_directions_are_opened_while_they_pay(
-    tiny: Model, monkeypatch: pytest.MonkeyPatch, pays: float, sparing: bool, directions: int
-):
-    monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 2, 2, 2))
-    monkeypatch.setattr(racing, "_LEADING", 1)
-    monkeypatch.setattr(racing, "_PAYS", pays)
-    photo = replace(photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)), camera=tiny.camera(0.9, 0.5))
-    found = last(tiny, photo, replace(QUICK, sparing=sparing))
-    assert found.directions == (directions, directions)
+def problem_of(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int = 0) -> Problem:
+    return Problem.of(model, photos, settings, ALL_COMPONENTS, seeded(seed))
 
 
-def test_directions_opened_for_single_pictures_are_told_of_all(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(plan, "_RANKS", (1, 2, 2, 1, 1, 1))
-    photos = [photo_of(tiny, tiny.codes[2], tiny.camera(azimuth, 0.5)) for azimuth in (0.9, 2.5)]
-    steps = list(fit(tiny, FitJob(tuple(photos), SHORT)))
-    first = [stage.anew for stage in plan.plan(SHORT, blind=True)].index(True)  # where each stage is one step
-    together = [step.directions for step in steps[2 * first : 3 * first]]
-    assert set(together) == {(2, 2)}
+def stool(model: Model, known: bool = False) -> Photo:
+    camera = model.camera(0.9, 0.3)
+    photo = photo_of(model, model.codes[0], camera)
+    return replace(photo, camera=camera) if known else photo
 
 
-def test_a_second_heat_begins_anew_around_the_best_cameras(tiny: Model):
+def test_a_local_search_begins_anew_around_the_best_cameras(tiny: Model):
     steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)),), QUICK)))
-    stages = plan.plan(QUICK, blind=True)
-    heat = [stage.anew for stage in stages].index(True)
-    first = sum(stage.steps for stage in stages[:heat])
+    first = sum(stage.steps for stage in build_schedule(QUICK, ALL_COMPONENTS, unknown=True).coarse)
     before, after = steps[first - 1], steps[first]
-    assert after.hypotheses == min(QUICK.starts, plan.RENEWED) + 1
-    assert {one.start for one in after.race} <= {one.start for one in before.race}
-    assert after.loss <= before.loss  # the winner of the first heat waits until it is beaten
-    assert before.race[0].cameras in [one.cameras for one in after.race]
+    assert after.active == min(QUICK.hypotheses, LOCAL_HYPOTHESES) + 1
+    assert {one.origin for one in after.hypotheses} <= {one.origin for one in before.hypotheses}
+    assert after.loss <= before.loss  # the winner of the coarse search waits until it is beaten
+    assert before.hypotheses[0].cameras in [one.cameras for one in after.hypotheses]
 
 
-def test_a_sparing_fit_is_as_good_as_a_lavish_one_in_fewer_steps(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(plan, "_RANKS", (1, 1, 2, 2, 2, 2))
-    monkeypatch.setattr(racing, "_LEADING", 1)
+def test_only_leading_directions_of_codes_move_at_first(tiny: Model):
+    photo = replace(photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)), camera=tiny.camera(0.9, 0.5))
+    problem = problem_of(tiny, photo)
+    batch = initial_hypotheses(problem, 2, seeded())
+    stage = build_schedule(QUICK, ALL_COMPONENTS, unknown=False).local[0]._replace(ranks=1)
+    *_, after = optimise(problem, batch, (stage,), seeded())
+    assert torch.equal(after.parameters.texture[:, 1], batch.parameters.texture[:, 1])
+    assert not torch.equal(after.parameters.texture[:, 0], batch.parameters.texture[:, 0])
+
+
+def test_an_early_stop_is_as_good_in_fewer_steps(tiny: Model):
     steps = 0
     for index in range(4):
-        camera = tiny.camera(0.9 + index, 0.5)  # given, and one start: a race of so small a model is decided by chance
+        camera = tiny.camera(0.9 + index, 0.5)  # given, and one hypothesis: so small a model leaves the rest to chance
         clean = photo_of(tiny, tiny.codes[index], camera)
-        noise = 0.03 * torch.randn(clean.pixels.shape, generator=torch.Generator().manual_seed(index))
-        photo = replace(clean, pixels=clean.pixels + noise, camera=camera)  # no picture is what a model can draw
-        spared, lavish = (last(tiny, photo, replace(QUICK, starts=1, sparing=one), seed=1) for one in (True, False))
-        assert spared.psnr > lavish.psnr - 0.1
-        steps += lavish.step - spared.step
+        noise = 0.03 * torch.randn(clean.pixels.shape, generator=seeded(index))
+        photo = replace(clean, pixels=clean.pixels + noise, camera=camera)  # no photo is what a model can render
+        early, late = (
+            list(
+                fit(tiny, FitJob((photo,), replace(QUICK, hypotheses=1), 1, components=Components(early_stopping=one)))
+            )
+            for one in (True, False)
+        )
+        assert [step.loss for step in early[:-1]] == [step.loss for step in late[: len(early) - 1]]
+        assert early[-1].loss < 1.05 * late[-1].loss
+        steps += len(late) - len(early)
     assert steps > 0
 
 
 def test_the_distance_is_free_where_an_edge_cuts_the_object_off(tiny: Model):
-    photo = replace(photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), framed=True)
-    cut_off = replace(photo, beyond=~photo.mask)
-    spreads = Race.of(tiny, (photo, cut_off, replace(cut_off, camera=tiny.camera(0.9, 0.3))), QUICK, 0).by.spreads[:, 1]
-    assert spreads[0] < spreads[1] < spreads[2] == math.inf
+    photo = replace(stool(tiny), cropped=True)
+    truncated = replace(photo, unseen=~photo.mask)
+    known = replace(truncated, camera=tiny.camera(0.9, 0.3))
+    scale = problem_of(tiny, photo, truncated, known).objective(math.inf).camera_scale[:, 1]
+    torch.testing.assert_close(scale, torch.tensor([CROPPED_DISTANCE_SCALE, TRUNCATED_DISTANCE_SCALE, math.inf]))
 
 
-def test_where_cameras_are_known_shapes_race(tiny: Model):
-    cameras = [tiny.camera(0.9, 0.5), tiny.camera(2.9, 0.3)]
-    photos = [replace(photo_of(tiny, tiny.codes[2], camera), camera=camera) for camera in cameras]
-    race = Race.of(tiny, tuple(photos), QUICK, 0)
-    pool = race.entered()
-    ranked = replace(pool, cost=torch.arange(len(pool), dtype=torch.float32))
-    cut = race.cut(ranked, race.plan[1]._replace(hypotheses=2))
-    assert cut.start.tolist() == [0, 1]
-    first, *_, end = fit(tiny, FitJob(tuple(photos), QUICK))
-    assert (first.hypotheses, end.hypotheses) == (len(pool), 1)
+def test_components_that_are_off_leave_the_objective(tiny: Model):
+    off = Components(camera_prior=False, mask_loss=False, viewpoint_classifier=False)
+    problem = Problem.of(tiny, (stool(tiny),), QUICK, off, seeded())
+    objective = problem.objective(0.2)
+    assert not objective.camera_weight.any()
+    assert objective.mask_weight == 0
+    assert problem.viewpoints == (None,)
 
 
-def test_the_leader_goes_on_where_all_others_have_diverged(tiny: Model):
-    race = Race.of(tiny, (photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), QUICK, 0)
-    pool = race.entered()
-    pool = replace(pool, cost=torch.full((len(pool),), math.inf).index_fill(0, torch.tensor(5), 1.0))
-    kept = race.cut(pool, race.plan[2]._replace(hypotheses=4))
-    assert kept.start.tolist() == [5, 5]  # and its twin
+# Pruning
 
 
-@pytest.mark.parametrize(("close", "going"), [(math.inf, 2), (-math.inf, 1)])
-def test_a_rival_goes_on_to_the_end_where_it_is_close_behind(
-    tiny: Model, monkeypatch: pytest.MonkeyPatch, close: float, going: int
-):
-    monkeypatch.setattr(racing, "_CLOSE", close)
-    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
-    *_, before, end = fit(tiny, FitJob((photo,), SHORT))
-    assert (before.hypotheses, end.hypotheses) == (going, 1)
-    assert end.alternative is not None
-    assert end.margin is not None
-    assert end.margin >= 0
-    again = list(fit(tiny, FitJob((photo,), SHORT, begin=end.race[0])))
-    assert {step.hypotheses for step in again} == {1}  # whoever goes on with one camera means that one
+def test_where_cameras_are_known_the_best_shapes_are_kept(tiny: Model):
+    problem = problem_of(tiny, stool(tiny, known=True))
+    batch = initial_hypotheses(problem, 6, seeded())
+    ranked = replace(batch, loss=torch.arange(len(batch), dtype=torch.float32))
+    assert prune(problem, ranked, 2).origin.tolist() == [0, 1]
+    first, *_, end = fit(tiny, FitJob((stool(tiny, known=True),), QUICK))
+    assert (first.active, end.active) == (len(batch), 1)
+
+
+def test_the_leader_is_kept_where_all_others_have_diverged(tiny: Model):
+    problem = problem_of(tiny, stool(tiny))
+    batch = initial_hypotheses(problem, 8, seeded())
+    batch = replace(batch, loss=torch.full((8,), math.inf).index_fill(0, torch.tensor(5), 1.0))
+    assert prune(problem, batch, 4).origin.tolist() == [5, 5]  # and its opposite view
+    with pytest.raises(DivergedError):
+        prune(problem, replace(batch, loss=torch.full((8,), math.inf)), 4)
+
+
+def test_the_opposite_view_of_the_leader_stays(tiny: Model):
+    problem = problem_of(tiny, stool(tiny))
+    batch = initial_hypotheses(problem, 8, seeded())
+    batch.parameters.angles[:, 0, 0] = torch.linspace(0.0, 1.5, 8)
+    batch = replace(batch, loss=torch.arange(8.0))
+    kept = prune(problem, batch, 3)
+    assert len(kept) == 3
+    assert float(kept.parameters.angles[-1, 0, 0]) == pytest.approx(math.pi)
+
+
+# Restarts
 
 
 def test_a_camera_in_doubt_is_searched_for_once_more(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    job = FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), SHORT)
+    job = FitJob((stool(tiny),), SHORT)
     once = list(fit(tiny, job))
-    twice = replace(job, settings=replace(SHORT, races=2))
-    monkeypatch.setattr(racing, "_DOUBT", 0.0)
+    twice = replace(job, settings=replace(SHORT, max_restarts=1))
+    monkeypatch.setattr(search, "RESTART_BELOW", 0.0)
     assert [step.loss for step in fit(tiny, twice)] == [step.loss for step in once]
-    monkeypatch.setattr(racing, "_DOUBT", 1.1)
+    monkeypatch.setattr(search, "RESTART_BELOW", 1.1)
     steps = list(fit(tiny, twice))
     first, second = steps[: len(once)], steps[len(once) :]
     assert [step.loss for step in first] == [step.loss for step in once]
     assert first[-1].steps > first[-1].step
-    for step in [first[-1], *(step for step in second[:-1] if step.loss == first[-1].loss)]:
-        found = (step.alternative and step.alternative.loss, step.margin, step.spread)  # who stops early knows as much
-        assert found == (once[-1].alternative.loss, once[-1].margin, once[-1].spread)
-    assert {step.loss for step in second} != {step.loss for step in first}
-    assert max(step.loss for step in second) <= first[-1].loss  # who stops early loses nothing
-    assert second[0].hypotheses == once[0].hypotheses + 1
-    assert [step.again for step in steps] == [False] * len(first) + [True] * len(second)
+    for step in [first[-1], *second[:-1]]:  # a fit that is stopped has the first result, and all that is known of it
+        found = (step.loss, step.cameras, step.runner_up and step.runner_up.loss, step.margin, step.uncertainty)
+        assert found == (
+            *(once[-1].loss, once[-1].cameras, once[-1].runner_up and once[-1].runner_up.loss),
+            *(once[-1].margin, once[-1].uncertainty),
+        )
+    assert second[-1].loss <= first[-1].loss
+    assert second[0].active == once[0].active
+    assert len(second[0].hypotheses) == once[0].active + 1
+    assert [step.restart for step in steps] == [False] * len(first) + [True] * len(second)
     assert [step.step for step in steps] == list(range(1, len(steps) + 1))
     assert steps[-1].step <= steps[-1].steps
-    assert second[-1].hypotheses == 1
-    assert second[-1].alternative is not None
-    assert len(list(fit(tiny, replace(twice, begin=steps[-1].race[0])))) <= SHORT.steps
+    assert second[-1].active == 1
+    assert second[-1].runner_up is not None
+    assert len(list(fit(tiny, replace(twice, resume_from=steps[-1].hypotheses[0])))) <= SHORT.steps
 
 
-def test_three_races_are_run_while_a_camera_stays_in_doubt(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(racing, "_DOUBT", 1.1)
-    photo, lengths = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), list[int]()
-    for races in (1, 2, 3):
-        steps = list(fit(tiny, FitJob((photo,), replace(SHORT, races=races))))
-        lengths.append(len(steps))
-        assert [step.step for step in steps] == list(range(1, len(steps) + 1))
-        assert [step.again for step in steps] == [number > lengths[0] for number in range(1, len(steps) + 1)]
-        assert len({step.steps for step in steps}) == races
-    assert lengths[0] < lengths[1] < lengths[2]
-
-
-@pytest.mark.parametrize("kind", ["known", "several", "paper"])
-def test_one_race_is_enough_where_not_one_camera_is_in_doubt(tiny: Model, monkeypatch: pytest.MonkeyPatch, kind: str):
-    photo, camera = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)), tiny.camera(0.9, 0.3)
-    photos = {"known": (replace(photo, camera=camera),), "several": (photo, photo), "paper": (photo,)}[kind]
-    settings = replace(SHORT, starts=1, paper=True) if kind == "paper" else SHORT
-    monkeypatch.setattr(racing, "_DOUBT", 1.1)
-    once, twice = (list(fit(tiny, FitJob(photos, replace(settings, races=races)))) for races in (1, 2))
+@pytest.mark.parametrize("kind", ["known", "several"])
+def test_one_search_is_enough_where_not_one_camera_is_in_doubt(tiny: Model, monkeypatch: pytest.MonkeyPatch, kind: str):
+    photos = {"known": (stool(tiny, known=True),), "several": (stool(tiny), stool(tiny))}[kind]
+    monkeypatch.setattr(search, "RESTART_BELOW", 1.1)
+    once, twice = (list(fit(tiny, FitJob(photos, replace(SHORT, max_restarts=most)))) for most in (0, 1))
     assert [step.loss for step in once] == [step.loss for step in twice]
-    assert not any(step.again for step in twice)
+    assert not any(step.restart for step in twice)
 
 
-def test_a_second_race_that_diverges_leaves_the_first_as_it_was(tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    job = FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), SHORT)
+def test_a_restart_that_diverges_leaves_the_first_result_as_it_was(tiny: Model, monkeypatch: pytest.MonkeyPatch):
+    job = FitJob((stool(tiny),), SHORT)
     *_, once = fit(tiny, job)
-    run = Race._run
+    searches = 0
 
-    def diverging(race: Race, pool: Pool) -> Iterator[Standing]:
-        runs.append(race)
-        if len(runs) > 1:
+    def diverging(*arguments: object) -> Iterator:
+        nonlocal searches
+        searches += 1
+        if searches > 1:
             raise DivergedError
-        yield from run(race, pool)
+        yield from refine(*arguments)
 
-    runs: list[Race] = []
-    monkeypatch.setattr(racing, "_DOUBT", 1.1)
-    monkeypatch.setattr(Race, "_run", diverging)
-    *_, last_one = fit(tiny, replace(job, settings=replace(SHORT, races=2)))
-    assert len(runs) == 2
-    assert last_one.again
+    monkeypatch.setattr(search, "RESTART_BELOW", 1.1)
+    monkeypatch.setattr(fits, "refine", diverging)
+    *_, last_one = fit(tiny, replace(job, settings=replace(SHORT, max_restarts=1)))
+    assert searches == 2
+    assert last_one.restart
     assert (last_one.loss, last_one.margin) == (once.loss, once.margin)
 
 
-def test_the_better_of_two_races_is_judged_by_the_smaller_margin(tiny: Model):
-    race = Race.of(tiny, (photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), SHORT, 0)
+def test_the_better_of_two_searches_is_judged_by_the_smaller_margin(tiny: Model):
+    problem = problem_of(tiny, stool(tiny), settings=SHORT)
+    one = initial_hypotheses(problem, 1, seeded())
 
-    def ended(azimuth: float, cost: float, margin: float) -> Standing:
-        pool = race.entered()[torch.tensor([0])]
-        angles = torch.tensor([[[azimuth, 0.3]]])
-        pool = replace(pool, numbers=pool.numbers._replace(angles=angles), cost=torch.tensor([cost]))
-        return Standing(pool, pool, margin, spread=cost)
+    def result(azimuth: float, loss: float, margin: float) -> SearchResult:
+        parameters = one.parameters._replace(angles=torch.tensor([[[azimuth, 0.3]]]))
+        winner = replace(one, parameters=parameters, loss=torch.tensor([loss]))
+        return SearchResult(winner, winner, margin, loss)
 
-    clear, doubtful, behind = ended(0.9, 1.0, 2.0), ended(0.9, 2.0, 0.1), ended(-2.0, 1.5, 2.0)
-    better = race._better(doubtful, clear)  # they agree
-    assert (better.pool, better.rival, better.margin) == (clear.pool, doubtful.rival, doubtful.margin)
-    better = race._better(behind, clear)
-    assert (better.pool, better.spread) == (clear.pool, clear.spread)
-    assert better.rival is not None
-    assert torch.equal(better.rival.numbers.angles, behind.pool.numbers.angles)
+    clear, doubtful, behind = result(0.9, 1.0, 2.0), result(0.9, 2.0, 0.1), result(-2.0, 1.5, 2.0)
+    better = better_of(problem, doubtful, clear)  # they agree
+    assert (better.winner, better.runner_up, better.margin) == (clear.winner, doubtful.runner_up, doubtful.margin)
+    better = better_of(problem, behind, clear)
+    assert (better.winner, better.uncertainty) == (clear.winner, clear.uncertainty)
+    assert better.runner_up is not None
+    assert torch.equal(better.runner_up.parameters.angles, behind.winner.parameters.angles)
     assert better.margin == pytest.approx(math.log(1.5))
 
 
+# The refinement, and the whole
+
+
 @pytest.mark.parametrize("steps", [1, 8, 30])
-@pytest.mark.parametrize("sparing", [True, False])
-def test_the_last_stage_tells_the_best_that_was_measured(tiny: Model, steps: int, sparing: bool):
-    camera = tiny.camera(0.9, 0.3)
-    settings = replace(SHORT, steps=steps, sparing=sparing)
-    alone = plan.plan(settings, blind=False)[-1].steps
-    found = list(fit(tiny, FitJob((replace(photo_of(tiny, tiny.codes[0], camera), camera=camera),), settings)))
-    ending = [step.loss for step in found if step.step > found[0].steps - alone]
+@pytest.mark.parametrize("early_stopping", [True, False])
+def test_the_refinement_tells_the_best_that_was_scored(tiny: Model, steps: int, early_stopping: bool):
+    settings, components = replace(SHORT, steps=steps), Components(early_stopping=early_stopping)
+    final = build_schedule(settings, components, unknown=False).final
+    found = list(fit(tiny, FitJob((stool(tiny, known=True),), settings, components=components)))
+    ending = [step.loss for step in found if step.step > found[0].steps - final.steps]
     assert ending == sorted(ending, reverse=True)
-    assert sparing or found[-1].step == found[-1].steps
+    assert early_stopping or found[-1].step == found[-1].steps
 
 
-def test_no_start_and_no_picture_ends_worse_than_it_began(tiny: Model):
+def test_no_start_and_no_photo_ends_worse_than_it_began(tiny: Model):
     for seed in range(10):
         ends_well(tiny, seed)
 
 
 @pytest.mark.slow
-def test_a_thousand_starts_and_pictures_end_no_worse_than_they_began(tiny: Model):
+def test_a_thousand_starts_and_photos_end_no_worse_than_they_began(tiny: Model):
     for seed in range(1000):
         ends_well(tiny, seed)
 
 
 def ends_well(model: Model, seed: int) -> None:
-    """A picture of anything from starts anywhere: each step finite, the end no worse than the start it came from."""
-    generator = torch.Generator().manual_seed(seed)
+    """A photo of anything from starts anywhere: each step finite, the end no worse than the start it came from."""
+    generator = seeded(seed)
 
-    def drawn(*size: int) -> torch.Tensor:
+    def random(*size: int) -> torch.Tensor:
         return torch.rand(size, generator=generator)
 
-    height, width = (int(side) for side in 8 + 40 * drawn(2))
-    mask = drawn(height, width) > drawn(1)
+    height, width = (int(side) for side in 8 + 40 * random(2))
+    mask = random(height, width) > random(1)
     mask[height // 2, width // 2] = True
-    pixels = torch.where(mask[..., None], drawn(height, width, 3), torch.ones(3))
-    photo = Photo(pixels, mask, framed=seed % 2 == 0)
-    race = Race.of(model, (photo,), FitSettings(starts=4, steps=9, rays=48, samples=12), seed)
-    pool = Pool.of(
-        Numbers(
-            (drawn(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
-            3 * drawn(4, 1) - 1.5,
-            drawn(4, 1) - 0.5,
-            0.4 * drawn(4, 1, 2) - 0.2,
-            8 * drawn(4, 2) - 4,
-            8 * drawn(4, 2) - 4,
+    pixels = torch.where(mask[..., None], random(height, width, 3), torch.ones(3))
+    photo = Photo(pixels, mask, cropped=seed % 2 == 0)
+    settings = FitSettings(hypotheses=4, steps=9, rays=48, samples=12)
+    problem, dice = problem_of(model, photo, settings=settings, seed=seed), seeded(seed)
+    coarse, local, final = build_schedule(settings, ALL_COMPONENTS, unknown=True)
+    batch = first = HypothesisBatch.of(
+        Parameters(
+            (random(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
+            3 * random(4, 1) - 1.5,
+            random(4, 1) - 0.5,
+            0.4 * random(4, 1, 2) - 0.2,
+            8 * random(4, 2) - 4,
+            8 * random(4, 2) - 4,
         )
     )
-    standings = list(race.run(pool))
-    assert len(standings) == race.steps
-    for standing in standings:
-        leader, left = standing.pool.leader, standing.pool
-        assert math.isfinite(float(left.cost[leader])) and math.isfinite(float(left.squared[leader]))
-        assert all(bool(part.isfinite().all()) for part in left.numbers)
-    end = standings[-1].pool
-    began = race.measured(pool[end.start[end.leader][None]])
-    assert float(end.cost[end.leader]) <= float(began.cost) + 1e-6
+    for batch in optimise(problem, first, (*coarse, *local), dice):
+        assert_finite(batch)
+    selected = select(problem, batch, first, final)
+    for end in refine(problem, selected.winner, final, dice):
+        assert_finite(end.best)
+    began = score(problem, first[end.best.origin], final.robust_scale)
+    assert float(end.best.loss) <= float(began.loss) + 1e-6
 
 
-def test_what_an_earlier_race_found_out_holds_while_its_winner_leads(tiny: Model):
-    race = Race.of(tiny, (photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3)),), QUICK, 0)
-    pool = race.entered()[torch.tensor([0, 1, 2])]
-    won = replace(pool[torch.tensor([0])], cost=torch.tensor([0.5]))
-    before = Standing(won, pool[torch.tensor([1])], 0.3, 1.5)
-    behind, ahead = (Standing(replace(pool, cost=torch.tensor([0.9, least, 0.8]))) for least in (0.7, 0.2))
-    assert behind.beside(None) is behind
-    assert behind.beside(before)[1:] == before[1:]
-    assert behind.beside(before).pool.cost.min() == 0.5
-    assert ahead.beside(before)[1:] == ahead[1:]
-    assert len(ahead.beside(before).pool) == 4
-    assert before.beside(before) is before  # the end of a race has been compared already
+def assert_finite(batch: HypothesisBatch) -> None:
+    best = batch.best
+    assert math.isfinite(float(best.loss)) and math.isfinite(float(best.squared_error))
+    assert all(bool(part.isfinite().all()) for part in batch.parameters)
+
+
+def test_a_result_says_what_it_is_sure_of(tiny: Model):
+    last: FitStep
+    *_, last = fit(tiny, FitJob((stool(tiny),), SHORT))
+    assert last.confidence is not None
+    assert 0 <= last.confidence <= 1

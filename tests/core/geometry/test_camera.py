@@ -5,7 +5,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry.camera import Camera, position, rotation
+from core.geometry.camera import Camera, camera_position, camera_rotation
 
 azimuths = st.floats(-math.pi, math.pi)
 elevations = st.floats(-math.pi / 2, math.pi / 2)
@@ -14,7 +14,7 @@ elevations = st.floats(-math.pi / 2, math.pi / 2)
 @given(azimuths, elevations)
 def test_rotation_is_the_papers_and_a_rotation(azimuth: float, elevation: float):
     a, e = azimuth, elevation
-    found = rotation(torch.tensor(a, dtype=torch.float64), torch.tensor(e, dtype=torch.float64))
+    found = camera_rotation(torch.tensor(a, dtype=torch.float64), torch.tensor(e, dtype=torch.float64))
     paper = [
         [-math.sin(a), math.cos(a), 0],
         [-math.sin(e) * math.cos(a), -math.sin(e) * math.sin(a), math.cos(e)],
@@ -28,7 +28,7 @@ def test_rotation_is_the_papers_and_a_rotation(azimuth: float, elevation: float)
 @given(azimuths, elevations, st.floats(0.5, 5.0))
 def test_camera_stands_behind_its_own_backward_axis(azimuth: float, elevation: float, distance: float):
     a, e, d = (torch.tensor(v, dtype=torch.float64) for v in (azimuth, elevation, distance))
-    torch.testing.assert_close(position(a, e, d), d * rotation(a, e)[2])
+    torch.testing.assert_close(camera_position(a, e, d), d * camera_rotation(a, e)[2])
 
 
 @given(azimuths, elevations, st.floats(0.5, 5.0))
@@ -40,7 +40,9 @@ def test_pose_goes_there_and_back(azimuth: float, elevation: float, distance: fl
 
 def test_pose_and_its_position_are_differentiable_in_all_three():
     numbers = torch.tensor([0.3, 0.7, 1.4], dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(lambda n: (rotation(n[0], n[1]), position(n[0], n[1], n[2])), (numbers,))
+    assert torch.autograd.gradcheck(
+        lambda n: (camera_rotation(n[0], n[1]), camera_position(n[0], n[1], n[2])), (numbers,)
+    )
 
 
 def test_front_of_an_object_is_seen_from_ninety_degrees():

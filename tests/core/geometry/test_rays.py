@@ -2,14 +2,14 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry.camera import Camera
-from core.geometry.rays import camera_rays, cast, clip_to_box, pixel_centres
+from core.geometry.camera import Camera, pixel_centres
+from core.geometry.rays import camera_rays, cast_rays, clip_to_box
 
 EXTENT = torch.tensor([0.3, 0.5, 0.2])
 
 
 def test_the_middle_of_the_picture_looks_at_the_origin():
-    rays = cast(torch.tensor([16.0, 16.0]), *torch.tensor([0.4, 0.3, 2.0]), 32.0, (32, 32), EXTENT)
+    rays = cast_rays(torch.tensor([16.0, 16.0]), *torch.tensor([0.4, 0.3, 2.0]), 32.0, (32, 32), EXTENT)
     torch.testing.assert_close(rays.directions, torch.nn.functional.normalize(-rays.origins, dim=-1))
 
 
@@ -25,6 +25,25 @@ def test_pixel_centres():
     assert centres.shape == (2, 3, 2)
     assert centres[0, 0].tolist() == [0.5, 0.5]
     assert centres[1, 2].tolist() == [2.5, 1.5]
+
+
+@given(st.floats(-3, 3), st.floats(-1.5, 1.5))
+def test_projection_is_the_inverse_of_casting(azimuth: float, elevation: float):
+    camera = Camera(azimuth, elevation, 2.0, 70.0, 64, 48)
+    rays = camera_rays(camera, EXTENT)
+    points = rays.origins + 1.7 * rays.directions
+    torch.testing.assert_close(camera.project(points), pixel_centres(64, 48), atol=1e-3, rtol=0)
+
+
+def test_opengl_projects_to_the_same_pixels():
+    camera = Camera(0.7, -0.3, 2.0, 70.0, 64, 48)
+    points = torch.randn(20, 3, generator=torch.Generator().manual_seed(0)) / 4
+    homogeneous = torch.nn.functional.pad(points, (0, 1), value=1.0)
+    clip = homogeneous @ torch.from_numpy(camera.clip_from_world(1.0, 3.0)).T
+    x, y, depth = (clip[:, :3] / clip[:, 3:]).unbind(-1)
+    torch.testing.assert_close(camera.project(points), torch.stack((32 + 32 * x, 24 - 24 * y), -1), atol=1e-3, rtol=0)
+    nearer = -camera.to_camera_axes(points)[:, 2]
+    assert torch.equal(nearer.argsort(), depth.argsort())
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -52,7 +71,7 @@ def test_rays_along_an_axis_are_clipped():
 def test_gradients_reach_the_camera():
     def first(numbers: torch.Tensor) -> torch.Tensor:
         pixels = torch.tensor([[3.0, 4.0], [20.0, 9.0]], dtype=torch.float64)
-        rays = cast(pixels, *numbers, 32.0, (32, 32), EXTENT.double())
+        rays = cast_rays(pixels, *numbers, 32.0, (32, 32), EXTENT.double())
         return torch.cat((rays.origins, rays.directions), -1)
 
     numbers = torch.tensor([0.4, 0.3, 2.0], dtype=torch.float64, requires_grad=True)

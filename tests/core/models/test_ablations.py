@@ -3,20 +3,21 @@ import dataclasses
 import pytest
 import torch
 
-from core.models.ablations import field_of
+from core.models.ablations import build_field
 from core.models.codes import CodeBook, Codes, Entry
-from core.models.field import Field, FieldConfig, encode
+from core.models.field import Field, encode
+from core.models.field_config import FieldConfig
 from core.models.model import Model
-from core.rendering.fast import marched
+from core.rendering.fast import render
 from core.rendering.reference import render_exact
 
-CONFIG = FieldConfig(32, 2, 1, 8, 4, point_octaves=3, direction_octaves=2)
+CONFIG = FieldConfig(32, 2, 1, 8, 4, position_frequencies=3, direction_frequencies=2)
 POINTS = torch.rand(50, 3, generator=torch.Generator().manual_seed(0)) - 0.5
 
 
-def entangled(design: str) -> Field:
+def build(architecture: str) -> Field:
     torch.manual_seed(1)
-    return field_of(dataclasses.replace(CONFIG, design=design))
+    return build_field(dataclasses.replace(CONFIG, architecture=architecture))
 
 
 def asked(field: Field, direction: torch.Tensor, shape: torch.Tensor, texture: torch.Tensor):
@@ -25,10 +26,11 @@ def asked(field: Field, direction: torch.Tensor, shape: torch.Tensor, texture: t
 
 
 @pytest.mark.parametrize(
-    ("design", "by_direction", "by_texture"), [("codenerf", False, False), ("M1", True, False), ("M2", False, True)]
+    ("architecture", "by_direction", "by_texture"),
+    [("codenerf", False, False), ("M1", True, False), ("M2", False, True)],
 )
-def test_what_moves_density_is_the_design(design: str, by_direction: bool, by_texture: bool):
-    field = entangled(design)
+def test_what_moves_density_is_the_architecture(architecture: str, by_direction: bool, by_texture: bool):
+    field = build(architecture)
     before = asked(field, torch.tensor([1.0, 0, 0]), torch.ones(8), torch.ones(4))
     turned = asked(field, torch.tensor([0, 1.0, 0]), torch.ones(8), torch.ones(4))
     repainted = asked(field, torch.tensor([1.0, 0, 0]), torch.ones(8), -torch.ones(4))
@@ -39,37 +41,37 @@ def test_what_moves_density_is_the_design(design: str, by_direction: bool, by_te
 
 
 def test_m1_is_a_first_layer_that_sees_point_and_direction():
-    field = entangled("M1")
+    field = build("M1")
     direction = torch.tensor([0.6, 0.8, 0.0])
     joint = torch.cat((field.point_layer.weight, field.early_direction.weight), 1)
     both = torch.cat((encode(POINTS, 3), encode(direction, 2).expand(50, -1)), -1)
     shape_bias, _ = field.biases(torch.ones(8), torch.ones(4))
     first = torch.nn.functional.linear(both, joint, field.point_layer.bias).relu()
-    density, _ = field.density_of(first, shape_bias)
+    density, _ = field.density_from_activations(first, shape_bias)
     found = asked(field, direction, torch.ones(8), torch.ones(4))
     torch.testing.assert_close(found[0], density)
 
 
 def test_m1_shows_a_point_without_a_direction_as_from_outside():
-    field, shape_bias = entangled("M1"), entangled("M1").biases(torch.ones(8), torch.ones(4))[0]
+    field, shape_bias = build("M1"), build("M1").biases(torch.ones(8), torch.ones(4))[0]
     for index, point in enumerate(POINTS[:5]):
         seen = asked(field, -point, torch.ones(8), torch.ones(4))[0][index]
         torch.testing.assert_close(field.density(point, shape_bias)[0], seen)
 
 
-@pytest.mark.parametrize("design", ["M1", "M2"])
-def test_a_model_of_another_design_is_kept_and_drawn_exactly_only(design: str, tmp_path):
+@pytest.mark.parametrize("architecture", ["M1", "M2"])
+def test_a_model_of_another_architecture_is_kept_and_drawn_exactly_only(architecture: str, tmp_path):
     codes = CodeBook(torch.randn(2, 8), torch.randn(2, 4), (Entry("a", 0, 0), Entry("b", 1, 1)))
-    Model(entangled(design), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0).save(tmp_path / "m.safetensors")
+    Model(build(architecture), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0).save(tmp_path / "m.safetensors")
     model = Model.load(tmp_path / "m.safetensors")
     first, camera = model.codes[0], model.camera(0.3, 0.4)
     drawn = render_exact(model, first, camera, 8)
     swapped = render_exact(model, Codes(first.shape, model.codes[1].texture), camera, 8)
-    assert torch.equal(drawn.opacity, swapped.opacity) is (design == "M1")
+    assert torch.equal(drawn.opacity, swapped.opacity) is (architecture == "M1")
     with pytest.raises(ValueError, match="--exact"):
-        marched(model, first, camera, 8)
+        render(model, first, camera, 8)
 
 
-def test_an_unknown_design_is_refused():
-    with pytest.raises(ValueError, match="design: M3"):
-        dataclasses.replace(CONFIG, design="M3")
+def test_an_unknown_architecture_is_refused():
+    with pytest.raises(ValueError, match="architecture: M3"):
+        dataclasses.replace(CONFIG, architecture="M3")

@@ -14,31 +14,31 @@ def cloud(seed: int = 0, count: int = 40, latent: int = 6) -> torch.Tensor:
 
 @given(st.integers(0, 1000))
 def test_coordinates_and_codes_go_there_and_back(seed: int):
-    space = CodeSpace.of(cloud(seed))
+    space = CodeSpace.from_codes(cloud(seed))
     codes = cloud(seed + 1)
     torch.testing.assert_close(space.code(space.coordinates(codes)), codes, atol=1e-4, rtol=1e-4)
 
 
 def test_the_cloud_is_standard_in_its_own_coordinates():
     codes = cloud(count=400)
-    space = CodeSpace.of(codes)
+    space = CodeSpace.from_codes(codes)
     found = space.coordinates(codes)
     torch.testing.assert_close(found.mean(0), torch.zeros(6), atol=1e-4, rtol=0)
     torch.testing.assert_close(found.T.cov(), torch.eye(6), atol=1e-3, rtol=0)
-    assert bool((space.spread.diff() <= 0).all())
-    assert float(space.explained.sum()) == pytest.approx(1.0, abs=1e-6)
+    assert bool((space.std.diff() <= 0).all())
+    assert float(space.explained_variance.sum()) == pytest.approx(1.0, abs=1e-6)
 
 
 def test_moving_along_one_direction_leaves_the_others():
-    space, code = CodeSpace.of(cloud()), cloud(3)[0]
-    before, after = space.coordinates(code), space.coordinates(space.moved(code, 2, 1.5))
+    space, code = CodeSpace.from_codes(cloud()), cloud(3)[0]
+    before, after = space.coordinates(code), space.coordinates(space.with_coordinate(code, 2, 1.5))
     assert float(after[2]) == pytest.approx(1.5, abs=1e-4)
     torch.testing.assert_close(after[[0, 1, 3, 4, 5]], before[[0, 1, 3, 4, 5]], atol=1e-4, rtol=0)
 
 
 def test_fewer_objects_than_numbers_have_fewer_directions():
-    space = CodeSpace.of(cloud(count=4))
-    assert len(space.spread) == 3
+    space = CodeSpace.from_codes(cloud(count=4))
+    assert len(space.std) == 3
     torch.testing.assert_close(space.directions @ space.directions.T, torch.eye(3), atol=1e-5, rtol=0)
 
 
@@ -71,19 +71,19 @@ def test_a_book_whose_objects_have_no_codes_is_refused():
 
 def test_drawn_codes_repeat_with_the_seed():
     book = CodeBook(cloud(), cloud(1), ())
-    assert book.drawn(torch.Generator().manual_seed(5)) == book.drawn(torch.Generator().manual_seed(5))
+    assert book.sample(torch.Generator().manual_seed(5)) == book.sample(torch.Generator().manual_seed(5))
 
 
-def test_broken_objects_stay_but_count_for_nothing():
-    """A row that a sound object shares with a broken one is kept."""
+def test_collapsed_objects_stay_but_count_for_nothing():
+    """A row that a valid object shares with a collapsed one is kept."""
     shapes, textures = cloud(count=4), cloud(1, count=4)
     entries = (Entry("a", 0, 0), Entry("lost", 1, 0), Entry("b", 2, 2), Entry("c", 3, 3), Entry("lost too", 1, 1))
     book = CodeBook(shapes, textures, entries, frozenset({1, 4}))
-    assert book.sound == (0, 2, 3)
+    assert book.valid == (0, 2, 3)
     assert torch.equal(book[4].shape, shapes[1])
     torch.testing.assert_close(book.mean.shape, shapes[[0, 2, 3]].mean(0))
     torch.testing.assert_close(book.mean.texture, textures[[0, 2, 3]].mean(0))
-    with pytest.raises(ValueError, match="broken objects"):
+    with pytest.raises(ValueError, match="collapsed objects"):
         CodeBook(shapes, textures, entries, frozenset({5}))
 
 
@@ -98,11 +98,11 @@ def test_a_cloud_first_asked_for_while_drawing_serves_a_fit_too():
 
 def test_distances_over_the_cloud_have_mean_square_one() -> None:
     rows = torch.randn(40, 6) * torch.tensor([3.0, 2, 1, 1, 0.5, 0.1]) + 5
-    space = CodeSpace.of(rows)
+    space = CodeSpace.from_codes(rows)
     assert float(space.distance(rows).square().mean()) == pytest.approx(39 / 40, rel=1e-3)
     assert float(space.distance(space.mean)) == 0
     assert float(space.distance(rows[3], rows[3])) == 0
-    two = space.mean + 2 * space.spread[0] * space.directions[0]
+    two = space.mean + 2 * space.std[0] * space.directions[0]
     assert float(space.distance(two)) == pytest.approx(2 / 6**0.5, rel=1e-4)
 
 

@@ -3,17 +3,18 @@ import pytest
 import torch
 
 from core.models.authors_checkpoint import load_authors
-from core.models.field import Field, FieldConfig, encode
+from core.models.field import Field, encode
+from core.models.field_config import FieldConfig
 
 
 def plain(field: Field, point, direction, shape, texture):
     """The architecture figure, layer by layer, with no folding."""
-    y = field.point_layer(encode(point, field.config.point_octaves)).relu()
+    y = field.point_layer(encode(point, field.config.position_frequencies)).relu()
     for latent, block in zip(field.shape_latent, field.shape_block, strict=True):
         y = block(y + latent(shape).relu()).relu()
     features = field.feature_layer(y)
     density = field.config.density_scale * torch.nn.functional.softplus(field.density_layer(features))[..., 0]
-    y = field.direction_layer(torch.cat((features, encode(direction, field.config.direction_octaves)), -1)).relu()
+    y = field.direction_layer(torch.cat((features, encode(direction, field.config.direction_frequencies)), -1)).relu()
     for latent, block in zip(field.texture_latent, field.texture_block, strict=True):
         y = block(y + latent(texture).relu()).relu()
     return density, field.colour_layer(field.colour_hidden(y).relu()).sigmoid()
@@ -37,7 +38,7 @@ def test_encoding_of_one_point():
     torch.testing.assert_close(found, torch.cat((torch.tensor([0.5, 0.0, -1.0]), angles.sin(), angles.cos())))
 
 
-@pytest.mark.parametrize("sizes", [{"width": 0}, {"width": 7}, {"shape_blocks": 0}, {"point_octaves": -1}])
+@pytest.mark.parametrize("sizes", [{"width": 0}, {"width": 7}, {"shape_blocks": 0}, {"position_frequencies": -1}])
 def test_impossible_sizes_are_refused(sizes: dict):
     with pytest.raises(ValueError, match="no field"):
         FieldConfig(**sizes)
@@ -62,8 +63,8 @@ def test_slopes_of_biases_are_autograds():
     field = Field(FieldConfig(32, 2, 1, 8, 4))
     codes, along, none = torch.randn(3, 8), torch.randn(5, 8), torch.zeros(3, 5)
     expected = torch.func.vmap(torch.func.jacrev(lambda code, moved: field.shape_bias(code + moved @ along), 1))
-    torch.testing.assert_close(field.shape_slopes(codes, along), expected(codes, none))
+    torch.testing.assert_close(field.shape_bias_jacobian(codes, along), expected(codes, none))
     expected = torch.func.vmap(
         torch.func.jacrev(lambda code, moved: field.texture_bias(code + moved @ along[:, :4]), 1)
     )
-    torch.testing.assert_close(field.texture_slopes(codes[:, :4], along[:, :4]), expected(codes[:, :4], none))
+    torch.testing.assert_close(field.texture_bias_jacobian(codes[:, :4], along[:, :4]), expected(codes[:, :4], none))

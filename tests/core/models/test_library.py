@@ -1,6 +1,6 @@
 import pytest
 
-from core.models.library import load_model, samples, shipped_models
+from core.models.library import load_model, sample_images, shipped_models
 from core.models.model import Model
 
 
@@ -36,6 +36,6 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
 
 
 def test_samples_are_pictures_of_their_category():
-    assert samples("boats") == ()
+    assert sample_images("boats") == ()
     for category in shipped_models():
-        assert len(samples(category)) >= 3
+        assert len(sample_images(category)) >= 3

@@ -1,13 +1,16 @@
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import save_file
 
 from core.models.codes import CodeBook
+from core.models.library import load_model, shipped_models
 from core.models.model import Model
-from core.models.viewpoint import SIDE, Glance
+from core.models.viewpoint import SIDE, ViewpointClassifier
 
 
 def test_saving_and_loading_is_exact(model: Model, tmp_path):
@@ -16,33 +19,33 @@ def test_saving_and_loading_is_exact(model: Model, tmp_path):
     again = Model.load(path)
     assert again.fingerprint == model.fingerprint
     assert again.codes[3] == model.codes[3]
-    assert (again.extent, again.category, again.focal, again.distance, again.painted_ground) == (
+    assert (again.extent, again.category, again.focal, again.distance, again.white_from_network) == (
         model.extent,
         model.category,
         model.focal,
         model.distance,
-        model.painted_ground,
+        model.white_from_network,
     )
     assert again.codes.objects == model.codes.objects
     assert [entry.name for entry in tmp_path.iterdir()] == ["m.safetensors"]
 
 
-def test_a_glance_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
-    looking = replace(model, glance=Glance())
+def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(model: Model, tmp_path):
+    looking = replace(model, viewpoint_classifier=ViewpointClassifier())
     looking.save(tmp_path / "m.safetensors")
     again = Model.load(tmp_path / "m.safetensors")
     assert again.fingerprint == model.fingerprint
-    assert looking.glance is not None
-    assert again.glance is not None
+    assert looking.viewpoint_classifier is not None
+    assert again.viewpoint_classifier is not None
     seen = torch.rand(2, 4, SIDE, SIDE)
-    assert torch.allclose(again.glance(seen), looking.glance(seen), atol=1e-2)
-    assert model.glance is None
+    assert torch.allclose(again.viewpoint_classifier(seen), looking.viewpoint_classifier(seen), atol=1e-2)
+    assert model.viewpoint_classifier is None
 
 
-def test_broken_objects_are_remembered(model: Model, tmp_path):
-    book = replace(model.codes, broken=frozenset({1, 4}))
+def test_collapsed_objects_are_remembered(model: Model, tmp_path):
+    book = replace(model.codes, collapsed=frozenset({1, 4}))
     replace(model, codes=book).save(tmp_path / "m.safetensors")
-    assert Model.load(tmp_path / "m.safetensors").codes.broken == {1, 4}
+    assert Model.load(tmp_path / "m.safetensors").codes.collapsed == {1, 4}
 
 
 def test_another_code_is_another_model(model: Model):
@@ -64,3 +67,35 @@ def test_what_is_no_model_file_is_named(tmp_path):
 def test_cameras_look_as_the_training_pictures_did(model: Model):
     camera = model.camera(0.1, 0.2)
     assert (camera.distance, camera.focal, camera.width) == (2.0, 32.8, 32)
+
+
+def test_files_with_the_old_keys_are_still_read(model: Model, tmp_path: Path):
+    """As they were written before keys were renamed; the shipped models are such files."""
+    book = replace(model.codes, collapsed=frozenset({1}))
+    new = replace(model, codes=book, white_from_network=True, viewpoint_classifier=ViewpointClassifier())
+    path = tmp_path / "m.safetensors"
+    new.save(path)
+    with safe_open(path, framework="pt") as file:
+        about = file.metadata()["model"]
+        tensors = {name.replace("viewpoint.", "glance."): file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    for old, key in (
+        ("painted_ground", "white_from_network"),
+        ("broken", "collapsed"),
+        ("point_octaves", "position_frequencies"),
+        ("direction_octaves", "direction_frequencies"),
+        ("design", "architecture"),
+    ):
+        assert f'"{key}"' in about
+        about = about.replace(f'"{key}"', f'"{old}"')
+    save_file(tensors, path, metadata={"format": "codenerf-1", "model": about})
+    again = Model.load(path)
+    assert again.fingerprint == new.fingerprint
+    assert again.field.config == new.field.config
+    assert again.codes.collapsed == {1}
+    assert again.white_from_network
+    assert again.viewpoint_classifier is not None
+
+
+@pytest.mark.parametrize("name", shipped_models())
+def test_every_shipped_model_is_read_with_its_classifier(name: str):
+    assert load_model(name).viewpoint_classifier is not None

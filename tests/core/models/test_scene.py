@@ -1,12 +1,20 @@
 import json
+import struct
+import zlib
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.scene import Scene
+from core.models.scene import Scene, embedded_scene, open_scene, save_image
 from tests.conftest import random_model
+
+PIXELS = np.arange(6 * 5 * 3, dtype=np.uint8).reshape(6, 5, 3)
 
 
 def some(model: Model) -> Scene:
@@ -52,3 +60,68 @@ def test_numbers_that_no_camera_has_are_refused(model: Model, tmp_path):
     about["camera"]["distance"] = -1.0
     with pytest.raises(ValueError, match="distance"):
         Scene.from_json(json.dumps(about), model)
+
+
+@pytest.fixture
+def scene(model: Model) -> Scene:
+    return some(model)
+
+
+def test_a_png_brings_its_scene_back_exactly(scene: Scene, model: Model, tmp_path: Path):
+    save_image(PIXELS, tmp_path / "a.PNG", scene)
+    again = open_scene(tmp_path / "a.PNG", model)
+    assert again == scene
+    assert torch.equal(again.codes.texture, scene.codes.texture)
+    with Image.open(tmp_path / "a.PNG") as image:
+        np.testing.assert_array_equal(np.asarray(image), PIXELS)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.PNG"]
+
+
+@pytest.mark.parametrize("name", ["a.jpg", "a.webp"])
+def test_other_formats_hold_pixels_only(scene: Scene, name: str, tmp_path: Path):
+    save_image(PIXELS, tmp_path / name, scene)
+    assert embedded_scene(tmp_path / name) is None
+
+
+def test_a_scene_file_is_opened_as_before(scene: Scene, model: Model, tmp_path: Path):
+    scene.save(tmp_path / "s.json")
+    assert open_scene(tmp_path / "s.json", model) == scene
+
+
+def test_a_picture_of_another_model_is_refused_by_name(scene: Scene, model: Model, tmp_path: Path):
+    save_image(PIXELS, tmp_path / "a.png", replace(scene, model=random_model(seed=1).fingerprint))
+    with pytest.raises(ValueError, match=r"a\.png: the scene belongs to another model"):
+        open_scene(tmp_path / "a.png", model)
+
+
+def test_files_that_hold_no_scene_hold_none(scene: Scene, model: Model, tmp_path: Path):
+    save_image(PIXELS, tmp_path / "whole.png", scene)
+    whole = (tmp_path / "whole.png").read_bytes()
+    for length in (0, 7, 8, 20, 40, 100):
+        (tmp_path / "torn.png").write_bytes(whole[:length])
+        assert embedded_scene(tmp_path / "torn.png") is None, length
+    (tmp_path / "text.png").write_text("hello")
+    Image.fromarray(PIXELS).save(tmp_path / "plain.png")
+    for name in ("text.png", "plain.png", "gone.png", "."):
+        assert embedded_scene(tmp_path / name) is None
+    with pytest.raises(ValueError, match=r"plain\.png"):
+        open_scene(tmp_path / "plain.png", model)
+
+
+def test_a_picture_is_asked_for_its_scene_without_decoding_it(scene: Scene, tmp_path: Path):
+    """Its header says 60,000 by 60,000 pixels, which the file does not hold and no memory would."""
+    save_image(PIXELS, tmp_path / "a.png", scene)
+    whole = (tmp_path / "a.png").read_bytes()
+    header = b"IHDR" + struct.pack(">II", 60_000, 60_000) + whole[24:29]
+    (tmp_path / "huge.png").write_bytes(whole[:12] + header + struct.pack(">I", zlib.crc32(header)) + whole[33:])
+    assert embedded_scene(tmp_path / "huge.png") == scene.to_json()
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("a.xyz", r"name ends in \.png"), ("a", r"name ends in \.png"), ("gone/a.png", "cannot write")],
+)
+def test_a_picture_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, why: str, tmp_path: Path):
+    with pytest.raises(ValueError, match=why):
+        save_image(PIXELS, tmp_path / name, scene)
+    assert list(tmp_path.iterdir()) == []

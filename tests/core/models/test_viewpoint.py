@@ -3,7 +3,15 @@ import math
 import pytest
 import torch
 
-from core.models.viewpoint import SIDE, Glance, cropped, directions, glanced, nearness, surprise
+from core.models.viewpoint import (
+    SIDE,
+    ViewpointClassifier,
+    crop_to_object,
+    direction_weights,
+    directions,
+    predict_viewpoint,
+    viewpoint_nll,
+)
 
 
 def picture(left: int, top: int, size: int) -> tuple[torch.Tensor, torch.Tensor]:
@@ -15,8 +23,8 @@ def picture(left: int, top: int, size: int) -> tuple[torch.Tensor, torch.Tensor]
     return pixels, mask
 
 
-def test_a_picture_looks_the_same_wherever_and_however_large_the_object_is():
-    small, large = cropped(*picture(5, 7, 24)), cropped(*picture(30, 4, 48))
+def test_an_image_looks_the_same_wherever_and_however_large_the_object_is():
+    small, large = crop_to_object(*picture(5, 7, 24)), crop_to_object(*picture(30, 4, 48))
     assert small.shape == (4, SIDE, SIDE)
     assert float((small - large).abs().mean()) < 0.02
     assert float(small[3].mean()) == pytest.approx(1 / 1.12**2, abs=0.02)
@@ -27,26 +35,26 @@ def test_a_picture_looks_the_same_wherever_and_however_large_the_object_is():
 def test_what_lies_beside_the_object_is_not_seen():
     pixels, mask = picture(20, 10, 30)
     beside = torch.where(mask[..., None], pixels, torch.rand(60, 80, 3))
-    assert torch.allclose(cropped(pixels, mask), cropped(beside, mask), atol=1e-6)
+    assert torch.allclose(crop_to_object(pixels, mask), crop_to_object(beside, mask), atol=1e-6)
 
 
 def test_directions_are_nearest_to_themselves():
-    shares = nearness(*directions())
+    shares = direction_weights(*directions())
     assert torch.allclose(shares.sum(-1), torch.ones(len(shares)), atol=1e-5)
     assert torch.equal(shares.argmax(-1), torch.arange(len(shares)))
 
 
 def test_probabilities_add_up_and_none_is_lost():
     torch.manual_seed(0)
-    found = glanced(Glance().eval(), *picture(20, 10, 30))
+    found = predict_viewpoint(ViewpointClassifier().eval(), *picture(20, 10, 30))
     assert float(found.sum()) == pytest.approx(1, abs=1e-5)
     assert float(found.min()) > 1e-4
 
 
-def test_a_likely_camera_is_no_surprise_and_its_twin_is():
+def test_the_likeliest_camera_has_no_nll_and_its_opposite_has():
     azimuth, elevation = directions()
     probability = torch.full_like(azimuth, 1e-4)
     probability[30] = 1.0
-    at, twin = surprise(probability, azimuth[30] + torch.tensor([0.0, math.pi]), elevation[30].expand(2))
+    at, twin = viewpoint_nll(probability, azimuth[30] + torch.tensor([0.0, math.pi]), elevation[30].expand(2))
     assert float(at) == pytest.approx(0, abs=1e-3)
     assert float(twin) > 3

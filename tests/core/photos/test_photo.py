@@ -1,4 +1,5 @@
 import struct
+import sys
 import zlib
 from pathlib import Path
 
@@ -6,11 +7,14 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image, ImageDraw
+from pillow_heif import register_heif_opener
 
 from core.models.model import Model
-from core.photos.photo import Framing, Photo, load_photo, photo_from_array
-from core.photos.segmentation import Hints, NoGroundError
-from core.photos.view_bank import apparent
+from core.photos.decode import read_rgba
+from core.photos.photo import Crop, Photo, load_photo, photo_from_array
+from core.photos.plain_background import NoBackgroundError
+from core.photos.segmentation import Hints
+from core.photos.view_bank import apparent_size
 from core.rendering.reference import render_exact
 from tests.core.tiny import SIDE
 
@@ -33,10 +37,10 @@ def saved(image: Image.Image, path: Path, **options: object) -> Path:
 def check_found(photo: Photo, model: Model) -> None:
     """The drawing, in the middle and in the usual size, on white."""
     assert photo.pixels.shape == (SIDE, SIDE, 3)
-    assert photo.framed
+    assert photo.cropped
     assert photo.camera is None
     rows, columns = photo.mask.any(1).nonzero()[:, 0], photo.mask.any(0).nonzero()[:, 0]
-    side = apparent(model).typical * SIDE
+    side = apparent_size(model).median * SIDE
     assert len(rows) == pytest.approx(side, abs=1.5)
     assert len(columns) == pytest.approx(side, abs=1.5)
     assert float(rows.float().mean()) == pytest.approx(SIDE / 2 - 0.5, abs=1)
@@ -67,7 +71,7 @@ def test_grey_pictures_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
     else:
         image = Image.fromarray(grey).convert(mode)
     photo = load_photo(saved(image, tmp_path / ("a.tif" if mode in ("I", "F") else "a.png")), tiny)
-    assert photo.framed
+    assert photo.cropped
     assert float(photo.pixels[photo.mask].mean()) < 0.3
 
 
@@ -109,11 +113,11 @@ def cut_off(box: tuple[int, int, int, int], tiny: Model) -> Photo:
 
 def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
     photo = cut_off((60, 0, 300, 200), tiny)
-    assert photo.beyond is not None
+    assert photo.unseen is not None
     first = int(photo.mask.any(0).nonzero()[0, 0])
-    assert bool(photo.beyond[:, : first - 1].all())
-    assert not bool(photo.beyond[:, first:].any())
-    below = cut_off((0, 0, 300, 150), tiny).beyond
+    assert bool(photo.unseen[:, : first - 1].all())
+    assert not bool(photo.unseen[:, first:].any())
+    below = cut_off((0, 0, 300, 150), tiny).unseen
     assert below is not None
     assert below.any(0).all()
     assert not below[: SIDE // 2].any()
@@ -125,12 +129,12 @@ def test_all_is_known_around_a_whole_object_and_one_that_a_picture_was_trimmed_t
 ):
     cutout = drawing().convert("RGBA")
     cutout.putalpha(Image.fromarray((np.asarray(drawing()).min(-1) < 255).astype(np.uint8) * 255))
-    assert photo_from_array(np.asarray(cutout.crop(box)), tiny).beyond is None
+    assert photo_from_array(np.asarray(cutout.crop(box)), tiny).unseen is None
 
 
 def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
-    with pytest.raises(ValueError, match="beyond"):
-        Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, beyond=torch.ones(8, 8) > 0)
+    with pytest.raises(ValueError, match="unseen"):
+        Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, unseen=torch.ones(8, 8) > 0)
 
 
 # Telling the object from its ground
@@ -186,7 +190,7 @@ def test_specks_are_left_out(tiny: Model):
     check_found(photo_from_array(np.asarray(image), tiny), tiny)
 
 
-# Framing
+# Crop
 
 
 @pytest.mark.parametrize("azimuth, elevation", [(0.4, 0.3), (2.0, 1.2), (4.0, 0.0)])
@@ -194,7 +198,7 @@ def test_a_render_keeps_every_pixel(tmp_path: Path, tiny: Model, azimuth: float,
     seen = render_exact(tiny, tiny.codes[1], tiny.camera(azimuth, elevation), 48)
     pixels = (seen.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
     photo = load_photo(saved(Image.fromarray(pixels), tmp_path / "a.png"), tiny)
-    assert not photo.framed
+    assert not photo.cropped
     inside = seen.opacity > 0.5
     assert bool((photo.pixels[inside] == torch.from_numpy(pixels)[inside] / 255).all())
     assert bool(photo.mask[inside].all())
@@ -213,9 +217,9 @@ def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Mode
     seen = render_exact(tiny, tiny.codes[1], tiny.camera(0.4, 0.3), 48)
     pixels = (seen.colour.clamp(0, 1).numpy() * 255 + 0.5).astype(np.uint8)
     photo = photo_from_array(np.roll(pixels, (down, across), (0, 1)), tiny)
-    assert photo.framed
+    assert photo.cropped
     kept = photo_from_array(pixels, tiny)
-    assert not kept.framed
+    assert not kept.cropped
     for axis in (0, 1):
         moved, before = (one.mask.any(axis).nonzero()[:, 0] for one in (photo, kept))
         assert abs(int(moved[0] + moved[-1]) + 1 - photo.mask.shape[axis]) <= 1
@@ -227,7 +231,7 @@ def test_with_a_pose_a_picture_is_only_resized(tmp_path: Path, tiny: Model):
     pose = tmp_path / "pose.txt"
     pose.write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
     photo = load_photo(saved(drawing((300, 300)), tmp_path / "a.png"), tiny, pose)
-    assert not photo.framed
+    assert not photo.cropped
     assert photo.camera is not None
     assert photo.camera.azimuth == pytest.approx(0.4)
     assert (photo.camera.width, photo.camera.height, photo.camera.focal) == (SIDE, SIDE, tiny.focal)
@@ -249,14 +253,14 @@ def refused(path: Path, model: Model, pose: Path | None = None) -> str:
 def test_what_is_no_picture(tmp_path: Path, tiny: Model):
     text = tmp_path / "text.png"
     text.write_text("not a picture")
-    assert "not a picture" in refused(text, tiny)
-    assert "no such picture" in refused(tmp_path / "missing.png", tiny)
+    assert "not an image" in refused(text, tiny)
+    assert "no such image" in refused(tmp_path / "missing.png", tiny)
     assert "is a folder" in refused(tmp_path, tiny)
     (tmp_path / "empty.png").write_bytes(b"")
-    assert "not a picture" in refused(tmp_path / "empty.png", tiny)
+    assert "not an image" in refused(tmp_path / "empty.png", tiny)
     whole = saved(drawing(), tmp_path / "whole.png").read_bytes()
     (tmp_path / "half.png").write_bytes(whole[: len(whole) // 2])
-    assert "not a picture that can be read" in refused(tmp_path / "half.png", tiny)
+    assert "not an image that can be read" in refused(tmp_path / "half.png", tiny)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 300), (300, 3)])
@@ -265,7 +269,7 @@ def test_what_is_too_small(tmp_path: Path, tiny: Model, size: tuple[int, int]):
 
 
 def test_what_is_too_large(tmp_path: Path, tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("core.photos.decode.MOST_PIXELS", 1000)
+    monkeypatch.setattr("core.photos.decode.MAX_PIXELS", 1000)
     assert "too large" in refused(saved(drawing(), tmp_path / "a.png"), tiny)
 
 
@@ -280,7 +284,7 @@ def test_nothing_but_clear(tmp_path: Path, tiny: Model):
 
 def test_no_plain_ground(tmp_path: Path, tiny: Model):
     noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
-    assert "no plain ground" in refused(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny)
+    assert "no plain background" in refused(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny)
 
 
 def test_a_pose_that_is_not_there(tmp_path: Path, tiny: Model):
@@ -312,32 +316,43 @@ def test_a_photo_whose_parts_do_not_fit_is_refused(tiny: Model):
 def test_the_shared_photographs(shared: Path, tiny: Model):
     for name in ("chair_comfort.jpg", "chair_wood.jpg", "chair_watermelon.png"):
         photo = load_photo(shared / "photos" / name, tiny)
-        assert photo.framed
+        assert photo.cropped
         assert 0.03 < float(photo.mask.float().mean()) < 0.3
-    assert "no plain ground" in refused(shared / "photos" / "toyota.jpg", tiny)
+    assert load_photo(shared / "photos" / "toyota.jpg", tiny).cropped
 
 
 def test_framing_scales_and_moves(tiny: Model, tmp_path: Path):
     path = saved(drawing(), tmp_path / "a.png")
     usual = load_photo(path, tiny)
-    small = load_photo(path, tiny, framing=Framing(0.5, 0.125, -0.125))
-    assert small.framed
+    small = load_photo(path, tiny, crop=Crop(0.5, 0.125, -0.125))
+    assert small.cropped
     assert float(small.mask.sum()) == pytest.approx(float(usual.mask.sum()) / 4, rel=0.15)
     rows, columns = small.mask.nonzero().float().mean(0).tolist()
     assert columns == pytest.approx((0.5 + 0.125) * SIDE - 0.5, abs=1)
     assert rows == pytest.approx((0.5 - 0.125) * SIDE - 0.5, abs=1)
     with pytest.raises(ValueError, match="moved out"):
-        load_photo(path, tiny, framing=Framing(across=3.0))
-    with pytest.raises(ValueError, match="framed like this"):
-        Framing(scale=0.0)
+        load_photo(path, tiny, crop=Crop(right=3.0))
+    with pytest.raises(ValueError, match="cropped like this"):
+        Crop(scale=0.0)
 
 
-def test_a_box_helps_where_the_ground_is_busy(tiny: Model, tmp_path: Path):
+def test_a_box_helps_where_the_ground_is_busy(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "rembg", None)
     noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
     noise[60:160, 40:140] = (30, 40, 90)
     path = saved(Image.fromarray(noise), tmp_path / "a.png")
-    with pytest.raises(NoGroundError, match=r"a\.png"):
+    with pytest.raises(NoBackgroundError, match=r"a\.png"):
         load_photo(path, tiny)
     photo = load_photo(path, tiny, hints=Hints((0.1, 0.25, 0.5, 0.85)))
     seen = photo.pixels[photo.mask].median(0).values
     torch.testing.assert_close(seen, torch.tensor([30, 40, 90]) / 255, atol=0.04, rtol=0)
+
+
+@pytest.mark.parametrize("suffix", [".heic", ".avif"])
+def test_images_of_phones_are_read(tmp_path: Path, suffix: str):
+    register_heif_opener()
+    image = Image.new("RGB", (64, 48), (200, 30, 30))
+    image.save(tmp_path / f"a{suffix}")
+    found = np.asarray(read_rgba(tmp_path / f"a{suffix}"))
+    assert found.shape == (48, 64, 4)
+    np.testing.assert_allclose(found[24, 32], (200, 30, 30, 255), atol=6)

@@ -1,11 +1,17 @@
 import sys
+from collections.abc import Callable
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from core.photos.segmentation import CutOut, Hints, NoGroundError, Stroke, cut_out
+from core.photos import segmentation
+from core.photos.decode import read_rgba
+from core.photos.plain_background import NoBackgroundError
+from core.photos.saliency import predict_saliency
+from core.photos.segmentation import CutOut, Hints, Stroke, cut_out
 
 BOX = (0.2, 0.2, 0.8, 0.8)
 
@@ -39,8 +45,9 @@ def test_a_box_finds_the_object_on_busy_ground():
     assert not cut.white
 
 
-def test_without_hints_busy_ground_is_told():
-    with pytest.raises(NoGroundError, match="box"):
+def test_without_hints_and_without_a_network_busy_ground_is_told(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "rembg", None)
+    with pytest.raises(NoBackgroundError, match="box"):
         cut_out(busy())
 
 
@@ -91,19 +98,80 @@ def test_hints_of_no_use_are_told():
         Hints((0.5, 0.2, 0.5, 0.8))
     with pytest.raises(ValueError, match="inside"):
         Hints((-0.5, 0.2, 0.5, 0.8))
-    with pytest.raises(NoGroundError, match="whole picture"):
+    with pytest.raises(NoBackgroundError, match="whole image"):
         cut_out(busy(), Hints((0.0, 0.0, 1.0, 1.0)))
     with pytest.raises(ValueError, match="nothing is left"):
         cut_out(busy(), Hints(BOX, (Stroke(((0.0, 0.5), (1.0, 0.5)), 0.5, False),)))
     assert not Hints()
 
 
-def test_rembg_is_used_where_it_is_installed(monkeypatch: pytest.MonkeyPatch):
-    module = ModuleType("rembg")
-    module.remove = lambda image, only_mask: Image.fromarray(disc())  # type: ignore[attr-defined]
-    module.__spec__ = object()  # type: ignore[assignment]
-    monkeypatch.setitem(sys.modules, "rembg", module)
-    assert overlap(cut_out(busy()), disc()) > 0.95
-    monkeypatch.setattr(module, "remove", lambda *_, **__: 1 / 0)
-    with pytest.raises(NoGroundError):
+@pytest.fixture
+def network(monkeypatch: pytest.MonkeyPatch) -> Callable[[np.ndarray], None]:
+    """Makes the saliency network see an object in a given place."""
+
+    def sees(mask: np.ndarray) -> None:
+        monkeypatch.setattr(segmentation, "predict_saliency", lambda image: mask.astype(np.float32))
+
+    return sees
+
+
+def test_on_busy_ground_the_network_decides(network: Callable[[np.ndarray], None]):
+    network(disc())
+    cut = cut_out(busy())
+    assert overlap(cut, disc()) > 0.95
+    assert not cut.white
+
+
+def test_a_network_that_sees_nothing_is_told(network: Callable[[np.ndarray], None]):
+    network(np.zeros((240, 240), bool))
+    with pytest.raises(NoBackgroundError):
         cut_out(busy())
+
+
+def test_a_plain_background_beyond_doubt_asks_no_network(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(segmentation, "predict_saliency", lambda image: pytest.fail("asked"))
+    image = np.where(disc()[..., None], (20, 40, 230), (200, 220, 200)).astype(np.uint8)
+    assert overlap(cut_out(Image.fromarray(image).convert("RGBA")), disc()) > 0.98
+
+
+def landscape() -> Image.Image:
+    """A plain sky over a road on which a disc stands: the border is mostly sky."""
+    image = Image.new("RGBA", (240, 240), (150, 190, 235))
+    pen = ImageDraw.Draw(image)
+    pen.rectangle((0, 170, 240, 240), fill=(90, 88, 86))
+    pen.ellipse((96 - 24, 72, 144 + 24, 168), fill=(200, 30, 30))
+    return image
+
+
+def test_a_sky_over_a_road_is_no_plain_background(network: Callable[[np.ndarray], None]):
+    network(disc())
+    cut = cut_out(landscape())
+    assert not cut.mask[200:].any()
+    assert overlap(cut, disc()) > 0.95
+
+
+def test_where_both_agree_edges_follow_colours_and_shadows_do_not_count(network: Callable[[np.ndarray], None]):
+    y, x = np.mgrid[0:240, 0:240]
+    image = np.where(disc()[..., None], (20, 40, 230), (200, 220, 200)).astype(np.uint8)
+    image[150:174, 168:240] = (120, 130, 120)  # a hard shadow up to the border
+    network(np.hypot(x - 121, y - 121) < 50)
+    cut = cut_out(Image.fromarray(image).convert("RGBA"))
+    assert overlap(cut, disc()) > 0.97
+    assert not cut.mask[:, 180:].any()
+
+
+@pytest.mark.parametrize("name", ["police.jpg", "toyota.jpg", "street_suv_a.png", "chair_watermelon.png"])
+def test_photos_are_cut_out_by_themselves(shared: Path, name: str):
+    pytest.importorskip("rembg")
+    mask = cut_out(read_rgba(shared / "photos" / name)).mask
+    assert 0.1 < mask.mean() < 0.65
+    assert mask[[0, -1]].mean() < 0.05
+
+
+def test_the_network_is_not_needed(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "rembg", None)
+    assert predict_saliency(busy()) is None
+    broken = ModuleType("rembg")
+    broken.__spec__ = object()  # type: ignore[assignment]
+    monkeypatch.setitem(sys.modules, "rembg", broken)
+    assert predict_saliency(busy()) is None

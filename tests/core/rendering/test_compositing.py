@@ -5,7 +5,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.rendering.compositing import over_white, weights
+from core.rendering.compositing import composite_on_white, compositing_weights
 
 
 def by_hand(density: list[float], edges: list[float]) -> tuple[list[float], float]:
@@ -23,7 +23,9 @@ def test_weights_are_those_of_the_loop_in_the_paper(pairs):
     edges = [0.0]
     for _, length in pairs:
         edges.append(edges[-1] + length)
-    shares, left = weights(torch.tensor(density, dtype=torch.float64), torch.tensor(edges, dtype=torch.float64))
+    shares, left = compositing_weights(
+        torch.tensor(density, dtype=torch.float64), torch.tensor(edges, dtype=torch.float64)
+    )
     expected, remaining = by_hand(density, edges)
     torch.testing.assert_close(shares, torch.tensor(expected, dtype=torch.float64), atol=1e-9, rtol=1e-9)
     assert float(left) == pytest.approx(remaining, abs=1e-9)
@@ -31,7 +33,7 @@ def test_weights_are_those_of_the_loop_in_the_paper(pairs):
 
 def test_constant_density_is_beers_law_whatever_the_edges():
     edges = torch.tensor([0.0, 0.1, 0.15, 0.7, 1.0])
-    shares, left = weights(torch.full((4,), 2.5), edges)
+    shares, left = compositing_weights(torch.full((4,), 2.5), edges)
     assert float(left) == pytest.approx(math.exp(-2.5), rel=1e-6)
     assert float(shares.sum() + left) == pytest.approx(1.0, rel=1e-6)
 
@@ -41,7 +43,7 @@ def test_constant_density_is_beers_law_whatever_the_edges():
 def test_extremes_are_finite_and_so_are_their_gradients(sigma: float, length: float):
     density = torch.full((3, 5), sigma, requires_grad=True)
     edges = (torch.arange(6) * length).expand(3, 6)
-    shares, left = weights(density, edges)
+    shares, left = compositing_weights(density, edges)
     assert bool((shares >= 0).all() and torch.isfinite(shares).all())
     torch.testing.assert_close(shares.sum(-1) + left, torch.ones(3))
     (shares.sum() + 2 * left.sum()).backward()
@@ -51,9 +53,9 @@ def test_extremes_are_finite_and_so_are_their_gradients(sigma: float, length: fl
 def test_gradient_agrees_with_finite_differences():
     density = torch.rand(2, 6, dtype=torch.float64, requires_grad=True)
     edges = torch.linspace(0, 1, 7, dtype=torch.float64).expand(2, 7)
-    assert torch.autograd.gradcheck(lambda sigma: weights(sigma, edges), (density,))
+    assert torch.autograd.gradcheck(lambda sigma: compositing_weights(sigma, edges), (density,))
 
 
 def test_left_over_light_is_white():
-    shares, left = weights(torch.zeros(4), torch.linspace(0, 1, 5))
-    assert over_white(shares, left, torch.zeros(4, 3)).tolist() == [1, 1, 1]
+    shares, left = compositing_weights(torch.zeros(4), torch.linspace(0, 1, 5))
+    assert composite_on_white(shares, left, torch.zeros(4, 3)).tolist() == [1, 1, 1]

@@ -8,17 +8,16 @@ from hypothesis import strategies as st
 from torch.nn import functional
 
 from core.benchmarks.patched import Change, changed
-from core.geometry.camera import _placed as placing
-from core.geometry.rays import camera_rays
-from core.geometry.sampling import midpoints, points_at, uniform_edges
+from core.geometry.camera import _world_to_camera as placing
+from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode
 from core.rendering import fast as marching
 from core.rendering import folded_field as folding
-from core.rendering.fast import marched
-from core.rendering.folded_field import Folded, Tables
-from core.rendering.occupancy import Crossed, Occupancy, overlooked
+from core.rendering.fast import render
+from core.rendering.folded_field import AxisLookup, FoldedField
+from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
 from core.rendering.reference import render_exact, render_rays
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model
@@ -38,12 +37,12 @@ def test_folding_is_exact(seed: int, spread: float):
     points = torch.rand(40, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
     exactly = (
-        Change(folding, "linear_dtype", lambda device: torch.float32),
-        Change(Tables, "__call__", Tables.exactly),
+        Change(folding, "matmul_dtype", lambda device: torch.float32),
+        Change(AxisLookup, "__call__", AxisLookup.evaluate),
     )
     with changed(exactly):
-        folded = Folded(MODEL, codes)
-        density, y = folded.density(folded.first(points))
+        folded = FoldedField(MODEL, codes)
+        density, y = folded.density(folded.first_layer(points))
         colour = folded.colour(y, folded.direction_bias(directions))
     field = MODEL.field
     true_density, features = field.density(points, field.shape_bias(codes.shape))
@@ -56,7 +55,7 @@ def test_tables_are_a_layer_of_an_encoding():
     generator = torch.Generator().manual_seed(0)
     weight, bias = torch.randn(16, 3 + 6 * 8, generator=generator), torch.randn(16, generator=generator)
     reach = torch.tensor([0.5, 0.4, 1.0])
-    tables = Tables.of(8, weight, bias, reach, torch.float32)
+    tables = AxisLookup.from_layer(8, weight, bias, reach, torch.float32)
     points = (2 * torch.rand(300, 3, generator=generator) - 1) * reach
     entries = len(tables.entries) // 3
     middles = ((points / reach + 1) * entries / 2).floor().add(0.5) * 2 / entries - 1
@@ -68,15 +67,15 @@ def test_tables_are_a_layer_of_an_encoding():
 @given(seeds, st.sampled_from([1.0, 5.0]), st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))
 def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed, spread, azimuth, elevation):
     codes, camera = drawn(seed, spread), MODEL.camera(azimuth, elevation)
-    occupancy = Occupancy(MODEL, Folded(MODEL, codes))
+    occupancy = Occupancy(MODEL, FoldedField(MODEL, codes))
     rays = camera_rays(camera, MODEL.extent_tensor)
     depths = midpoints(uniform_edges(rays, 40))
-    points = points_at(rays, depths)
+    points = ray_points(rays, depths)
     density, _ = MODEL.field.density(points, MODEL.field.shape_bias(codes.shape))
     crossed = (rays.far > rays.near)[..., None]
     dense = (density * float(occupancy.cell.amin()) > 0.1) & crossed
-    assert bool((occupancy.holds(points) | ~dense).all())
-    near, far = occupancy.span(camera)
+    assert bool((occupancy.contains(points) | ~dense).all())
+    near, far = occupancy.depth_range(camera)
     inside = (depths >= near[..., None]) & (depths <= far[..., None])
     assert bool((inside | ~dense).all())
 
@@ -84,7 +83,7 @@ def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed,
 @pytest.mark.parametrize("index", [0, 3])
 def test_marching_draws_what_the_reference_draws(index: int):
     camera = MODEL.camera(0.7, 0.4)
-    exact, fast = render_exact(MODEL, MODEL.codes[index], camera), marched(MODEL, MODEL.codes[index], camera, 256)
+    exact, fast = render_exact(MODEL, MODEL.codes[index], camera), render(MODEL, MODEL.codes[index], camera, 256)
     assert psnr(fast.colour, exact.colour) > 38
     assert float((fast.opacity - exact.opacity).abs().max()) < 0.05
     solid = exact.opacity > 0.5
@@ -93,92 +92,96 @@ def test_marching_draws_what_the_reference_draws(index: int):
 
 def test_chunks_do_not_show(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
-    whole = marched(MODEL, MODEL.codes[0], camera, 96)
-    marching.forget_views()
+    whole = render(MODEL, MODEL.codes[0], camera, 96)
+    marching.clear_views()
     monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
-    pieces = marched(MODEL, MODEL.codes[0], camera, 96)
+    pieces = render(MODEL, MODEL.codes[0], camera, 96)
     assert psnr(pieces.colour, whole.colour) > 50
 
 
 def test_a_new_texture_or_view_keeps_the_occupancy():
-    marching.forget()
+    marching.clear_cache()
     a, b = MODEL.codes[0], MODEL.codes[1]
-    marched(MODEL, a, MODEL.camera(0.1, 0.1), 8)
-    marched(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
-    assert len(marching._occupied) == 1
-    marched(MODEL, b, MODEL.camera(0.9, 0.1), 8)
-    assert len(marching._occupied) == 2
+    render(MODEL, a, MODEL.camera(0.1, 0.1), 8)
+    render(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
+    assert len(marching._occupancy_cache) == 1
+    render(MODEL, b, MODEL.camera(0.9, 0.1), 8)
+    assert len(marching._occupancy_cache) == 2
 
 
 def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
     camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
     both = Codes(a.shape, b.texture)
-    marching.forget_views()
-    full = marched(MODEL, both, camera, 96)
-    marching.forget_views()
-    marched(MODEL, a, camera, 96)
-    assert marching.keeps(MODEL, both, camera, 96)
-    assert not marching.keeps(MODEL, b, camera, 96)
-    assert not marching.keeps(MODEL, both, MODEL.camera(0.31, 0.2), 96)
-    recoloured = marched(MODEL, both, camera, 96)
+    marching.clear_views()
+    full = render(MODEL, both, camera, 96)
+    marching.clear_views()
+    render(MODEL, a, camera, 96)
+    assert marching.is_cached(MODEL, both, camera, 96)
+    assert not marching.is_cached(MODEL, b, camera, 96)
+    assert not marching.is_cached(MODEL, both, MODEL.camera(0.31, 0.2), 96)
+    recoloured = render(MODEL, both, camera, 96)
     torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
-    assert not torch.equal(recoloured.colour, marched(MODEL, a, camera, 96).colour)
+    assert not torch.equal(recoloured.colour, render(MODEL, a, camera, 96).colour)
 
 
 def test_a_texture_moves_no_silhouette():
     camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
-    first, second = (marched(MODEL, Codes(a.shape, texture), camera, 96) for texture in (a.texture, b.texture))
+    first, second = (render(MODEL, Codes(a.shape, texture), camera, 96) for texture in (a.texture, b.texture))
     assert torch.equal(first.opacity, second.opacity)
     assert torch.equal(first.depth, second.depth)
 
 
 def test_views_are_kept_for_a_while_only():
     for turn in range(10):
-        marched(MODEL, MODEL.codes[0], MODEL.camera(0.1 * turn, 0.1).resized(8, 8), 8)
-    assert len(marching._kept) <= marching._VIEWS
+        render(MODEL, MODEL.codes[0], MODEL.camera(0.1 * turn, 0.1).resized(8, 8), 8)
+    assert len(marching._visible_cache) <= marching._CACHED_VIEWS
 
 
-def test_an_object_out_of_sight_is_white():
-    camera = MODEL.camera(0.0, 0.0, distance=2.0)
-    nothing = MODEL.codes[0]
-    far = marched(MODEL, nothing, camera.resized(3, 3), 8)
-    assert bool(torch.isfinite(far.colour).all())
+@pytest.mark.parametrize("azimuth", [0.0, 2.0])
+def test_what_lies_beside_the_object_is_white(azimuth: float):
+    """With an eighth of the focal length the rays of the corners pass beside the scene's box."""
+    camera = MODEL.camera(azimuth, 0.0, distance=2.0)
+    wide = render(MODEL, MODEL.codes[0], replace(camera, focal=camera.focal / 8), 16)
+    for corner in (wide.colour[0, 0], wide.colour[-1, -1], wide.colour[0, -1]):
+        assert corner.tolist() == [1.0, 1.0, 1.0]
+    assert float(wide.opacity[0, 0]) == float(wide.depth[0, 0]) == 0.0
+    assert float(wide.opacity.max()) > 0.0
 
 
 def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel_corners():
-    painted = random_model(painted_ground=True)
+    painted = random_model(white_from_network=True)
     codes, camera = painted.codes[0], painted.camera(0.4, 0.3)
-    plain = replace(painted, painted_ground=False)
+    plain = replace(painted, white_from_network=False)
     rays = camera_rays(camera, plain.extent_tensor, 0.5)
     biases = plain.field.shape_bias(codes.shape), plain.field.texture_bias(codes.texture)
     exact = render_rays(plain, rays, 96, *biases)
-    seen = marched(painted, codes, camera, 96)
+    seen = render(painted, codes, camera, 96)
     assert psnr(seen.colour.clamp(0, 1), exact.colour.clamp(0, 1)) > 40
-    assert psnr(marched(plain, codes, camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
+    assert psnr(render(plain, codes, camera, 96).colour.clamp(0, 1), exact.colour.clamp(0, 1)) < 40
 
 
 def test_a_shape_on_the_move_is_found_around_the_last_one():
     model = tiny_model()
     start, end = model.codes[0].shape, model.codes[2].shape
-    steps = [Codes(torch.lerp(start, end, share / 20), model.codes[0].texture) for share in range(21)]
-    occupancy = Occupancy(model, Folded(model, steps[0]))
+    steps = [Codes(torch.lerp(start, end, share / 20), model.codes[0].texture) for share in range(9)]
+    occupancy = Occupancy(model, FoldedField(model, steps[0]))
     for codes in steps[1:]:
-        occupancy = Occupancy(model, Folded(model, codes), occupancy)
-        whole = Occupancy(model, Folded(model, codes))
-        assert not occupancy.whole
+        occupancy = Occupancy(model, FoldedField(model, codes), occupancy)
+        whole = Occupancy(model, FoldedField(model, codes))
+        assert not occupancy.complete
         assert not bool((occupancy.cells & ~whole.cells).any())
         assert float((whole.cells & ~occupancy.cells).sum()) <= 0.001 * float(whole.cells.sum())
 
 
 def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
     model = tiny_model()
-    marching.forget()
+    marching.clear_cache()
     near, far = model.codes[0], model.codes[0].mixed(model.codes[2], 0.05, 0)
-    marched(model, near, model.camera(0.5, 0.3), 48)
-    quick = marched(model, far, model.camera(0.5, 0.3), 48, whole=False)
-    found = marched(model, far, model.camera(0.5, 0.3), 48)
-    marching.forget()
-    exact = marched(model, far, model.camera(0.5, 0.3), 48)
+    render(model, near, model.camera(0.5, 0.3), 48)
+    quick = render(model, far, model.camera(0.5, 0.3), 48, complete=False)
+    found = render(model, far, model.camera(0.5, 0.3), 48)
+    marching.clear_cache()
+    exact = render(model, far, model.camera(0.5, 0.3), 48)
     assert torch.equal(found.colour, exact.colour)
     assert psnr(quick.colour, exact.colour) > 50
 
@@ -186,23 +189,23 @@ def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
 def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.MonkeyPatch):
     """Behind the pixel lies an occupied cell, and yet the ray passes beside all of them."""
     none = torch.zeros(0, dtype=torch.long)
-    monkeypatch.setattr(Occupancy, "crossed", lambda self, *_: Crossed(none, none, none.bool()))
-    marching.forget_views()
-    seen = marched(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
+    monkeypatch.setattr(Occupancy, "intersect", lambda self, *_: OccupiedIntervals(none, none, none.bool()))
+    marching.clear_views()
+    seen = render(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
     assert bool((seen.colour == 1).all())
     assert float(seen.opacity.max()) == 0
-    marching.forget_views()
+    marching.clear_views()
 
 
 def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
     model = tiny_model()
 
     def drawn_anew() -> torch.Tensor:
-        marching.forget_views()
-        return marched(model, model.codes[2], model.camera(0.5, 0.3), 192).colour
+        marching.clear_views()
+        return render(model, model.codes[2], model.camera(0.5, 0.3), 192).colour
 
     seen = drawn_anew()
-    monkeypatch.setattr(marching, "overlooked", lambda samples: overlooked(samples)._replace(spent=math.inf))
+    monkeypatch.setattr(marching, "tolerances", lambda samples: tolerances(samples)._replace(termination=math.inf))
     assert float((drawn_anew() - seen).abs().max()) < 0.005
 
 
@@ -210,16 +213,16 @@ def test_finer_intervals_never_cost_quality():
     """In a mist every interval gives a little only, and the finer they are the less: none of it may be lost."""
     codes, camera = MODEL.codes[2], MODEL.camera(0.5, 0.3)
     exact = render_exact(MODEL, codes, camera, 512).colour.clamp(0, 1)
-    found = [psnr(marched(MODEL, codes, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
+    found = [psnr(render(MODEL, codes, camera, samples).colour.clamp(0, 1), exact) for samples in (32, 96, 256)]
     assert found == sorted(found)
 
 
 def test_everything_is_made_on_the_models_device():
     model = random_model(seed=5)
     codes, camera = model.codes[0], model.camera(0.4, 0.3)
-    truth, exact = marched(model, codes, camera, 32), render_exact(model, codes, camera, 8)
+    truth, exact = render(model, codes, camera, 32), render_exact(model, codes, camera, 8)
     fresh = random_model(seed=5)  # with nothing kept
     placing.cache_clear()
     with torch.device("meta"):  # where whatever names no device ends up, and cannot meet what has values
-        assert torch.equal(marched(fresh, codes, camera, 32).colour, truth.colour)
+        assert torch.equal(render(fresh, codes, camera, 32).colour, truth.colour)
         assert torch.equal(render_exact(fresh, codes, camera, 8).colour, exact.colour)

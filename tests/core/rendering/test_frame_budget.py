@@ -4,60 +4,60 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.rendering.frame_budget import Pace
+from core.rendering.frame_budget import FrameBudget
 
 
 def settled(cost: float, fixed: float = 0.0, frames: int = 400) -> list[int]:
     """Divisors of first pictures on a machine that takes ``fixed`` s and ``cost`` s for all pixels."""
-    pace, found = Pace(), []
+    pace, found = FrameBudget(), []
     for _ in range(frames):
         found.append(pace.divisor)
-        pace.seen(pace.divisor, fixed + cost / pace.divisor**2)
+        pace.observe(pace.divisor, fixed + cost / pace.divisor**2)
     return found
 
 
 @given(st.floats(1e-4, 50), st.floats(0, 0.03))
 def test_first_pictures_come_to_fit_the_budget_and_waste_none_of_it(cost: float, fixed: float) -> None:
     late = settled(cost, fixed)[-100:]
-    slow = [divisor for divisor in late if fixed + cost / divisor**2 > Pace().budget and divisor < 24]
+    slow = [divisor for divisor in late if fixed + cost / divisor**2 > FrameBudget().budget and divisor < 24]
     assert len(slow) <= 2
     usual = max(set(late), key=late.count)
-    assert usual == 1 or fixed + cost / usual**2 > 0.7 * Pace().budget or slow
+    assert usual == 1 or fixed + cost / usual**2 > 0.7 * FrameBudget().budget or slow
 
 
 def test_a_slow_picture_makes_the_next_one_coarser_and_the_floor_holds() -> None:
-    pace = Pace()
-    pace.seen(8, 0.05)
+    pace = FrameBudget()
+    pace.observe(8, 0.05)
     assert pace.divisor == 12
     for _ in range(5):
-        pace.seen(pace.divisor, 10.0)
+        pace.observe(pace.divisor, 10.0)
     assert pace.divisor == 24
 
 
 def test_one_disturbance_does_not_throw_the_picture_away() -> None:
-    pace = Pace(divisor=4)
-    pace.seen(4, 3.0)
+    pace = FrameBudget(divisor=4)
+    pace.observe(4, 3.0)
     assert pace.divisor == 6
 
 
 def test_a_few_quick_pictures_in_a_row_make_it_finer() -> None:
-    pace = Pace()
+    pace = FrameBudget()
     for seconds in (0.001, 0.001, 0.03, 0.001, 0.001):
-        pace.seen(8, seconds)
+        pace.observe(8, seconds)
     assert pace.divisor == 8
-    pace.seen(8, 0.001)
+    pace.observe(8, 0.001)
     assert pace.divisor == 6
 
 
 def test_pictures_begun_at_another_size_say_nothing() -> None:
-    pace = Pace()
-    pace.seen(4, 10.0)
+    pace = FrameBudget()
+    pace.observe(4, 10.0)
     assert pace.divisor == 8
 
 
 @pytest.mark.parametrize("divisor", [24, 8, 4, 3, 2, 1])
 def test_stages_climb_to_the_whole_and_once_more_with_all_samples(divisor: int) -> None:
-    stages = Pace(divisor=divisor).stages
+    stages = FrameBudget(divisor=divisor).divisors
     assert stages[0] == divisor
     assert stages[-2:] == (1, 1)
     assert all(before > after for before, after in pairwise(stages[:-1]))

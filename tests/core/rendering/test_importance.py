@@ -4,11 +4,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from core.geometry.camera import rotation
-from core.geometry.rays import Rays, cast
+from core.geometry.camera import camera_rotation
+from core.geometry.rays import Rays, cast_rays
 from core.models.model import Model
 from core.rendering import folded_field as folded
-from core.rendering.importance import render_seen
+from core.rendering.importance import render_top_samples
 from core.rendering.reference import render_rays
 from tests.conftest import random_model
 
@@ -19,7 +19,7 @@ def bundle(model: Model, objects: int, rays: int) -> Rays:
     places = torch.rand((objects, 2, rays, 2), generator=generator) * 0.3 - 0.15
     angles = torch.rand((objects, 2, 1), generator=generator)
     distance = torch.full((objects, 2, 1), model.distance)
-    return cast(places, 6 * angles, angles, distance, 1.0, (0, 0), model.extent_tensor)
+    return cast_rays(places, 6 * angles, angles, distance, 1.0, (0, 0), model.extent_tensor)
 
 
 def biases(model: Model, objects: int) -> tuple[Tensor, Tensor]:
@@ -27,12 +27,12 @@ def biases(model: Model, objects: int) -> tuple[Tensor, Tensor]:
     return shape, model.field.texture_bias(model.codes.textures[:objects]).detach().requires_grad_()
 
 
-@pytest.mark.parametrize("painted_ground", [False, True])
-def test_with_all_samples_kept_it_is_the_exact_renderer(painted_ground: bool) -> None:
-    model = random_model(painted_ground=painted_ground)
+@pytest.mark.parametrize("white_from_network", [False, True])
+def test_with_all_samples_kept_it_is_the_exact_renderer(white_from_network: bool) -> None:
+    model = random_model(white_from_network=white_from_network)
     rays = bundle(model, 3, 20)
     shape, texture = biases(model, 3)
-    colour, opacity = render_seen(model, rays, 12, 12, shape, texture)
+    colour, opacity = render_top_samples(model, rays, 12, 12, shape, texture)
     plain = render_rays(model, rays, 12, shape[:, None, None, None], texture[:, None, None, None])
     torch.testing.assert_close(colour, plain.colour)
     torch.testing.assert_close(opacity, plain.opacity)
@@ -47,27 +47,27 @@ def test_opacity_is_exact_whatever_is_kept(model: Model) -> None:
     whole = render_rays(model, rays, 16, shape[:, None, None, None], texture[:, None, None, None])
     errors = []
     for kept in (1, 4, 10):
-        colour, opacity = render_seen(model, rays, 16, kept, shape, texture)
+        colour, opacity = render_top_samples(model, rays, 16, kept, shape, texture)
         torch.testing.assert_close(opacity, whole.opacity)
         errors.append(float((colour - whole.colour).abs().mean().detach()))
     assert errors[0] > errors[1] > errors[2]
 
 
 def test_rays_that_miss_are_white(model: Model) -> None:
-    turn = rotation(torch.tensor(0.0), torch.tensor(0.0))
+    turn = camera_rotation(torch.tensor(0.0), torch.tensor(0.0))
     origins = (turn @ torch.tensor([0.0, 0.0, 5.0])).expand(1, 1, 4, 3)
     nothing = torch.zeros(1, 1, 4)
     rays = Rays(origins, origins / 5, nothing, nothing)
-    colour, opacity = render_seen(model, rays, 8, 2, *biases(model, 1))
+    colour, opacity = render_top_samples(model, rays, 8, 2, *biases(model, 1))
     torch.testing.assert_close(colour, torch.ones(1, 1, 4, 3))
     torch.testing.assert_close(opacity, nothing)
 
 
 def test_without_gradients_it_shows_the_same(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(folded, "linear_dtype", lambda _: torch.float32)
+    monkeypatch.setattr(folded, "matmul_dtype", lambda _: torch.float32)
     rays, codes = bundle(model, 2, 40), model.codes
     biases = model.field.shape_bias(codes.shapes[:2]), model.field.texture_bias(codes.textures[:2])
-    asked = render_seen(model, rays, 16, 5, *biases)
+    asked = render_top_samples(model, rays, 16, 5, *biases)
     with torch.no_grad():
-        folded_ones = render_seen(model, rays, 16, 5, *biases)
+        folded_ones = render_top_samples(model, rays, 16, 5, *biases)
     torch.testing.assert_close(folded_ones, asked, rtol=0, atol=5e-3)

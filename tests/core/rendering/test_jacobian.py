@@ -10,7 +10,7 @@ from core.geometry.rays import Rays
 from core.models.model import Model
 from core.rendering import folded_field as folded
 from core.rendering import jacobian as slopes
-from core.rendering.jacobian import Entries, Traced, trace
+from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 from core.rendering.reference import render_rays
 from tests.conftest import random_model
 from tests.core.rendering.test_importance import bundle
@@ -22,7 +22,7 @@ OBJECTS, RAYS, SAMPLES = 3, 10, 12
 def single(monkeypatch: pytest.MonkeyPatch):
     """In float32, so that slopes can be compared."""
     for module in (folded, slopes):
-        monkeypatch.setattr(module, "linear_dtype", lambda _: torch.float32)
+        monkeypatch.setattr(module, "matmul_dtype", lambda _: torch.float32)
 
 
 def biases(model: Model) -> tuple[Tensor, Tensor]:
@@ -31,23 +31,23 @@ def biases(model: Model) -> tuple[Tensor, Tensor]:
     )
 
 
-def entries(model: Model, numbers: int) -> Entries:
+def entries(model: Model, numbers: int) -> BiasJacobians:
     """Random directions in which biases move."""
     generator = torch.Generator().manual_seed(5)
     shape, texture = biases(model)
-    return Entries(
+    return BiasJacobians(
         torch.randn(*shape.shape, numbers, generator=generator), torch.randn(*texture.shape, 2, generator=generator)
     )
 
 
-def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, Entries, Traced]:
+def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
     rays, enter = bundle(model, OBJECTS, RAYS), entries(model, 3)
-    return rays, enter, trace(model, rays, SAMPLES, kept, *biases(model), enter)
+    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter)
 
 
-@pytest.mark.parametrize("painted_ground", [False, True])
-def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(painted_ground: bool) -> None:
-    model = random_model(painted_ground=painted_ground)
+@pytest.mark.parametrize("white_from_network", [False, True])
+def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_from_network: bool) -> None:
+    model = random_model(white_from_network=white_from_network)
     rays, enter, found = traced(model)
     origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
     shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))
@@ -89,6 +89,6 @@ def test_rays_that_miss_are_white_and_still() -> None:
     model = random_model()
     rays = bundle(model, OBJECTS, RAYS)
     away = replace(rays, far=rays.near)
-    found = trace(model, away, SAMPLES, 4, *biases(model), entries(model, 3))
+    found = render_with_jacobian(model, away, SAMPLES, 4, *biases(model), entries(model, 3))
     assert bool((found.colour == 1).all())
     assert all(not bool(part.any()) for part in found[1:])

@@ -2,16 +2,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from torch import Tensor
 
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.progressive import RenderJob, RenderSettings, frames, picture
+from core.rendering.fast import is_cached
+from core.rendering.folded_field import FoldedField
+from core.rendering.progressive import RenderJob, RenderSettings, render_frame, render_progressively
 from tests.conftest import random_model
 
 
 def test_frames_come_coarse_to_fine(model: Model):
     job = RenderJob(model.codes[0], model.camera(0.3, 0.2))
-    shown = [frame for frame in frames(model, job) if frame]
+    shown = [frame for frame in render_progressively(model, job) if frame]
     assert [frame.resolution for frame in shown] == [(4, 4), (8, 8), (16, 16), (32, 32)]
     assert [frame.final for frame in shown] == [False, False, False, True]
     assert [frame.samples for frame in shown] == [64, 64, 64, 192]
@@ -23,40 +26,60 @@ def test_a_new_texture_is_drawn_at_once_at_full_size():
     model = random_model()
     a, b = model.codes[0], model.codes[1]
     camera = model.camera(0.3, 0.2)
-    assert [frame.stage for frame in frames(model, RenderJob(a, camera)) if frame] == [0, 1, 2, 3]
-    (only,) = [frame for frame in frames(model, RenderJob(Codes(a.shape, b.texture), camera)) if frame]
+    assert [frame.stage for frame in render_progressively(model, RenderJob(a, camera)) if frame] == [0, 1, 2, 3]
+    (only,) = [frame for frame in render_progressively(model, RenderJob(Codes(a.shape, b.texture), camera)) if frame]
     assert only.final
     assert only.resolution == (32, 32)
-    assert [frame.stage for frame in frames(model, RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
+    assert [frame.stage for frame in render_progressively(model, RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
 
 
 def test_a_last_stage_of_finer_pixels_is_joined_to_the_pictures_size():
     model = random_model()
-    job = RenderJob(model.codes[0], model.camera(0.3, 0.2), RenderSettings(stages=(2, 1, 1), across=2))
-    shown = [frame for frame in frames(model, job) if frame]
-    assert [(frame.resolution, frame.samples, frame.across) for frame in shown] == [
+    job = RenderJob(model.codes[0], model.camera(0.3, 0.2), RenderSettings(divisors=(2, 1, 1), supersampling=2))
+    shown = [frame for frame in render_progressively(model, job) if frame]
+    assert [(frame.resolution, frame.samples, frame.supersampling) for frame in shown] == [
         ((16, 16), 64, 1),
         ((32, 32), 64, 1),
         ((32, 32), 192, 1),
         ((32, 32), 192, 2),
     ]
-    fine = picture(model, job.codes, job.camera.resized(64, 64))
+    fine = render_frame(model, job.codes, job.camera.resized(64, 64))
     joined = fine.image.reshape(32, 2, 32, 2, 3).mean((1, 3))
     assert float(np.abs(shown[-1].image - joined).max()) <= 1
     assert float(np.abs(shown[-1].depth - shown[-2].depth).mean()) < 0.02
     (first, *_) = [
-        frame for frame in frames(model, replace(job, codes=model.codes[0].mixed(model.codes[1], 0, 1))) if frame
+        frame
+        for frame in render_progressively(model, replace(job, codes=model.codes[0].mixed(model.codes[1], 0, 1)))
+        if frame
     ]
     assert first.stage == 2
 
 
-def test_a_stream_that_is_left_does_no_more_work(model: Model):
-    stream = frames(model, RenderJob(model.codes[0], model.camera(0.3, 0.2)))
-    next(stream)
+def test_a_stream_that_is_left_does_no_more_work(monkeypatch: pytest.MonkeyPatch):
+    evaluate, calls = FoldedField.density, list[int]()
+
+    def counted(folded: FoldedField, activations: Tensor) -> tuple[Tensor, Tensor]:
+        calls.append(len(activations))
+        return evaluate(folded, activations)
+
+    monkeypatch.setattr(FoldedField, "density", counted)
+    model = random_model()
+    job = RenderJob(model.codes[0], model.camera(0.3, 0.2))
+    stream = render_progressively(model, job)
+    while next(stream) is None:
+        pass
+    begun = len(calls)
     stream.close()
+    assert len(calls) == begun
+    assert next(stream, "over") == "over"
+    assert not is_cached(model, job.codes, job.camera, job.settings.samples)
+    list(render_progressively(model, job))
+    assert len(calls) > begun
 
 
-@pytest.mark.parametrize("settings", [{"samples": 1}, {"stages": ()}, {"stages": (0,)}, {"across": 0}, {"moving": 1}])
-def test_settings_that_draw_nothing_are_refused(settings: dict):
+@pytest.mark.parametrize(
+    "settings", [{"samples": 1}, {"divisors": ()}, {"divisors": (0,)}, {"supersampling": 0}, {"preview_samples": 1}]
+)
+def test_settings_that_render_nothing_are_refused(settings: dict):
     with pytest.raises(ValueError, match="at least 2 samples"):
         RenderSettings(**settings)

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from core.geometry.camera import Camera
-from core.geometry.rays import camera_rays, cast
+from core.geometry.rays import camera_rays, cast_rays
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.library import load_model
@@ -88,11 +88,11 @@ def test_gradients_of_rendered_rays_against_finite_differences(name: str, monkey
     values = {key: torch.tensor(value, dtype=torch.float64) for key, value in place.items()}
     values |= {"shape": model.codes[0].shape.double(), "texture": model.codes[0].texture.double()}
     with torch.no_grad():
-        fixed = cast(pixels, *(values[key] for key in place), 32.8, (32, 32), extent)
+        fixed = cast_rays(pixels, *(values[key] for key in place), 32.8, (32, 32), extent)
 
     def loss(changed: torch.Tensor) -> torch.Tensor:
         now = values | {name: changed}
-        rays = cast(pixels, *(now[key] for key in place), 32.8, (32, 32), extent)
+        rays = cast_rays(pixels, *(now[key] for key in place), 32.8, (32, 32), extent)
         # Where samples stand along a ray is no function of the camera.
         rays = replace(rays, near=fixed.near, far=fixed.far)
         seen = render_rays(model, rays, 12, field.shape_bias(now["shape"]), field.texture_bias(now["texture"]))

@@ -4,19 +4,20 @@ import pytest
 import torch
 
 from core.datasets.srn import Dataset, ObjectViews
-from core.models.field import FieldConfig
-from core.training.trainer import RECIPES, Trainer, TrainSettings, held_out_psnr, hold_out
+from core.models.field_config import FieldConfig
+from core.training.recipes import RECIPES, TrainSettings
+from core.training.trainer import Trainer, held_out_psnr, hold_out
 from tests.core.training.test_visual_hull import ball
 
 SETTINGS = TrainSettings(
-    FieldConfig(width=16, shape_latent=4, texture_latent=4, point_octaves=3, direction_octaves=1),
+    FieldConfig(width=16, shape_latent=4, texture_latent=4, position_frequencies=3, direction_frequencies=1),
     steps=60,
     rays=128,
     samples=24,
-    outside=64,
-    matrix_rate=5e-2,
-    network_rate=1e-2,
-    code_rate=1e-2,
+    outside_points=64,
+    muon_lr=5e-2,
+    network_lr=1e-2,
+    code_lr=1e-2,
 )
 
 
@@ -34,7 +35,7 @@ def dataset() -> Dataset:
 
 
 def weights_of(trainer: Trainer) -> torch.Tensor:
-    return torch.cat([value.flatten() for value in trainer.averages])
+    return torch.cat([value.flatten() for value in trainer.ema_parameters])
 
 
 def test_training_learns_and_measures_on_views_it_never_saw(dataset: Dataset):
@@ -59,20 +60,20 @@ def test_objects_of_one_texture_share_its_code(dataset: Dataset):
 @pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
 def test_every_recipe_learns(dataset: Dataset, recipe: str):
     sizes = {name: getattr(SETTINGS.field, name) for name in ("width", "shape_latent", "texture_latent")}
-    octaves = {"point_octaves": 3, "direction_octaves": 1}
-    pace = {"steps": 200, "rays": 128, "samples": 24, "network_rate": 1e-2, "code_rate": 1e-2}
+    octaves = {"position_frequencies": 3, "direction_frequencies": 1}
+    pace = {"steps": 200, "rays": 128, "samples": 24, "network_lr": 1e-2, "code_lr": 1e-2}
     chosen = RECIPES[recipe]
     settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **octaves), **pace)
     steps = list(Trainer(dataset, settings).steps())
     assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.5
 
 
-def test_the_papers_recipe_asks_no_hull(dataset: Dataset):
-    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, everywhere=True))
-    assert trainer.bank.hulls.all()
-    *_, kind = trainer.bank.draw(2000, torch.Generator().manual_seed(0))
+def test_the_papers_recipe_uses_no_hull(dataset: Dataset):
+    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, whole_image=True))
+    assert trainer.ray_dataset.hulls.all()
+    *_, mask_class = trainer.ray_dataset.sample(2000, torch.Generator().manual_seed(0))
     whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
-    assert abs(float((kind == 2).float().mean()) - float(whole)) < 0.1
+    assert abs(float((mask_class == 2).float().mean()) - float(whole)) < 0.1
 
 
 def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_path):
@@ -90,23 +91,40 @@ def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_pat
     torch.testing.assert_close(weights_of(second), weights_of(whole), atol=1e-5, rtol=1e-4)
 
 
+def test_a_state_of_an_older_version_is_resumed(dataset: Dataset, tmp_path):
+    """Older states name the setting of its learning rate in each group of parameters."""
+    first = Trainer(dataset, SETTINGS)
+    next(first.steps())
+    first.save_state(tmp_path / "run.state")
+    state = torch.load(tmp_path / "run.state", weights_only=True)
+    for saved, names in zip(state["optimisers"], (("network_rate", "code_rate"), ("matrix_rate",)), strict=True):
+        for group, name in zip(saved["param_groups"], names, strict=True):
+            group["rate"] = name
+    torch.save(state, tmp_path / "old.state")
+    trainers = Trainer(dataset, SETTINGS), Trainer(dataset, SETTINGS)
+    for trainer, name in zip(trainers, ("run", "old"), strict=True):
+        trainer.load_state(tmp_path / f"{name}.state")
+        assert next(trainer.steps()).step == 2
+    assert torch.equal(*map(weights_of, trainers))
+
+
 def test_matrices_go_by_muon_and_in_the_papers_recipe_nothing(dataset: Dataset):
     trainer = Trainer(dataset, SETTINGS)
     adam, muon = trainer.optimisers
     assert isinstance(muon, torch.optim.Muon)
     moved = [one for optimiser in (adam, muon) for group in optimiser.param_groups for one in group["params"]]
-    assert len(moved) == len({id(one) for one in moved}) == len(trainer.averages)
+    assert len(moved) == len({id(one) for one in moved}) == len(trainer.ema_parameters)
     assert any(one is trainer.field.feature_layer.weight for one in muon.param_groups[0]["params"])
-    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).optimisers
+    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).optimisers
     assert isinstance(alone, torch.optim.AdamW)
-    assert RECIPES["paper"].matrix_rate is None
+    assert RECIPES["paper"].muon_lr is None
 
 
 def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
     first = Trainer(dataset, SETTINGS)
     next(first.steps())
     first.save_state(tmp_path / "run.state")
-    slower = dataclasses.replace(SETTINGS, matrix_rate=1e-9, network_rate=1e-9, code_rate=1e-9)
+    slower = dataclasses.replace(SETTINGS, muon_lr=1e-9, network_lr=1e-9, code_lr=1e-9)
     second = Trainer(dataset, slower)
     second.load_state(tmp_path / "run.state")
     before = second.field.feature_layer.weight.detach().clone()
@@ -120,8 +138,8 @@ def test_training_goes_on_from_a_model_with_the_codes_of_the_objects_it_knows(da
     model = first.model()
     green = coloured("green", (20, 200, 30), (0.0, 0.1, 0))
     more = dataclasses.replace(dataset, objects=(green, *dataset.objects))
-    second = Trainer(more, SETTINGS.gentler)
-    second.begin_from(model)
+    second = Trainer(more, SETTINGS.finetuning)
+    second.initialise_from(model)
     begun = second.model()
     assert begun.codes[1] == model.codes[0]
     assert begun.codes[2] == model.codes[1]
@@ -130,8 +148,8 @@ def test_training_goes_on_from_a_model_with_the_codes_of_the_objects_it_knows(da
     assert all(torch.equal(one, other) for one, other in pairs)
     assert len(list(second.steps())) == SETTINGS.steps
     other = Trainer(more, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
-    with pytest.raises(ValueError, match="cannot go on"):
-        other.begin_from(model)
+    with pytest.raises(ValueError, match="cannot start"):
+        other.initialise_from(model)
 
 
 def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
@@ -141,7 +159,7 @@ def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
         with pytest.raises(ValueError, match=path.name):
             Trainer(dataset, other).load_state(path)
     with pytest.raises(ValueError, match=r"run\.state"):
-        Trainer(dataset, dataclasses.replace(SETTINGS, matrix_rate=None)).load_state(tmp_path / "run.state")
+        Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).load_state(tmp_path / "run.state")
     turned = dataclasses.replace(dataset, objects=dataset.objects[::-1])
     with pytest.raises(ValueError, match="other objects"):
         Trainer(turned, SETTINGS).load_state(tmp_path / "run.state")
@@ -149,16 +167,16 @@ def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
 
 def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
     trainer = Trainer(dataset, SETTINGS)
-    before = trainer.bank.hulls.clone()
+    before = trainer.ray_dataset.hulls.clone()
     layer = trainer.field.density_layer
     layer.weight.data.zero_()
     layer.bias.data.fill_(0.0)
     bias = trainer.field.shape_bias(trainer.shapes)[trainer.shape_row]
-    trainer.bank.prune(trainer.field, bias)
-    assert torch.equal(trainer.bank.hulls, before)
+    trainer.ray_dataset.prune(trainer.field, bias)
+    assert torch.equal(trainer.ray_dataset.hulls, before)
     layer.bias.data.fill_(-20.0)
-    trainer.bank.prune(trainer.field, bias)
-    assert not trainer.bank.hulls.any()
+    trainer.ray_dataset.prune(trainer.field, bias)
+    assert not trainer.ray_dataset.hulls.any()
 
 
 def test_an_object_with_one_view_cannot_be_measured(dataset: Dataset):

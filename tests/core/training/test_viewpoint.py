@@ -4,29 +4,31 @@ import pytest
 import torch
 
 from core.datasets.srn import Dataset
-from core.models.viewpoint import SIDE, Glance
-from core.training.viewpoint import Glimpses, disguised, glimpses, share_recognised, taught
+from core.models.viewpoint import SIDE, ViewpointClassifier
+from core.training.viewpoint import ViewpointDataset, accuracy_within, augment, train_viewpoint, viewpoint_dataset
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
 
 
 @pytest.fixture(scope="module")
-def seen() -> Glimpses:
+def seen() -> ViewpointDataset:
     """Stools from all round."""
     model = tiny_model()
-    return glimpses(Dataset(tuple(views_of(model, i, 5) for i in range(4)), "stools", model.image_size, model.focal))
+    return viewpoint_dataset(
+        Dataset(tuple(views_of(model, i, 5) for i in range(4)), "stools", model.image_size, model.focal)
+    )
 
 
-def test_every_picture_comes_with_its_camera(seen: Glimpses):
-    assert seen.pictures.shape == (20, 4, SIDE, SIDE)
-    assert seen.pictures.dtype == torch.uint8
+def test_every_picture_comes_with_its_camera(seen: ViewpointDataset):
+    assert seen.images.shape == (20, 4, SIDE, SIDE)
+    assert seen.images.dtype == torch.uint8
     assert seen.azimuth[:5].tolist() == pytest.approx([0.7 + 1.3 * turn for turn in range(5)])
 
 
 def test_a_mirrored_object_is_seen_from_the_other_side_of_its_front():
-    pictures = torch.zeros(64, 4, SIDE, SIDE)
-    pictures[:, 3, :, : SIDE // 2] = 1.0
-    found, azimuth = disguised(pictures, torch.full((64,), 0.3), torch.Generator().manual_seed(0))
+    images = torch.zeros(64, 4, SIDE, SIDE)
+    images[:, 3, :, : SIDE // 2] = 1.0
+    found, azimuth = augment(images, torch.full((64,), 0.3), torch.Generator().manual_seed(0))
     mirrored = found[:, 3, :, SIDE // 2 :].mean((1, 2)) > found[:, 3, :, : SIDE // 2].mean((1, 2))
     assert 16 < int(mirrored.sum()) < 48
     assert torch.allclose(azimuth, torch.where(mirrored, math.pi - 0.3, torch.tensor(0.3)))
@@ -34,17 +36,17 @@ def test_a_mirrored_object_is_seen_from_the_other_side_of_its_front():
     assert float(found.max()) <= 1 + 1e-5
 
 
-def test_it_learns_where_from_a_picture_is_taken(seen: Glimpses):
+def test_it_learns_where_from_a_picture_is_taken(seen: ViewpointDataset):
     torch.manual_seed(0)
-    glance = Glance()
-    steps = list(taught(glance, seen, 150))
-    assert [step.step for step in steps] == list(range(1, 151))
+    glance = ViewpointClassifier()
+    steps = list(train_viewpoint(glance, seen, 100))
+    assert [step.step for step in steps] == list(range(1, 101))
     assert steps[-1].loss < steps[0].loss
-    assert share_recognised(glance, seen, math.radians(20)) > 0.5
+    assert accuracy_within(glance, seen, math.radians(20)) > 0.5
     assert not glance.training
 
 
-def test_without_objects_there_is_nothing_to_learn(seen: Glimpses):
+def test_without_objects_there_is_nothing_to_learn(seen: ViewpointDataset):
     model = tiny_model()
     with pytest.raises(ValueError, match="every mask is empty"):
-        glimpses(Dataset((), "stools", model.image_size, model.focal))
+        viewpoint_dataset(Dataset((), "stools", model.image_size, model.focal))

@@ -5,7 +5,7 @@ import torch
 from core.datasets.srn import ObjectViews
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
-from core.training.visual_hull import grid_centres, project, shared_extent, visual_hull
+from core.training.visual_hull import grid_centres, shared_extent, visual_hull
 
 
 def ball(radius: float = 0.2, centre=(0.1, 0.0, 0.05), count: int = 12, size: int = 64) -> ObjectViews:
@@ -42,11 +42,3 @@ def test_masks_that_contradict_each_other_are_refused():
     empty = ObjectViews("none", "none", "none", views.images, np.zeros_like(views.masks), views.cameras)
     with pytest.raises(ValueError, match="no room"):
         shared_extent([empty])
-
-
-def test_projection_is_the_inverse_of_casting():
-    camera = Camera(0.7, -0.3, 2.0, 70.0, 64, 48)
-    rays = camera_rays(camera, torch.full((3,), 0.5))
-    points = (rays.origins + 1.7 * rays.directions).reshape(-1, 3)
-    y, x = torch.meshgrid(torch.arange(48) + 0.5, torch.arange(64) + 0.5, indexing="ij")
-    torch.testing.assert_close(project(points, camera), torch.stack((x, y), -1).reshape(-1, 2), atol=1e-3, rtol=0)

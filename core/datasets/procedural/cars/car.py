@@ -4,18 +4,17 @@ import numpy as np
 
 from core.datasets.procedural.cars.bodies import body
 from core.datasets.procedural.cars.fittings import fittings
-from core.datasets.procedural.cars.kinds import KINDS, car_plan
+from core.datasets.procedural.cars.kinds import KINDS, sample_dimensions
 from core.datasets.procedural.cars.wheels import wheels
 from core.datasets.procedural.carving import mirrored
-from core.datasets.procedural.shape import Shape, normalised_shape
-from core.datasets.procedural.solids import Part, warped
+from core.datasets.procedural.solids import Part, Shape, normalised_shape, warped
 
 
 def car(seed: int) -> Shape:
     """The car of a seed, always the same."""
     generator = np.random.default_rng([seed, 17])
     kind = str(generator.choice(list(KINDS), p=[share for _, share in KINDS.values()]))
-    plan = car_plan(generator, kind)
-    parts = [Part(p.label, warped(p.solid, plan.bent)) for p in body(generator, plan) + fittings(generator, plan)]
-    parts += wheels(generator, plan)
+    dims = sample_dimensions(generator, kind)
+    parts = [Part(p.label, warped(p.solid, dims.bent)) for p in body(generator, dims) + fittings(generator, dims)]
+    parts += wheels(generator, dims)
     return normalised_shape(kind, [Part(part.label, mirrored(part.solid)) for part in parts])

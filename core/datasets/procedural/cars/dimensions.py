@@ -13,7 +13,7 @@ Along = Heights | float
 
 
 @dataclass(frozen=True)
-class CarPlan:
+class CarDimensions:
     """A car's measures; m, the road at z = 0, the middle of its length at y = 0, the front at +y."""
 
     kind: str
@@ -102,7 +102,7 @@ class CarPlan:
         return np.asarray(0.985 * self.half(y) - self.ledge * np.clip(rise / 0.12, 0, 1) - self.tumble * rise)
 
     def bent(self, points: Points) -> Points:
-        """Points of the straight plan, front and rear bowed as seen from above and swollen as seen from the side."""
+        """Points of the straight dims, front and rear bowed as seen from above and swollen as seen from the side."""
         x, y, z = points.T
         share = y / self.end
         bow = -self.bow * (2 * x / self.width) ** 2 * share * np.abs(share) ** 0.4

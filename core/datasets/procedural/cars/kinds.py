@@ -1,19 +1,19 @@
-"""How the measures of each kind of car are drawn."""
+"""How the dimensions of each kind of car are sampled."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from core.datasets.procedural.cars.dimensions import CarPlan
+from core.datasets.procedural.cars.dimensions import CarDimensions
 
 
-def car_plan(g: np.random.Generator, kind: str) -> CarPlan:
-    """A car's measures. Raises ``KeyError`` for an unknown kind."""
+def sample_dimensions(g: np.random.Generator, kind: str) -> CarDimensions:
+    """A car's dimensions. Raises ``KeyError`` for an unknown kind."""
     return KINDS[kind][0](g)
 
 
-def _sedan(g: np.random.Generator) -> CarPlan:
+def _sedan(g: np.random.Generator) -> CarDimensions:
     deck, size = g.uniform(0.4, 0.75), {"length": g.uniform(4.25, 5.05), "height": g.uniform(1.4, 1.5)}
     if g.random() < 0.25:
         return _notchback(g, "sedan", deck + 0.15, g.uniform(0.3, 0.5), **size, **_angular(g))
@@ -32,7 +32,7 @@ def _angular(g: np.random.Generator) -> dict[str, float]:
     }
 
 
-def _coupe(g: np.random.Generator) -> CarPlan:
+def _coupe(g: np.random.Generator) -> CarDimensions:
     deck, run = g.uniform(0.1, 0.45), g.uniform(0.7, 1.1)
     return _notchback(
         g,
@@ -52,7 +52,7 @@ def _coupe(g: np.random.Generator) -> CarPlan:
     )
 
 
-def _notchback(g: np.random.Generator, kind: str, deck: float, run: float, **given: float) -> CarPlan:
+def _notchback(g: np.random.Generator, kind: str, deck: float, run: float, **given: float) -> CarDimensions:
     """A car with a boot lid."""
     m = _measures(g, **given)
     rear, tail = -m["length"] / 2, m["cowl"] + g.uniform(0.0, 0.09)
@@ -63,7 +63,7 @@ def _notchback(g: np.random.Generator, kind: str, deck: float, run: float, **giv
     return _finished(kind, m, lid, roof_end, 0.78 * tail, glass, rear + deck + 0.12)
 
 
-def _hatchback(g: np.random.Generator) -> CarPlan:
+def _hatchback(g: np.random.Generator) -> CarDimensions:
     """From city cars to tall family cars whose windscreen begins far in front."""
     m = _measures(
         g,
@@ -80,12 +80,12 @@ def _hatchback(g: np.random.Generator) -> CarPlan:
     return _tailgated(g, "hatchback", m, g.uniform(0.25, 0.8))
 
 
-def _estate(g: np.random.Generator) -> CarPlan:
+def _estate(g: np.random.Generator) -> CarDimensions:
     m = _measures(g, length=g.uniform(4.4, 4.95), height=g.uniform(1.43, 1.53))
     return _tailgated(g, "estate", m, g.uniform(0.25, 0.6))
 
 
-def _suv(g: np.random.Generator) -> CarPlan:
+def _suv(g: np.random.Generator) -> CarDimensions:
     boxy = g.random() < 0.35
     size = {
         "length": g.uniform(4.0, 4.95),
@@ -100,7 +100,7 @@ def _suv(g: np.random.Generator) -> CarPlan:
     return _tailgated(g, "SUV", _measures(g, **size, tumble=g.uniform(0.18, 0.3)), g.uniform(0.25, 0.7))
 
 
-def _tailgated(g: np.random.Generator, kind: str, m: Mapping[str, float], run: float) -> CarPlan:
+def _tailgated(g: np.random.Generator, kind: str, m: Mapping[str, float], run: float) -> CarDimensions:
     """A car whose roof goes on to the tailgate."""
     rear, tail = -m["length"] / 2, m["cowl"] + g.uniform(-0.04, 0.06)
     roof_end, glass = rear + run + 0.07, (tail + 0.04, m["height"] - g.uniform(0.1, 0.14))
@@ -109,7 +109,7 @@ def _tailgated(g: np.random.Generator, kind: str, m: Mapping[str, float], run: f
     return _finished(kind, m, gate, roof_end, 0.8 * tail, glass, rear + (0.35 if third else 0.75))
 
 
-def _van(g: np.random.Generator) -> CarPlan:
+def _van(g: np.random.Generator) -> CarDimensions:
     height = g.uniform(1.75, 2.45)
     m = _measures(
         g,
@@ -136,7 +136,7 @@ def _van(g: np.random.Generator) -> CarPlan:
     return _finished("van", m, gate, roof_end, 0.95 * tail, glass, rear + 0.3 if glazed else cab)
 
 
-def _pickup(g: np.random.Generator) -> CarPlan:
+def _pickup(g: np.random.Generator) -> CarDimensions:
     m = _measures(
         g,
         length=g.uniform(4.9, 5.7),
@@ -156,15 +156,15 @@ def _pickup(g: np.random.Generator) -> CarPlan:
     bed = rear + (g.uniform(1.3, 1.6) if m["doors"] == 4 else g.uniform(1.7, 2.1))
     gate = [(bed + 0.02, rail), (rear + 0.02, rail), (rear, 0.7 * rail)]
     glass = (m["cowl"] + 0.06, m["height"] - 0.12)
-    plan = _finished("pickup", m, gate, bed + g.uniform(0.1, 0.25), 0.85 * rail, glass, bed + 0.16)
-    return replace(plan, bed=(bed - 0.04, rear + 0.08)) if g.random() < 0.8 else plan
+    dims = _finished("pickup", m, gate, bed + g.uniform(0.1, 0.25), 0.85 * rail, glass, bed + 0.16)
+    return replace(dims, bed=(bed - 0.04, rear + 0.08)) if g.random() < 0.8 else dims
 
 
 def _measures(g: np.random.Generator, **given: float) -> dict[str, float]:
     """An ordinary car's measures, with some of them given."""
     length, height = given.get("length", 4.5), given.get("height", 1.45)
     cowl = given.get("cowl_height", height * g.uniform(0.62, 0.67))
-    drawn = {
+    sampled = {
         "length": length,
         "width": g.uniform(1.7, 1.9),
         "height": height,
@@ -185,7 +185,7 @@ def _measures(g: np.random.Generator, **given: float) -> dict[str, float]:
         "narrow": g.uniform(0.06, 0.16),
         "droop": g.uniform(0.0, 0.06),
     }
-    measures = {name: float(value) for name, value in (drawn | given).items()}
+    measures = {name: float(value) for name, value in (sampled | given).items()}
     return measures | {"cowl": cowl, "overhang": length * measures["front"]}
 
 
@@ -197,8 +197,8 @@ def _finished(
     tail: float,
     rear_glass: tuple[float, float] | None,
     side_glass: float,
-) -> CarPlan:
-    """The plan of these measures; ``rear`` is the profile behind the roof."""
+) -> CarDimensions:
+    """The dims of these measures; ``rear`` is the profile behind the roof."""
     end = m["length"] / 2
     axle = end - m["overhang"]
     axles = (axle, axle - m["basis"] * m["length"])
@@ -210,7 +210,7 @@ def _finished(
     front = [(end, 0.8 * nose), (end - 0.04, 0.97 * nose), (end - 0.2, nose + 0.1 * (m["cowl"] - nose)), bonnet]
     roof = [(cowl, m["cowl"]), (head, top - 0.035), (middle, top), (roof_end, top - 0.03 - m["droop"])]
     belt = m["cowl"] - 0.04
-    plan = CarPlan(
+    dims = CarDimensions(
         kind=kind,
         length=m["length"],
         width=m["width"],
@@ -237,8 +237,8 @@ def _finished(
         narrow=m["narrow"],
     )
     # A wheel arch must not reach up into the bonnet.
-    low = float(plan.shoulder(axle + np.array((-0.3, 0.0, 0.3))).min())
-    return replace(plan, wheel=min(plan.wheel, 0.5 * (low - 0.12)))
+    low = float(dims.shoulder(axle + np.array((-0.3, 0.0, 0.3))).min())
+    return replace(dims, wheel=min(dims.wheel, 0.5 * (low - 0.12)))
 
 
 def _pillars(doors: int, kind: str, cowl: float, head: float, rear: float) -> tuple[float, ...]:
@@ -251,7 +251,7 @@ def _pillars(doors: int, kind: str, cowl: float, head: float, rear: float) -> tu
     return tuple(y for y in spaced[:count] if y > rear + 0.22)
 
 
-KINDS: dict[str, tuple[Callable[[np.random.Generator], CarPlan], float]] = {
+KINDS: dict[str, tuple[Callable[[np.random.Generator], CarDimensions], float]] = {
     "sedan": (_sedan, 0.26),
     "hatchback": (_hatchback, 0.2),
     "estate": (_estate, 0.1),
@@ -260,4 +260,4 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator], CarPlan], float]] = {
     "van": (_van, 0.08),
     "coupe": (_coupe, 0.11),
 }
-"""How each kind's measures are drawn, and how often it comes."""
+"""How each kind's dimensions are sampled, and its probability."""

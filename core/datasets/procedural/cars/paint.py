@@ -64,7 +64,7 @@ def car_texture(seed: int) -> Mapping[str, Paint]:
     second = dark if g.random() < 0.4 else plain(_body_colour(g))
     paint = plain(main)
     metal = plain(from_hex(("c4c6c8", "9a9da0")[g.integers(2)]))
-    look = {
+    paints = {
         **_colours(g, paint, second, dark),
         "seam": plain(0.4 * main),
         "handle": (paint, metal, dark)[g.choice(3, p=(0.55, 0.25, 0.2))],
@@ -75,7 +75,7 @@ def car_texture(seed: int) -> Mapping[str, Paint]:
         "exhaust": metal,
         "grille": plain(from_hex("18191a")),
     }
-    return look | _constant(g, main)
+    return paints | _constant(g, main)
 
 
 def _colours(g: np.random.Generator, paint: Paint, second: Paint, dark: Paint) -> dict[str, Paint]:
@@ -107,7 +107,7 @@ def _colours(g: np.random.Generator, paint: Paint, second: Paint, dark: Paint) -
 
 
 def _constant(g: np.random.Generator, main: Colour) -> dict[str, Paint]:
-    """What looks much alike on all cars."""
+    """What is similar on all cars."""
     # Windows must stand out from the body: light ones from a dark body, dark ones from all others.
     panes = ("5d6e7a", "6f7f88", "7d8c95") if main.max() < 0.3 else ("1d2329", "262d33", "323b42", "14171a")
     glass = from_hex(panes[g.integers(len(panes))])

@@ -5,20 +5,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from core.datasets.procedural.cars.dimensions import CarPlan
+from core.datasets.procedural.cars.dimensions import CarDimensions
 from core.datasets.procedural.solids import Part, Solid, bar, line, moved, quads
 
 _SIDES = 20
 
 
-def wheels(g: np.random.Generator, plan: CarPlan) -> list[Part]:
+def wheels(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
     """The right side's two wheels, not bowed: each stands where the bowed arch is."""
-    made = _wheel(g, plan.wheel, g.uniform(0.19, 0.25))
+    made = _wheel(g, dims.wheel, g.uniform(0.19, 0.25))
     parts = []
-    for axle in plan.axles:
-        x = float(plan.half(axle)) * 0.985
-        y = float(plan.bent(np.array([[x, axle, plan.wheel]]))[0, 1])
-        parts += [Part(part.label, moved(part.solid, (x, y, plan.wheel))) for part in made]
+    for axle in dims.axles:
+        x = float(dims.half(axle)) * 0.985
+        y = float(dims.bent(np.array([[x, axle, dims.wheel]]))[0, 1])
+        parts += [Part(part.label, moved(part.solid, (x, y, dims.wheel))) for part in made]
     return parts
 
 

@@ -4,20 +4,20 @@ import math
 
 import numpy as np
 
-from core.datasets.procedural.chairs.dimensions import Plan
+from core.datasets.procedural.chairs.dimensions import ChairDimensions
 from core.datasets.procedural.solids import Part, Point, Solid, bar, line, moved, rounded_path, slab, tube
 
 
-def legs(g: np.random.Generator, plan: Plan, bars: int | None = None) -> list[Part]:
+def legs(g: np.random.Generator, dims: ChairDimensions, bars: int | None = None) -> list[Part]:
     """Four legs, straight or splayed, with or without an apron and stretchers."""
     inset, splay = g.uniform(0.025, 0.05), g.choice((0.0, g.uniform(0.02, 0.09)))
     style = g.choice(("square", "tapered", "round", "turned", "thin"), p=(0.3, 0.2, 0.2, 0.12, 0.18))
     thick = {"thin": g.uniform(0.016, 0.024)}.get(str(style), g.uniform(0.03, 0.052))
-    top = plan.height - plan.thick
+    top = dims.height - dims.thick
     parts, lines = [], {}
     for x, y in ((-1, 1), (1, 1), (1, -1), (-1, -1)):
-        narrow = 1 - plan.taper if y < 0 else 1.0
-        head = np.array([x * (plan.width / 2 - inset) * narrow, y * (plan.depth / 2 - inset), top])
+        narrow = 1 - dims.taper if y < 0 else 1.0
+        head = np.array([x * (dims.width / 2 - inset) * narrow, y * (dims.depth / 2 - inset), top])
         foot = np.array([head[0] + x * splay, head[1] + y * splay * (1.0 if y > 0 else 1.3), 0.0])
         lines[x, y] = (head, foot)
         parts.append(Part("legs", _leg(str(style), head, foot, thick)))
@@ -52,18 +52,18 @@ def _rails(
     return [Part("legs", bar(line(start, end), tall, wide, side=(0, 0, 1))) for start, end in pairs]
 
 
-def feet(g: np.random.Generator, plan: Plan, shift: float) -> list[Part]:
+def feet(g: np.random.Generator, dims: ChairDimensions, shift: float) -> list[Part]:
     """Short legs under upholstery."""
     thick, splay = g.uniform(0.03, 0.06), g.choice((0.0, 0.02))
-    ends = [(x * (plan.width / 2 - 0.05), y * (plan.depth / 2 - 0.05) + shift) for x in (-1, 1) for y in (-1, 1)]
-    paths = [line((x, y, plan.height), (x + splay * np.sign(x), y + splay * np.sign(y), 0), 5) for x, y in ends]
+    ends = [(x * (dims.width / 2 - 0.05), y * (dims.depth / 2 - 0.05) + shift) for x in (-1, 1) for y in (-1, 1)]
+    paths = [line((x, y, dims.height), (x + splay * np.sign(x), y + splay * np.sign(y), 0), 5) for x, y in ends]
     return [Part("legs", bar(path, thick, thick, end=0.6)) for path in paths]
 
 
-def sled(g: np.random.Generator, plan: Plan) -> list[Part]:
+def sled(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Bent tubes: a cantilever's one run, or a loop on each side."""
-    x, front, rear = plan.width / 2 - 0.02, plan.depth / 2 - 0.02, -plan.depth / 2
-    top, radius = plan.height - plan.thick - 0.012, g.uniform(0.01, 0.016)
+    x, front, rear = dims.width / 2 - 0.02, dims.depth / 2 - 0.02, -dims.depth / 2
+    top, radius = dims.height - dims.thick - 0.012, g.uniform(0.01, 0.016)
     if g.random() < 0.5:
         corners = [(x, rear, top), (x, front, top), (x, front, radius), (x, rear, radius)]
         corners += [(-a, b, c) for a, b, c in reversed(corners)]
@@ -76,9 +76,9 @@ def sled(g: np.random.Generator, plan: Plan) -> list[Part]:
     return [Part("legs", tube(loop, radius, 10)) for loop in loops] + [Part("legs", cross)]
 
 
-def wire_base(g: np.random.Generator, plan: Plan) -> list[Part]:
+def wire_base(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Thin rods that run crosswise from under the seat to the four feet."""
-    x, y, top = plan.width / 2, plan.depth / 2, plan.height - plan.thick - 0.02
+    x, y, top = dims.width / 2, dims.depth / 2, dims.height - dims.thick - 0.02
     radius, reach = g.uniform(0.006, 0.01), g.uniform(0.5, 0.9)
     parts = []
     for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
@@ -91,9 +91,9 @@ def wire_base(g: np.random.Generator, plan: Plan) -> list[Part]:
     return parts
 
 
-def column(g: np.random.Generator, plan: Plan, ring: bool = False) -> list[Part]:
+def column(g: np.random.Generator, dims: ChairDimensions, ring: bool = False) -> list[Part]:
     """A column on a trumpet foot, a disc or a flat cross."""
-    top, wide = plan.height - plan.thick, 0.5 * max(plan.width, 0.42)
+    top, wide = dims.height - dims.thick, 0.5 * max(dims.width, 0.42)
     thick = g.uniform(0.02, 0.035)
     kind = g.integers(3)
     if kind == 0:
@@ -116,11 +116,11 @@ def column(g: np.random.Generator, plan: Plan, ring: bool = False) -> list[Part]
     return parts
 
 
-def star(g: np.random.Generator, plan: Plan) -> list[Part]:
+def star(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """An office chair's five spokes on castors, gas lift and plate."""
     reach = g.uniform(0.27, 0.33)
     parts = _spokes(5, reach, 0.1, 0.06, math.pi / 2)
-    top = plan.height - plan.thick
+    top = dims.height - dims.thick
     parts.append(Part("metal", tube(line((0, 0, 0.06), (0, 0, top)), 0.028, 14)))
     parts.append(Part("metal", moved(slab(0.24, 0.24, 0.03, 0.03, 0.006), (0, 0, top - 0.06))))
     for i in range(5):

@@ -9,7 +9,7 @@ from core.datasets.procedural.solids import Points, Solid, warped
 
 
 @dataclass(frozen=True)
-class Plan:
+class ChairDimensions:
     """The measures that a chair's parts agree on; m, the floor at z = 0."""
 
     width: float
@@ -33,7 +33,7 @@ class Plan:
         return np.asarray(-self.depth / 2 + 0.02 - self.recline * up + bend)
 
     def upright(self, solid: Solid) -> Solid:
-        """A solid drawn flat as (x, up, towards the sitter), bent onto the back rest."""
+        """A solid built flat as (x, up, towards the sitter), bent onto the back rest."""
 
         def bend(flat: Points) -> Points:
             x, up, out = flat.T
@@ -42,9 +42,9 @@ class Plan:
         return warped(solid, bend, mirrors=True)
 
 
-def ordinary_plan(g: np.random.Generator, **given: float) -> Plan:
+def sample_dimensions(g: np.random.Generator, **given: float) -> ChairDimensions:
     """An ordinary chair's measures, with some of them given."""
-    drawn = {
+    sampled = {
         "width": g.uniform(0.4, 0.52),
         "depth": g.uniform(0.4, 0.48),
         "height": g.uniform(0.42, 0.48),
@@ -55,4 +55,4 @@ def ordinary_plan(g: np.random.Generator, **given: float) -> Plan:
         "corner": g.choice((0.01, g.uniform(0.03, 0.12))),
         "taper": g.choice((0.0, g.uniform(0.05, 0.22))),
     }
-    return Plan(**{name: float(value) for name, value in (drawn | given).items()})
+    return ChairDimensions(**{name: float(value) for name, value in (sampled | given).items()})

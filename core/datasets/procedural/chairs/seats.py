@@ -4,47 +4,47 @@ import math
 
 import numpy as np
 
-from core.datasets.procedural.chairs.dimensions import Plan
+from core.datasets.procedural.chairs.dimensions import ChairDimensions
 from core.datasets.procedural.solids import Part, bar, line, moved, rounded_path, shell, slab, tube
 
 
-def seat(g: np.random.Generator, plan: Plan) -> list[Part]:
+def seat(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """A board, bare (perhaps hollowed) or with a cushion, or upholstered all through."""
     kind = g.choice(3, p=(0.45, 0.3, 0.25))
     if kind == 2:
-        return upholstery(g, plan, g.uniform(0.05, 0.1))
-    dip = -min(g.choice((0.0, g.uniform(0.005, 0.02))), 0.5 * plan.thick) if kind == 0 else 0.0
-    board = slab(plan.width, plan.depth, plan.thick, plan.corner, 0.012, plan.taper, dome=dip)
-    parts = [Part("seat", moved(board, (0, 0, plan.height - plan.thick / 2)))]
+        return upholstery(g, dims, g.uniform(0.05, 0.1))
+    dip = -min(g.choice((0.0, g.uniform(0.005, 0.02))), 0.5 * dims.thick) if kind == 0 else 0.0
+    board = slab(dims.width, dims.depth, dims.thick, dims.corner, 0.012, dims.taper, dome=dip)
+    parts = [Part("seat", moved(board, (0, 0, dims.height - dims.thick / 2)))]
     if kind == 1:
         size = g.uniform(0.84, 0.96)
         thick = g.uniform(0.03, 0.06)
-        pad = slab(plan.width * size, plan.depth * size, thick, plan.corner + 0.02, 0.02, plan.taper, dome=0.012)
-        parts.append(Part("cushion", moved(pad, (0, 0.005, plan.height + thick * 0.45))))
+        pad = slab(dims.width * size, dims.depth * size, thick, dims.corner + 0.02, 0.02, dims.taper, dome=0.012)
+        parts.append(Part("cushion", moved(pad, (0, 0.005, dims.height + thick * 0.45))))
     return parts
 
 
-def upholstery(g: np.random.Generator, plan: Plan, thick: float) -> list[Part]:
+def upholstery(g: np.random.Generator, dims: ChairDimensions, thick: float) -> list[Part]:
     """A thick cushion whose top lies at the seat's height, on a thin board."""
-    corner = max(plan.corner, 0.04)
-    pad = slab(plan.width, plan.depth, thick, corner, 0.42 * thick, plan.taper, dome=g.uniform(0.0, 0.02))
-    board = slab(plan.width * 0.95, plan.depth * 0.95, 0.02, corner, 0.005, plan.taper)
+    corner = max(dims.corner, 0.04)
+    pad = slab(dims.width, dims.depth, thick, corner, 0.42 * thick, dims.taper, dome=g.uniform(0.0, 0.02))
+    board = slab(dims.width * 0.95, dims.depth * 0.95, 0.02, corner, 0.005, dims.taper)
     return [
-        Part("cushion", moved(pad, (0, 0, plan.height - thick / 2 + 0.015))),
-        Part("seat", moved(board, (0, 0, plan.height - thick))),
+        Part("cushion", moved(pad, (0, 0, dims.height - thick / 2 + 0.015))),
+        Part("seat", moved(board, (0, 0, dims.height - thick))),
     ]
 
 
-def bucket(g: np.random.Generator, plan: Plan) -> list[Part]:
+def bucket(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """A bent shell: a profile from the front lip over the seat and up the back, its sides lifted."""
-    deep, high = plan.depth / 2, plan.height
+    deep, high = dims.depth / 2, dims.height
     corners = [
         (deep, high - 0.02),
         (deep - 0.06, high),
         (-0.2 * deep, high - 0.025),
         (-deep, high + 0.01),
-        (-deep - plan.recline * plan.back * 0.6, high + 0.55 * plan.back),
-        (-deep - plan.recline * plan.back, high + plan.back),
+        (-deep - dims.recline * dims.back * 0.6, high + 0.55 * dims.back),
+        (-deep - dims.recline * dims.back, high + dims.back),
     ]
     curve = rounded_path(corners, rounds=4)
     lengths = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
@@ -59,25 +59,25 @@ def bucket(g: np.random.Generator, plan: Plan) -> list[Part]:
     top, end = g.uniform(0.7, 1.05), g.uniform(3.0, 9.0)
     outline = (1 - np.abs(2 * way - 1) ** (2 * end)) ** 0.4
     share = np.maximum((1 + (top - 1) * way**2) * outline, 0.12)
-    half, across = share * plan.width / 2, np.linspace(-1, 1, 21)
+    half, across = share * dims.width / 2, np.linspace(-1, 1, 21)
     raised = lift[:, None] * np.abs(share[:, None] * across) ** 2.5
     middle = profile[:, None] + inward[:, None] * raised[..., None]
     sheet = np.concatenate(((half[:, None] * across)[..., None], middle), -1)
     parts = [Part("seat", shell(sheet, g.uniform(0.012, 0.03)))]
     if g.random() < 0.35:
-        pad = slab(plan.width * 0.72, plan.depth * 0.75, 0.03, 0.1, 0.014)
+        pad = slab(dims.width * 0.72, dims.depth * 0.75, 0.03, 0.1, 0.014)
         parts.append(Part("cushion", moved(pad, (0, 0, high + 0.005))))
     return parts
 
 
-def arms(g: np.random.Generator, plan: Plan) -> list[Part]:
+def arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Wooden arms on posts, or bent tubes, from the back rest to the seat's front."""
     rise, wide = g.uniform(0.17, 0.25), g.uniform(0.025, 0.06)
-    rise = min(rise, 0.85 * plan.back)
-    x = plan.width / 2 + 0.5 * wide - 0.01
-    rear = float(plan.rear(np.array(x), np.array(rise)))
-    front = plan.depth / 2 - g.uniform(0.02, 0.12)
-    low, high = plan.height - plan.thick, plan.height + rise
+    rise = min(rise, 0.85 * dims.back)
+    x = dims.width / 2 + 0.5 * wide - 0.01
+    rear = float(dims.rear(np.array(x), np.array(rise)))
+    front = dims.depth / 2 - g.uniform(0.02, 0.12)
+    low, high = dims.height - dims.thick, dims.height + rise
     parts = []
     tubular = g.random() < 0.35
     for s in (-1, 1):
@@ -91,10 +91,10 @@ def arms(g: np.random.Generator, plan: Plan) -> list[Part]:
     return parts
 
 
-def t_arms(g: np.random.Generator, plan: Plan) -> list[Part]:
+def t_arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """An office chair's arms: a pad on a bracket that comes from under the seat."""
-    rise, x = g.uniform(0.17, 0.24), plan.width / 2 + 0.03
-    low, high = plan.height - plan.thick - 0.03, plan.height + rise
+    rise, x = g.uniform(0.17, 0.24), dims.width / 2 + 0.03
+    low, high = dims.height - dims.thick - 0.03, dims.height + rise
     parts = []
     for s in (-1, 1):
         corners = [(s * 0.12, -0.02, low), (s * x, -0.02, low), (s * x, -0.02, high)]

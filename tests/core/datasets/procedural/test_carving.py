@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.datasets.procedural.carving import carve, joined, mirrored, sunk
+from core.datasets.procedural.carving import carve, inset, joined, mirrored
 from core.datasets.procedural.solids import Points, Solid, line, slab, tube
 
 
@@ -57,7 +57,7 @@ def test_a_sunk_piece_has_a_bottom_and_walls_but_none_on_the_mirror_plane() -> N
     def down(p: Points) -> Points:
         return p - (0, 0, 0.1)
 
-    pit = sunk(hole, down)
+    pit = inset(hole, down)
     # Bottom 0.5 x 0.4; two walls 0.5 x 0.1 and one 0.4 x 0.1.
     assert area(pit) == pytest.approx(0.2 + 0.1 + 0.04)
     assert area(mirrored(joined([pit, rest]))) == pytest.approx(2 * (1 + 0.14))

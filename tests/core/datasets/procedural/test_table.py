@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 
 from core.datasets.procedural.chairs.chair import LABELS, chair
 from core.datasets.procedural.paint import texture
-from core.datasets.procedural.table import Cell, procedural_plan, render_procedural, surfaces, swap_plan
+from core.datasets.procedural.table import (
+    ProceduralObject,
+    disentanglement_pairs,
+    procedural_table,
+    render_procedural,
+    surfaces,
+)
 from core.datasets.rasteriser import Rasteriser
 from core.datasets.srn import read_dataset
 from core.datasets.srn_cameras import training_views
@@ -18,34 +24,34 @@ from core.datasets.srn_cameras import training_views
 
 @given(count=st.integers(6, 3000))
 def test_the_table_is_sparse_and_connected(count: int) -> None:
-    plan = procedural_plan("chairs", count, "train")
-    assert len({(cell.shape, cell.texture) for cell in plan}) == count
-    shapes, textures = Counter(cell.shape for cell in plan), Counter(cell.texture for cell in plan)
+    objects = procedural_table("chairs", count, "train")
+    assert len({(item.shape, item.texture) for item in objects}) == count
+    shapes, textures = Counter(item.shape for item in objects), Counter(item.texture for item in objects)
     assert len(shapes) == (count + 1) // 2
     assert len(textures) == count // 3
     assert set(shapes.values()) <= {1, 2, 3}
     assert min(textures.values()) >= 2
-    assert all(len({cell.shape for cell in plan if cell.texture == t}) >= 2 for t in list(textures)[:5])
+    assert all(len({item.shape for item in objects if item.texture == t}) >= 2 for t in list(textures)[:5])
 
 
 @pytest.mark.parametrize("count", range(1, 7))
 def test_small_tables_have_no_pair_twice(count: int) -> None:
-    plan = procedural_plan("chairs", count, "train")
-    assert len({cell.name for cell in plan}) == count
+    objects = procedural_table("chairs", count, "train")
+    assert len({item.name for item in objects}) == count
 
 
 def test_training_and_test_share_no_seed() -> None:
-    train, test = (procedural_plan("chairs", 500, split) for split in ("train", "test"))
-    assert not {cell.shape for cell in train} & {cell.shape for cell in test}
-    assert not {cell.texture for cell in train} & {cell.texture for cell in test}
-    assert min(cell.shape for cell in test) == 1_000_000
+    train, test = (procedural_table("chairs", 500, split) for split in ("train", "test"))
+    assert not {item.shape for item in train} & {item.shape for item in test}
+    assert not {item.texture for item in train} & {item.texture for item in test}
+    assert min(item.shape for item in test) == 1_000_000
 
 
 def test_unknown_categories_and_counts_are_refused() -> None:
     with pytest.raises(ValueError, match="boats"):
-        procedural_plan("boats", 3, "train")
+        procedural_table("boats", 3, "train")
     with pytest.raises(ValueError, match="0"):
-        procedural_plan("chairs", 0, "train")
+        procedural_table("chairs", 0, "train")
 
 
 def test_every_texture_paints_every_label_the_same_way_each_time() -> None:
@@ -79,8 +85,8 @@ def test_a_texture_colours_many_shapes_alike(rasteriser: Rasteriser) -> None:
     camera = training_views(1, np.random.default_rng(2), 2.0, 64)[0]
 
     def mean_colour(shape: int, look: int) -> np.ndarray:
-        rasteriser.upload(surfaces(Cell("chairs", shape, look)))
-        image, mask = rasteriser.draw(camera)
+        rasteriser.upload(surfaces(ProceduralObject("chairs", shape, look)))
+        image, mask = rasteriser.render(camera)
         return image[mask].mean(0)
 
     first, second = ([mean_colour(shape, look) for look in range(12)] for shape in four_legs)
@@ -91,31 +97,31 @@ def test_a_texture_colours_many_shapes_alike(rasteriser: Rasteriser) -> None:
 def test_no_chair_is_cut_off_by_the_picture(rasteriser: Rasteriser) -> None:
     generator = np.random.default_rng(0)
     for seed in range(0, 60, 3):
-        rasteriser.upload(surfaces(Cell("chairs", seed, seed)))
+        rasteriser.upload(surfaces(ProceduralObject("chairs", seed, seed)))
         for camera in training_views(2, generator, 2.0, 64):
-            _, mask = rasteriser.draw(camera)
+            _, mask = rasteriser.render(camera)
             border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
             assert not border.any()
             assert mask.mean() > 0.01
 
 
 def test_rendering_writes_a_dataset_with_identities(tmp_path: Path, rasteriser: Rasteriser) -> None:
-    plan = procedural_plan("chairs", 6, "train")
-    names = list(render_procedural(plan, "chairs", tmp_path, "train", 2, 32))
+    objects = procedural_table("chairs", 6, "train")
+    names = list(render_procedural(objects, "chairs", tmp_path, "train", 2, 32))
     dataset = read_dataset(tmp_path)
-    assert names == [cell.name for cell in plan]
+    assert names == [item.name for item in objects]
     assert sorted(names) == [one.name for one in dataset.objects]
     assert len({one.shape_id for one in dataset.objects}) == 3
     assert len({one.texture_id for one in dataset.objects}) == 2
     assert dataset.category == "chairs"
 
 
-def test_half_of_a_swap_plan_is_trained_and_every_shape_and_texture_is_known():
-    trained, plan = set(procedural_plan("chairs", 600, "train")), swap_plan("chairs", 600, 4)
-    known = [cell for cell in plan if cell in trained]
-    assert len(set(plan)) == 64
+def test_half_of_the_disentanglement_pairs_are_trained_and_every_shape_and_texture_is_known():
+    trained, objects = set(procedural_table("chairs", 600, "train")), disentanglement_pairs("chairs", 600, 4)
+    known = [item for item in objects if item in trained]
+    assert len(set(objects)) == 64
     assert len(known) == 32
-    assert {cell.shape for cell in known} == {cell.shape for cell in plan}
-    assert {cell.texture for cell in known} == {cell.texture for cell in plan}
-    with pytest.raises(ValueError, match="3 blocks"):
-        swap_plan("chairs", 30, 3)
+    assert {item.shape for item in known} == {item.shape for item in objects}
+    assert {item.texture for item in known} == {item.texture for item in objects}
+    with pytest.raises(ValueError, match="3 tables"):
+        disentanglement_pairs("chairs", 30, 3)

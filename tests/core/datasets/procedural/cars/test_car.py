@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.ndimage import binary_fill_holes
 
 from core.datasets.procedural.cars.car import car
-from core.datasets.procedural.cars.kinds import KINDS, car_plan
+from core.datasets.procedural.cars.kinds import KINDS, sample_dimensions
 from core.datasets.procedural.cars.paint import LABELS, car_texture
-from core.datasets.procedural.shape import Shape
-from core.datasets.procedural.table import Cell, surfaces
+from core.datasets.procedural.solids import Shape
+from core.datasets.procedural.table import ProceduralObject, surfaces
 from core.datasets.rasteriser import Rasteriser
 from core.datasets.srn_cameras import training_views
 
@@ -45,17 +45,17 @@ def test_every_seed_gives_a_sane_car(seed: int) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_plans_hold_together(kind: str) -> None:
     for seed in range(100):
-        plan = car_plan(np.random.default_rng(seed), kind)
-        y, z = plan.profile.T
+        dims = sample_dimensions(np.random.default_rng(seed), kind)
+        y, z = dims.profile.T
         assert (np.diff(y) > 0).all()
-        assert z.max() == pytest.approx(plan.height, abs=0.06)
-        front, rear = plan.axles
-        assert plan.wheel > 0.25
-        assert front + plan.wheel < plan.end - 0.1
-        assert rear - plan.wheel > -plan.end + 0.1
+        assert z.max() == pytest.approx(dims.height, abs=0.06)
+        front, rear = dims.axles
+        assert dims.wheel > 0.25
+        assert front + dims.wheel < dims.end - 0.1
+        assert rear - dims.wheel > -dims.end + 0.1
         # The cabin is longer than its windscreen, and the doors' windows have room.
-        assert plan.head - plan.roof_end > 0.4
-        assert plan.head - plan.side_glass > 0.4
+        assert dims.head - dims.roof_end > 0.4
+        assert dims.head - dims.side_glass > 0.4
 
 
 def test_left_and_right_are_mirror_images() -> None:
@@ -133,9 +133,9 @@ def test_body_colours_are_those_of_a_car_park() -> None:
 def test_pictures_hold_the_whole_car(rasteriser: Rasteriser) -> None:
     generator = np.random.default_rng(0)
     for seed in range(0, 30, 3):
-        rasteriser.upload(surfaces(Cell("cars", seed, seed)))
+        rasteriser.upload(surfaces(ProceduralObject("cars", seed, seed)))
         for camera in training_views(3, generator, 1.3, 64):
-            _, mask = rasteriser.draw(camera)
+            _, mask = rasteriser.render(camera)
             border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
             assert not border.any()
             assert mask.mean() > 0.05
@@ -148,7 +148,7 @@ def test_no_ground_shines_through_the_body(rasteriser: Rasteriser) -> None:
     assert len(closed) > 8
     generator = np.random.default_rng(1)
     for seed in closed:
-        rasteriser.upload(surfaces(Cell("cars", seed, seed)))
+        rasteriser.upload(surfaces(ProceduralObject("cars", seed, seed)))
         for camera in training_views(6, generator, 1.3, 64):
-            _, mask = rasteriser.draw(camera)
+            _, mask = rasteriser.render(camera)
             assert (binary_fill_holes(mask) & ~mask).sum() <= 3, (seed, camera)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.datasets.procedural.chairs.chair import LABELS, chair
-from core.datasets.procedural.shape import Shape
+from core.datasets.procedural.solids import Shape
 
 SEEDS = range(120)
 

@@ -1,0 +1,96 @@
+"""Results as CSV: a line per frozen value, a column per number.
+
+Nested values become columns with a dot (``held_out.low``), tuples columns with an index (``rotation_curve.3``), None an
+empty cell. Floats are written in full, so that reading gives back what was measured.
+"""
+
+import csv
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+_Record = TypeVar("_Record")
+Row = Mapping[str, str]
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Writes rows; a column that a row lacks is an empty cell."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file. Raises ``ValueError`` naming it where it holds none."""
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    if not rows:
+        raise ValueError(f"{path}: no measurements in it")
+    return rows
+
+
+def to_row(value: object) -> dict[str, str]:
+    """A dataclass or a named tuple as columns.
+
+    Example:
+        >>> from core.evaluation.statistics import Mean
+        >>> to_row(Mean(0.5, 0.0, 1.0))
+        {'mean': '0.5', 'low': '0.0', 'high': '1.0'}
+    """
+    return {name.removeprefix("."): text for name, text in _cells(value, "")}
+
+
+def from_row(kind: type[_Record], row: Row) -> _Record:
+    """Reads what :func:`to_row` wrote. Raises ``ValueError`` where a column is missing or does not parse."""
+    try:
+        return _parse(kind, row, "")
+    except (KeyError, TypeError) as error:
+        raise ValueError(f"not a row of {kind.__name__}: column {error} is missing") from error
+
+
+def _cells(value: Any, name: str) -> list[tuple[str, str]]:
+    if _has_fields(type(value)):
+        parts = [(field, getattr(value, field)) for field in _hints(type(value))]
+    elif isinstance(value, tuple):
+        parts = [(str(index), part) for index, part in enumerate(value)]
+    else:
+        return [(name, "" if value is None else str(value))]
+    return [cell for part, inner in parts for cell in _cells(inner, f"{name}.{part}")]
+
+
+def _parse(kind: Any, row: Row, name: str) -> Any:
+    if isinstance(kind, types.UnionType):
+        (some,) = (option for option in get_args(kind) if option is not types.NoneType)
+        return None if row[name] == "" else _parse(some, row, name)
+    if _has_fields(kind):
+        return kind(**{field: _parse(hint, row, _join(name, field)) for field, hint in _hints(kind).items()})
+    if get_origin(kind) is tuple:
+        kinds = get_args(kind)
+        return tuple(_parse(one, row, f"{name}.{index}") for index, one in enumerate(_items(kinds, row, name)))
+    return row[name] == "True" if kind is bool else kind(row[name])
+
+
+def _items(kinds: tuple[Any, ...], row: Row, name: str) -> list[Any]:
+    """The types of a tuple's items; of ``tuple[x, ...]`` as many as the row has."""
+    if kinds[-1] is not Ellipsis:
+        return list(kinds)
+    count = 0
+    while any(row[column] for column in row if f"{column}.".startswith(f"{name}.{count}.")):
+        count += 1
+    return [kinds[0]] * count
+
+
+def _join(name: str, field: str) -> str:
+    return f"{name}.{field}" if name else field
+
+
+def _has_fields(kind: Any) -> bool:
+    return is_dataclass(kind) or hasattr(kind, "_fields")
+
+
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind)

@@ -1,0 +1,148 @@
+"""Stressors: ways in which an image can be worse than those a model was trained on.
+
+Every one corrupts an image at some levels, or moves the camera that it is rendered from. To add one, add a line to
+:data:`STRESSORS`.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from PIL import Image
+from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
+
+from core.geometry.camera import Camera
+
+Cutout = Float[np.ndarray, "height width 4"]
+"""0..1: colours on white, and alpha"""
+
+
+class Stressor(NamedTuple):
+    """One way in which an image can be worse."""
+
+    unit: str
+    """of the levels"""
+    levels: tuple[float, ...]
+    corrupt: Callable[[Cutout, float, np.random.Generator], np.ndarray] = lambda cutout, *_: cutout
+    """returns an image with 3 or 4 channels"""
+    camera: Callable[[Camera, float], Camera] = lambda camera, _: camera
+    """the camera that the image is rendered from"""
+    init: Callable[[Camera, float], Camera] | None = None
+    """from the true camera, the initial camera of the paper's recipe; our presets are given none"""
+    no_object: bool = False
+    """The image shows nothing that the model knows: it should be refused or doubted."""
+    other_category: bool = False
+    """It shows an object of another shipped category."""
+
+
+def _occlude(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+    """The left part of the object is hidden by something of the background's colour."""
+    columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
+    hidden = columns <= share * columns[-1]
+    corrupted = cutout.copy()
+    corrupted[:, hidden] = (1, 1, 1, 0)
+    return corrupted
+
+
+def _shift(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+    """The object moves right and down, by a share of the image."""
+    side = round((1 - share) * len(cutout))
+    shifted = np.zeros_like(cutout)
+    shifted[..., :3] = 1
+    shifted[-side:, -side:] = cutout[:side, :side]
+    return shifted
+
+
+def _blur(cutout: Cutout, pixels: float, _: np.random.Generator) -> np.ndarray:
+    return gaussian_filter(cutout, (pixels, pixels, 0), mode="nearest")
+
+
+def _add_noise(cutout: Cutout, sigma: float, generator: np.random.Generator) -> np.ndarray:
+    corrupted = cutout.copy()
+    corrupted[..., :3] += sigma * generator.normal(size=corrupted[..., :3].shape)
+    return corrupted.clip(0, 1)
+
+
+def _scale_exposure(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
+    lit = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * factor, 1)
+    return np.concatenate((lit, cutout[..., 3:]), -1).clip(0, 1)
+
+
+def _downsample(cutout: Cutout, side: float, _: np.random.Generator) -> np.ndarray:
+    image = Image.fromarray((cutout * 255 + 0.5).astype(np.uint8), "RGBA")
+    return np.asarray(image.resize((int(side), int(side)), Image.Resampling.BOX))
+
+
+def _corrupt_mask(cutout: Cutout, pixels: float, _: np.random.Generator) -> np.ndarray:
+    """The mask is eroded (negative) or dilated, the image unchanged."""
+    mask = (binary_dilation if pixels > 0 else binary_erosion)(cutout[..., 3] > 0.5, iterations=round(abs(pixels)))
+    colours = np.where(mask[..., None], cutout[..., :3], 1)
+    return np.concatenate((colours, mask[..., None].astype(np.float32)), -1)
+
+
+def _remove_mask(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndarray:
+    """A plain background and no alpha channel."""
+    return np.where(cutout[..., 3:] > 0.5, cutout[..., :3], np.float32(grey))
+
+
+def _crop(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+    """The left part of the object lies outside the image."""
+    columns = (cutout[..., 3] > 0.5).sum(0).cumsum()
+    return cutout[:, columns > share * columns[-1]]
+
+
+def _shift_white_balance(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
+    """Warmer light on the object, or colder (below 1)."""
+    lit = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * np.array((factor, 1, 1 / factor), np.float32), 1)
+    return np.concatenate((lit, cutout[..., 3:]), -1).clip(0, 1)
+
+
+def _fade_texture(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
+    """Colours blend towards the object's mean colour."""
+    mask = cutout[..., 3:] > 0.5
+    mean = cutout[mask[..., 0], :3].mean(0)
+    return np.concatenate((np.where(mask, cutout[..., :3] * (1 - share) + mean * share, 1), cutout[..., 3:]), -1)
+
+
+def _plain_image(cutout: Cutout, grey: float, _: np.random.Generator) -> np.ndarray:
+    return np.full_like(cutout[..., :3], grey)
+
+
+def _random_image(cutout: Cutout, _: float, generator: np.random.Generator) -> np.ndarray:
+    return generator.random(cutout[..., :3].shape, np.float32)
+
+
+STRESSORS = {
+    "none": Stressor("", (0.0,)),
+    "initial error": Stressor(
+        "degrees of azimuth; ours is given no initial camera",
+        (0.0, 15.0, 45.0, 90.0, 180.0),
+        init=lambda camera, level: replace(camera, azimuth=camera.azimuth + math.radians(level)),
+    ),
+    "elevation": Stressor(
+        "degrees", (0.0, 30.0, 60.0, 89.0), camera=lambda camera, level: replace(camera, elevation=math.radians(level))
+    ),
+    "occlusion": Stressor("of the object", (0.1, 0.3, 0.5), _occlude),
+    "cropping": Stressor("of the object", (0.1, 0.3), _crop),
+    "off-centre": Stressor("of the image", (0.1, 0.3), _shift),
+    "focal length": Stressor(
+        "times, from that much further away",
+        (0.7, 1.3),
+        camera=lambda camera, level: replace(camera, focal=level * camera.focal, distance=level * camera.distance),
+    ),
+    "image size": Stressor("px", (64.0, 32.0, 16.0), _downsample),
+    "blur": Stressor("px", (1.0, 3.0), _blur),
+    "noise": Stressor("of white, standard deviation", (0.05, 0.2), _add_noise),
+    "exposure": Stressor("times", (0.5, 0.75, 1.5), _scale_exposure),
+    "white balance": Stressor("times red, blue divided by it", (0.8, 1.25), _shift_white_balance),
+    "faded texture": Stressor("of the texture removed", (0.5, 1.0), _fade_texture),
+    "mask": Stressor("px too wide", (-2.0, 2.0, 4.0), _corrupt_mask),
+    "no mask": Stressor("grey level", (1.0, 0.5), _remove_mask),
+    "plain image": Stressor("grey level", (0.0, 1.0), _plain_image, no_object=True),
+    "random pixels": Stressor("", (0.0,), _random_image, no_object=True),
+    "another category": Stressor("", (0.0,), no_object=True, other_category=True),
+}
+"""By name; every level of each is tried on every object."""

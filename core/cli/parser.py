@@ -1,0 +1,353 @@
+"""The words of the command line. Imports no torch, so that ``--help`` answers at once. Degrees here, radians inside."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from core.cli.legacy import current_words
+from core.datasets.categories import SPLITS, SRN_DISTANCES
+from core.fitting.settings import PRESETS
+from core.training.recipes import RECIPES
+
+
+class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Shows defaults, where there are any."""
+
+    def _get_help_string(self, action: argparse.Action) -> str | None:
+        shown = action.default not in (None, []) and action.default is not False
+        return super()._get_help_string(action) if shown else action.help
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        print(f"{self.prog}: {message}", file=sys.stderr)
+        sys.exit(2)
+
+
+def parse(arguments: Sequence[str]) -> argparse.Namespace:
+    """The options of one command; ``run`` names the function that executes it, as ``module.function`` of core.cli.
+
+    Words that were renamed are understood. Exits with status 2 and one line on stderr where the words are wrong.
+    """
+    return build_parser().parse_args(current_words(arguments))
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
+    top = _Parser(prog="python -m core", description="CodeNeRF without a window.", allow_abbrev=False)
+    commands = top.add_subparsers(required=True, metavar="COMMAND")
+    _add_render(commands)
+    _add_turntable(commands)
+    _add_mesh(commands)
+    _add_fit(commands)
+    _add_dataset(commands)
+    _add_train(commands)
+    _add_train_viewpoint(commands)
+    _add_convert(commands)
+    _add_evaluate(commands)
+    _add_bench(commands)
+    return top
+
+
+def _command(commands: argparse._SubParsersAction, name: str, run: str, about: str) -> argparse.ArgumentParser:
+    command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
+    command.set_defaults(run=run)
+    return command
+
+
+def _add_model(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
+    _add_device(command)
+
+
+def _add_device(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs")
+
+
+def _add_object_options(command: argparse.ArgumentParser) -> None:
+    _add_model(command)
+    what = command.add_mutually_exclusive_group()
+    what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
+    what.add_argument(
+        "--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) with an embedded one"
+    )
+
+
+def _add_scene_options(command: argparse.ArgumentParser) -> None:
+    _add_object_options(command)
+    command.add_argument(
+        "--azimuth", type=_degrees, metavar="D", help="degrees; the front is seen from 90 (else 60, or the scene's)"
+    )
+    command.add_argument("--elevation", type=_degrees, metavar="D", help="degrees, -90 to 90 (else 20, or the scene's)")
+    command.add_argument(
+        "--distance",
+        type=float,
+        metavar="X",
+        help="scene units (an object's diagonal is 1; else the model's, or the scene's)",
+    )
+
+
+def _add_render(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "render", "render.render", "render one image")
+    _add_scene_options(command)
+    command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
+    command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
+    command.add_argument("--out", type=Path, required=True, metavar="X.png")
+
+
+def _add_turntable(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
+    _add_scene_options(command)
+    command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back")
+    command.add_argument("--frames", type=_count, default=72, help="number of frames")
+    command.add_argument("--fps", type=_count, default=24, help="frames per second")
+    command.add_argument("--size", type=_count, default=256, metavar="PX", help="width and height")
+    command.add_argument("--quality", type=_count, default=85, help="1 to 100")
+    command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
+    command.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="X.mp4|.gif|.webp|.frames",
+        help="a video; .frames: a folder of png images",
+    )
+
+
+def _add_mesh(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "mesh", "render.mesh", "write an object as a closed mesh with coloured vertices")
+    _add_object_options(command)
+    command.add_argument(
+        "--resolution",
+        type=_count,
+        metavar="N",
+        help="cells along the longest side (default: by the object's detail)",
+    )
+    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
+
+
+def _add_fit(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands,
+        "fit",
+        "fit.fit",
+        "estimate camera and codes of an object in images; ends with one JSON line",
+    )
+    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
+    _add_model(command)
+    command.add_argument(
+        "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
+    )
+    command.add_argument(
+        "--box",
+        type=_box,
+        nargs="+",
+        default=[],
+        metavar="X0,Y0,X1,Y1",
+        help="px around the object, one box per image: for a background that is not plain",
+    )
+    _add_preset(command)
+    command.add_argument(
+        "--estimate-focal",
+        action="store_true",
+        help="estimate the focal length too, in image heights; else it is the model's",
+    )
+    command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
+    command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, one line each")
+    _add_seed(command)
+
+
+def _add_seed(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--seed", type=int, default=0, help="of all random numbers")
+
+
+def _add_preset(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--preset",
+        choices=tuple(PRESETS),
+        default="normal",
+        help="how much work; paper: the authors' method, from one initialisation",
+    )
+
+
+def _add_dataset(commands: argparse._SubParsersAction) -> None:
+    kinds = commands.add_parser("dataset", help="render a dataset in ShapeNet-SRN's layout").add_subparsers(
+        required=True, metavar="KIND"
+    )
+    meshes = _command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
+    meshes.add_argument("folder", type=Path, metavar="DIR")
+    meshes.add_argument(
+        "--variants", type=int, default=0, metavar="N", help="additional deformed, recoloured variants of each"
+    )
+    procedural = _command(kinds, "procedural", "train.dataset_procedural", "render objects of the built-in generator")
+    procedural.add_argument("--count", type=_count, required=True, metavar="N", help="objects")
+    pairs = _command(
+        kinds, "pairs", "train.dataset_pairs", "render trained and untrained pairs for evaluate --disentanglement"
+    )
+    pairs.add_argument("--count", type=_count, required=True, metavar="N", help="objects of the training dataset")
+    pairs.add_argument("--tables", type=_count, default=4, metavar="T", help="of four shapes x four textures")
+    pairs.add_argument("--views", type=_count, default=24, help="per object")
+    for command in (meshes, procedural):
+        command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
+        command.add_argument("--views", type=_count, help="per object (default: 50 to train on, 251 to test on)")
+    for command in (meshes, procedural, pairs):
+        command.add_argument("--out", type=Path, required=True, metavar="DIR")
+        command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
+        command.add_argument("--category", choices=tuple(SRN_DISTANCES), required=True)
+
+
+_DEFAULT_FIELD = RECIPES["default"].field
+
+
+def _add_train(commands: argparse._SubParsersAction) -> None:
+    command = _command(commands, "train", "train.train", "train a category model; to continue a stopped run, --resume")
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
+    command.add_argument(
+        "--init", metavar="MODEL", help="fine-tune a trained model, at low learning rates: more steps, or more objects"
+    )
+    command.add_argument("--steps", type=_count, default=100_000, help="of the whole schedule")
+    command.add_argument(
+        "--recipe",
+        choices=tuple(RECIPES),
+        default="default",
+        help="M1, M2: the entangled ablations",
+    )
+    command.add_argument(
+        "--width", type=_count, help=f"of the network (default: the recipe's; {_DEFAULT_FIELD.width} by default)"
+    )
+    command.add_argument(
+        "--latent",
+        type=_count,
+        nargs=2,
+        metavar=("SHAPE", "TEXTURE"),
+        help="dimensions of a code (default: the recipe's; "
+        f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default)",
+    )
+    _add_device(command)
+    _add_seed(command)
+
+
+def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands,
+        "train-viewpoint",
+        "train.train_viewpoint_classifier",
+        "train a model's viewpoint classifier, as train does last",
+    )
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    _add_model(command)
+    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    command.add_argument("--steps", type=_count, default=8000, help="of training")
+    _add_seed(command)
+
+
+def _add_convert(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands, "convert", "train.convert", "turn a checkpoint of the authors' trainer into a model file"
+    )
+    command.add_argument("checkpoint", type=Path, metavar="models.pth")
+    command.add_argument("--config", type=Path, metavar="hpam.json", help="default: beside the checkpoint")
+    command.add_argument("--out", type=Path, required=True, metavar="X.safetensors")
+
+
+def _add_evaluate(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, render the others, compare"
+    )
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
+    _add_model(command)
+    command.add_argument(
+        "--disentanglement", action="store_true", help="instead: codes of two objects for untrained pairs, and leaks"
+    )
+    command.add_argument("--input-views", type=_views, default="64", metavar="V,V", help="the views that are fitted")
+    command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
+    _add_preset(command)
+    command.add_argument("--objects", type=_count, metavar="N", help="at most so many, evenly spread over the dataset")
+    command.add_argument("--view-stride", type=_count, default=1, metavar="N", help="render every Nth other view only")
+    command.add_argument(
+        "--report", type=Path, metavar="R.json", help="the scores; a chart is written beside them as PNG"
+    )
+    _add_seed(command)
+
+
+def _add_bench(commands: argparse._SubParsersAction) -> None:
+    kinds = commands.add_parser("bench", help="measure on this machine and plot charts").add_subparsers(
+        required=True, metavar="KIND"
+    )
+    rendering = _command(kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage")
+    rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another viewpoint")
+    fitting = _command(
+        kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
+    )
+    for kind in (rendering, fitting):
+        kind.add_argument(
+            "--gate", type=Path, metavar="B.csv", help="write nothing; exit with status 1 if worse than this baseline"
+        )
+    redraw = _command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
+    ablations = _command(kinds, "ablations", "measure.bench_ablations", "fits without each part of the method")
+    for kind in (fitting, ablations):
+        kind.add_argument(
+            "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's training objects"
+        )
+        kind.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
+        _add_seed(kind)
+    robustness = _command(
+        kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
+    )
+    robustness.add_argument("--objects", type=_count, default=2, metavar="N", help="training objects, evenly spread")
+    _add_seed(robustness)
+    size = _command(
+        kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
+    )
+    size.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
+    size.add_argument(
+        "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
+    )
+    size.add_argument("--objects", type=_count, default=12, metavar="N", help="held-out objects that are fitted")
+    size.add_argument("--steps", type=_count, default=3000, help="of training, for each model")
+    size.add_argument(
+        "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
+    )
+    for kind in (rendering, fitting, ablations, robustness):
+        _add_model(kind)
+    for kind in (rendering, fitting, ablations, robustness, size, redraw):
+        kind.add_argument(
+            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
+        )
+
+
+def _views(text: str) -> tuple[int, ...]:
+    try:
+        return tuple(int(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"views are whole numbers V,V, not {text!r}") from None
+
+
+def _box(text: str) -> tuple[float, ...]:
+    try:
+        left, top, right, bottom = (float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a box is four numbers X0,Y0,X1,Y1, not {text!r}") from None
+    return left, top, right, bottom
+
+
+def _degrees(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"an angle is a number of degrees, not {text!r}")
+    return math.radians(value)
+
+
+def _count(text: str) -> int:
+    if not text.strip().isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, not {text!r}")
+    return int(text)

@@ -1,0 +1,61 @@
+"""Means over objects with bootstrap intervals, and how they are printed."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+_RESAMPLES = 2000
+
+
+class Mean(NamedTuple):
+    """A mean over objects with its 95 % interval (bootstrap over objects)."""
+
+    mean: float
+    low: float
+    high: float
+
+
+def mean_of(values: Sequence[float]) -> Mean:
+    """The mean and its bootstrap interval; the same values give the same interval. NaN where there are no values.
+
+    Example:
+        >>> mean_of([2.0, 2.0])
+        Mean(mean=2.0, low=2.0, high=2.0)
+    """
+    if not len(values):
+        return Mean(float("nan"), float("nan"), float("nan"))
+    array = np.asarray(values, np.float64)
+    resamples = np.random.default_rng(0).integers(0, len(array), (_RESAMPLES, len(array)))
+    low, high = np.percentile(array[resamples].mean(1), (2.5, 97.5))
+    return Mean(float(array.mean()), float(low), float(high))
+
+
+def share_within(values: Sequence[float], limit: float) -> Mean:
+    """The share of values that are at most ``limit``, 0..1, with its interval.
+
+    Example:
+        >>> share_within([1.0, 2.0, 9.0, 9.0], 5.0).mean
+        0.5
+    """
+    return mean_of([float(value <= limit) for value in values])
+
+
+def format_share(share: Mean) -> str:
+    """A share of 0..1 as per cent with its interval.
+
+    Example:
+        >>> format_share(Mean(0.8, 0.634, 0.93))
+        '80 % (63 to 93)'
+    """
+    return f"{100 * share.mean:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f})"
+
+
+def format_difference(difference: Mean) -> str:
+    """A paired difference with its sign and its interval.
+
+    Example:
+        >>> format_difference(Mean(-1.0, -1.25, 0.0))
+        '-1.00 (-1.25 to +0.00)'
+    """
+    return f"{difference.mean:+.2f} ({difference.low:+.2f} to {difference.high:+.2f})"

@@ -1,0 +1,204 @@
+"""The objective of a fit: every loss term, each as a value and as the weighted residuals that Gauss-Newton uses.
+
+A term is a sum of functions of squared residuals. Where such a function is not the identity (Cauchy's loss, the camera
+prior), Gauss-Newton sees it as iteratively reweighted least squares does: each squared residual weighted by the
+function's derivative there, so that the weighted sum has the gradient of the value. A new term is one function that
+returns a :class:`Term`; it joins :func:`image_terms` or :func:`prior_terms`.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.fitting.hypotheses import CAMERA_PARAMETERS, Parameters, hypothesis_rays
+from core.fitting.observations import PixelBatch
+from core.models.model import Model
+from core.models.precision import autocast
+from core.models.viewpoint import viewpoint_nll
+from core.rendering.importance import render_top_samples
+
+MASK_WEIGHT = 0.1
+"""The squared error of opacity against that of colour."""
+CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3)
+"""How far a camera moves before it costs much: rad below the ground's level, the logarithm of the distance away from
+that of the training images, which all have one, and that of the focal length."""
+CROPPED_DISTANCE_SCALE = 0.05
+"""Of the distance, for a photo that was moved or scaled before it was fitted."""
+TRUNCATED_DISTANCE_SCALE = 0.3
+"""The same where an edge cuts the object off, so that its size in the photo was not known."""
+CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4)
+"""Against the squared error of a pixel; grows with the logarithm only, so that a photo can insist."""
+_VIEWPOINT_WEIGHT = 0.15
+"""Of a camera's negative log-likelihood, against the logarithm of the objective; chosen on 15 held-out chairs."""
+_PRIOR_COLUMNS = slice(1, 4)
+"""The parameters of a camera that its prior is about: elevation, distance, focal length."""
+
+
+class Objective(NamedTuple):
+    """The weights and scales of all terms."""
+
+    code_prior: float
+    """of a squared standard deviation of a code, against a squared error"""
+    camera_scale: Float[Tensor, "#views 3"] = torch.tensor([CAMERA_PRIOR_SCALE])
+    """of :func:`camera_residuals`; infinite where a camera is given"""
+    camera_weight: Float[Tensor, "3"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
+    mask_weight: float = MASK_WEIGHT
+    """0 where the network itself paints the background, which makes all rays opaque"""
+    robust_scale: float = math.inf
+    """A colour error of this size (root mean square over the channels) pulls half as hard as in Eq. 5: there is
+    something that the model cannot render."""
+
+
+class ObjectiveValue(NamedTuple):
+    """How well hypotheses explain some pixels."""
+
+    objective: Float[Tensor, "hypotheses"]
+    squared_error: Float[Tensor, "hypotheses"]
+    """the mean squared error per channel over whole photos, as estimated from these pixels"""
+
+
+class Term(NamedTuple):
+    """A loss term of many hypotheses."""
+
+    value: Float[Tensor, "hypotheses"]
+    residual: Float[Tensor, "hypotheses *residuals"]
+    weight: Float[Tensor, "hypotheses *residuals"]
+    """the derivative of the value along each squared residual"""
+
+    def leading(self, count: int) -> "Term":
+        """With its first residuals only, of the same value."""
+        return self._replace(residual=self.residual[:, :count], weight=self.weight[:, :count])
+
+
+def evaluate_objective(
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    samples: int,
+    objective: Objective,
+    jitter: Tensor | None = None,
+) -> ObjectiveValue:
+    """The objective of every hypothesis over some pixels: Eq. 5 with robust errors, a mask and priors; differentiable.
+
+    Args:
+        jitter: as for :func:`core.fitting.hypotheses.hypothesis_rays`.
+    """
+    codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
+    colour, opacity = _render(model, parameters, codes, pixels, samples, jitter)
+    terms = (*image_terms(colour, opacity, pixels, objective), *prior_terms(parameters, objective))
+    value = torch.stack([term.value for term in terms]).sum(0)
+    return ObjectiveValue(value, image_squared_error(colour, pixels).detach())
+
+
+def paper_objective(
+    model: Model, parameters: Parameters, pixels: PixelBatch, samples: int, code_prior: float, jitter: Tensor | None
+) -> ObjectiveValue:
+    """Eq. 5 as it stands, differentiable: the error over the whole image and the codes' squared norms.
+
+    Args:
+        parameters: whose shape and texture are the codes themselves.
+    """
+    colour, _ = _render(model, parameters, (parameters.shape, parameters.texture), pixels, samples, jitter)
+    error = image_squared_error(colour, pixels)
+    priors = [code_prior_term(code, code_prior).value for code in (parameters.shape, parameters.texture)]
+    return ObjectiveValue(error + sum(priors), error.detach())
+
+
+def image_squared_error(colour: Tensor, pixels: PixelBatch) -> Float[Tensor, "hypotheses"]:
+    """The mean squared error per channel over whole photos, as estimated from some of their pixels."""
+    squared = (colour - pixels.colours).square().mean(-1)
+    return (squared * pixels.weights).sum((1, 2)) / squared.shape[1]
+
+
+def image_terms(colour: Tensor, opacity: Tensor, pixels: PixelBatch, objective: Objective) -> tuple[Term, Term]:
+    """The terms of rendered pixels: of their colours, of their opacity; a residual per channel."""
+    return photometric_term(colour, pixels, objective.robust_scale), mask_term(opacity, pixels, objective.mask_weight)
+
+
+def prior_terms(parameters: Parameters, objective: Objective) -> tuple[Term, Term, Term]:
+    """The terms of the parameters alone: of the cameras, of shape and of texture. Their Jacobian is the identity."""
+    shape, texture = (code_prior_term(code, objective.code_prior) for code in (parameters.shape, parameters.texture))
+    return camera_prior_term(parameters, objective), shape, texture
+
+
+def photometric_term(colour: Tensor, pixels: PixelBatch, robust_scale: float) -> Term:
+    """Errors of colours, averaged over channels, rays and views; robust by Cauchy's loss."""
+    error = colour - pixels.colours
+    loss, weight = cauchy_loss(error.square().mean(-1), robust_scale)
+    weight = (weight / error[0].numel())[..., None].expand_as(error)
+    return Term(loss.mean((1, 2)), error, weight)
+
+
+def mask_term(opacity: Tensor, pixels: PixelBatch, mask_weight: float) -> Term:
+    """Errors of opacity where the mask is known, averaged over rays and views."""
+    error = (opacity - pixels.target_opacity)[..., None]
+    weight = (mask_weight * pixels.mask_valid / error[0].numel())[..., None].expand_as(error)
+    return Term((weight * error.square()).sum((1, 2, 3)), error, weight)
+
+
+def code_prior_term(code: Float[Tensor, "hypotheses rank"], code_prior: float) -> Term:
+    """The squared length of a code, in standard deviations."""
+    return Term(code_prior * code.square().sum(-1), code, torch.full_like(code, code_prior))
+
+
+def camera_prior_term(parameters: Parameters, objective: Objective) -> Term:
+    """Unlikely cameras, averaged over views; residuals are (hypotheses, views, 6), one per camera parameter.
+
+    It grows with a logarithm. A camera that it does not move has no weight, so that it does not hold it either.
+    """
+    distance = camera_residuals(parameters)
+    scaled = (distance / objective.camera_scale).square()
+    value = (scaled.log1p() * objective.camera_weight).sum(-1).mean(-1)
+    slope = objective.camera_weight / objective.camera_scale**2 / (1 + scaled) / distance.shape[1]
+    residual, weight = (distance.new_zeros(*distance.shape[:2], CAMERA_PARAMETERS) for _ in range(2))
+    residual[..., _PRIOR_COLUMNS], weight[..., _PRIOR_COLUMNS] = distance, slope * (distance != 0)
+    return Term(value, residual, weight)
+
+
+def cauchy_loss(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
+    """Cauchy's loss of squared residuals, and its derivative: far beyond the scale it grows with the logarithm."""
+    if math.isinf(scale):
+        return squared, torch.ones_like(squared)
+    ratio = squared / scale**2
+    return scale**2 * ratio.log1p(), 1 / (1 + ratio)
+
+
+def camera_residuals(parameters: Parameters) -> Float[Tensor, "hypotheses views 3"]:
+    """How far cameras are below the ground's level (rad, at most 0), away from the usual distance, and from the usual
+    focal length (logarithms).
+    """
+    return torch.stack((parameters.angles[..., 1].clamp_max(0), parameters.distance, parameters.zoom), -1)
+
+
+def viewpoint_weights(
+    parameters: Parameters, probabilities: Sequence[Float[Tensor, "directions"] | None]
+) -> Float[Tensor, "hypotheses"]:
+    """What the losses of hypotheses are multiplied by: at least 1, the more the less likely their viewpoints are.
+
+    Args:
+        probabilities: of every view, as :func:`core.models.viewpoint.predict_viewpoint` has them, or None.
+    """
+    nll = torch.zeros(len(parameters.angles))
+    for probability, angles in zip(probabilities, parameters.angles.unbind(1), strict=True):
+        if probability is not None:
+            nll += viewpoint_nll(probability, *angles.unbind(-1))
+    return (_VIEWPOINT_WEIGHT * nll).exp()
+
+
+def _render(
+    model: Model,
+    parameters: Parameters,
+    codes: tuple[Tensor, Tensor],
+    pixels: PixelBatch,
+    samples: int,
+    jitter: Tensor | None,
+) -> tuple[Float[Tensor, "hypotheses views rays 3"], Float[Tensor, "hypotheses views rays"]]:
+    rays = hypothesis_rays(model, parameters, pixels, samples, jitter)
+    biases = model.field.biases(*codes)
+    with autocast(model.device):
+        colour, opacity = render_top_samples(model, rays, samples, max(2, samples // 6), *biases)
+    return colour.cpu(), opacity.cpu()

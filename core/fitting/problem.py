@@ -1,0 +1,105 @@
+"""What stays the same during a fit: photos as observations, known cameras, the objective and the pixels to score by."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from core.fitting.objective import (
+    CAMERA_PRIOR_SCALE,
+    CAMERA_PRIOR_WEIGHT,
+    CROPPED_DISTANCE_SCALE,
+    MASK_WEIGHT,
+    TRUNCATED_DISTANCE_SCALE,
+    Objective,
+)
+from core.fitting.observations import Observation, PixelBatch, sample_pixels
+from core.fitting.settings import Components, FitSettings
+from core.geometry.camera import Camera
+from core.models.codes import CodeSpace
+from core.models.model import Model
+from core.models.viewpoint import predict_viewpoint
+from core.photos.photo import Photo
+
+SCORING_RAYS = 2048
+"""per photo, always the same ones"""
+_VALIDATION_RAYS = 512
+"""per photo, that are not those of the steps: they say how uncertain a camera is"""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Photos of one object to find codes and cameras for, as all steps of a fit see them."""
+
+    model: Model
+    settings: FitSettings
+    components: Components
+    photos: tuple[Photo, ...]
+    observations: tuple[Observation, ...]
+    cameras: tuple[Camera, ...]
+    """known cameras, and for unknown ones their size and focal length"""
+    viewpoints: tuple[Float[Tensor, "directions"] | None, ...]
+    """how probable every viewing direction is, where a camera is unknown and the model can tell"""
+    scoring: PixelBatch
+    """the pixels that hypotheses are compared on"""
+    validation: PixelBatch
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        photos: tuple[Photo, ...],
+        settings: FitSettings,
+        components: Components,
+        generator: torch.Generator,
+    ) -> "Problem":
+        """Raises ``ValueError`` where a photo shows no object."""
+        observations = tuple(Observation.of(photo, model) for photo in photos)
+        cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in photos)
+        viewpoints = tuple(_viewpoint(model, photo) if components.viewpoint_classifier else None for photo in photos)
+        batches = [
+            sample_pixels(observations, count, generator)
+            for count in (SCORING_RAYS, _VALIDATION_RAYS, _VALIDATION_RAYS)
+        ][:2]
+        return cls(model, settings, components, photos, observations, cameras, viewpoints, *batches)
+
+    @property
+    def unknown(self) -> Bool[Tensor, "views"]:
+        """Whose cameras are searched for."""
+        return torch.tensor([photo.camera is None for photo in self.photos])
+
+    @property
+    def free(self) -> Bool[Tensor, "views 6"]:
+        """Which camera parameters are searched for: the shift only where a photo was cropped."""
+        cropped = torch.tensor([photo.cropped for photo in self.photos])
+        pose, shift = self.unknown[:, None].expand(-1, 3), (self.unknown & cropped)[:, None].expand(-1, 2)
+        return torch.cat((pose, (self.unknown & self.settings.estimate_focal)[:, None], shift), 1)
+
+    @property
+    def spaces(self) -> tuple[CodeSpace, CodeSpace]:
+        """In which shape and texture are searched for."""
+        return self.model.codes.shape_space, self.model.codes.texture_space
+
+    def objective(self, robust_scale: float) -> Objective:
+        """What hypotheses are judged by."""
+        scale = torch.tensor([CAMERA_PRIOR_SCALE]).repeat(len(self.photos), 1)
+        scale[torch.tensor([photo.cropped for photo in self.photos]), 1] = CROPPED_DISTANCE_SCALE
+        scale[torch.tensor([photo.unseen is not None for photo in self.photos]), 1] = TRUNCATED_DISTANCE_SCALE
+        scale[~self.unknown] = math.inf
+        weight = torch.tensor(CAMERA_PRIOR_WEIGHT) * self.components.camera_prior
+        mask_weight = MASK_WEIGHT if self.components.mask_loss and not self.model.white_from_network else 0.0
+        return Objective(self.settings.code_prior, scale, weight, mask_weight, robust_scale)
+
+
+def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:
+    if model.viewpoint_classifier is None or photo.camera:
+        return None
+    return predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
+
+
+def nominal_camera(photo: Photo, model: Model) -> Camera:
+    """Of the photo's size, with the focal length and the distance of the training images."""
+    height, width = photo.mask.shape
+    return Camera(0.0, 0.0, model.distance, model.focal * height / model.image_size, width, height)

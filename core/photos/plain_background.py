@@ -1,0 +1,118 @@
+"""Plain backgrounds of any colour: a wall, a sheet of paper, the white of a render or a catalogue."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.ndimage import gaussian_gradient_magnitude, label
+from skimage.color import rgb2lab
+
+_BACKGROUND_DISTANCE = 9.0
+"""CIE76 colour distance up to which a pixel is the background's colour; about four just noticeable differences"""
+_SHADOW_LIGHTNESS = 30.0
+"""lightness that soft light or shadow may change"""
+_EDGE_SLOPE = 1000.0
+"""CIE76 per length of the image: a slope steeper than this is an edge"""
+_EVEN = 2.5
+"""CIE76: a border that wavers less than this is of one colour beyond doubt"""
+_EVEN_BORDER = 0.97
+"""share of the border that must be the background's for it to be plain beyond doubt"""
+_ONE_OBJECT = 0.8
+"""share of the foreground that one object makes up"""
+_FREE_BORDER = 0.02
+"""share of the border that an object may touch"""
+
+
+class NoBackgroundError(ValueError):
+    """The image has no plain background: somebody has to say where the object is."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(
+            message or "no plain background: draw a box around the object, or cut it out first (transparent background)"
+        )
+
+
+class PlainBackground(NamedTuple):
+    """Where an image shows a plain background."""
+
+    mask: Bool[np.ndarray, "height width"]
+    """True on the background"""
+    white: bool
+    """as in training images"""
+    certain: bool
+    """The border is of one even colour, and the rest is one object that stands free of it."""
+
+
+def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground:
+    """The plain background of an image (sRGB, 0..1). Raises :class:`NoBackgroundError` where the border shows none.
+
+    The background's colour may change slowly over the image (a lit wall). It spreads from the border over what is
+    alike, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the object's
+    unless they look like the background (the gaps in the back of a chair).
+    """
+    lab = rgb2lab(colours).astype(np.float32)
+    model, noise, share = _background_colour(lab)
+    distance = np.linalg.norm(lab - model, axis=-1)
+    alike = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
+    outside = _reached(alike | _shaded(lab, model))
+    gaps = (distance < np.clip(2 * noise, 1.0, 3.0)) & ~outside
+    pieces, count = label(gaps)
+    areas = np.bincount(pieces.ravel(), minlength=count + 1)
+    areas[0] = 0
+    outside |= (areas > 4e-4 * outside.size)[pieces]
+    lightness, chroma = model[..., 0].min(), np.abs(model[..., 1:]).max()
+    plain = noise < _EVEN and share > _EVEN_BORDER
+    return PlainBackground(outside, bool(lightness > 96 and chroma < 3), plain and _is_compact(~outside))
+
+
+def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
+    """Whether what is not background is one object that stands free of the border."""
+    border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
+    pieces, _ = label(mask, np.ones((3, 3)))
+    areas = np.bincount(pieces.ravel())[1:]
+    return bool(len(areas) and areas.max() > _ONE_OBJECT * areas.sum() and border.mean() < _FREE_BORDER)
+
+
+def _background_colour(
+    lab: Float[np.ndarray, "height width 3"],
+) -> tuple[Float[np.ndarray, "height width 3"], float, float]:
+    """A smooth background fitted to the border, robust to an object that touches it; how much it wavers (CIE76); and
+    the share of the border that it explains.
+    """
+    height, width = lab.shape[:2]
+    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
+    terms = np.stack((np.ones_like(x), x, y, x * x, y * y, x * y), -1)
+    ring = np.ones((height, width), dtype=bool)
+    thick = max(1, round(0.015 * min(height, width)))
+    ring[thick:-thick, thick:-thick] = False
+    colours, places = lab[ring], terms[ring]
+    centre = np.median(colours, axis=0)
+    kept = np.linalg.norm(colours - centre, axis=1) < 3 * _BACKGROUND_DISTANCE
+    for count in (1, 3, 6, 6):
+        if kept.sum() < 2 * count:
+            raise NoBackgroundError
+        factors = np.linalg.lstsq(places[kept, :count], colours[kept], rcond=None)[0]
+        away = np.linalg.norm(colours - places[:, :count] @ factors, axis=1)
+        kept = away < (2 if count == 1 else 1) * _BACKGROUND_DISTANCE
+    if kept.mean() < 0.6:
+        raise NoBackgroundError
+    return terms @ factors, float(np.quantile(away[kept], 0.9)), float(kept.mean())
+
+
+def _shaded(
+    lab: Float[np.ndarray, "height width 3"], model: Float[np.ndarray, "height width 3"]
+) -> Bool[np.ndarray, "height width"]:
+    """Pixels that soft light or shadow on the background may have made: of about its hue, and without an edge."""
+    longer = max(lab.shape)
+    if longer < 200:  # no room for soft shadows: a render
+        return np.zeros(lab.shape[:2], dtype=bool)
+    slope = np.linalg.norm([gaussian_gradient_magnitude(lab[..., axis], 1.0) for axis in range(3)], axis=0)
+    apart, chroma = lab - model, np.linalg.norm(model[..., 1:], axis=-1)
+    same_hue = np.linalg.norm(apart[..., 1:], axis=-1) < 5 + 0.5 * chroma
+    return (np.abs(apart[..., 0]) < _SHADOW_LIGHTNESS) & same_hue & (slope < _EDGE_SLOPE / longer)
+
+
+def _reached(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    """What can be reached from the border over passable pixels (not diagonally)."""
+    pieces, _ = label(np.pad(passable, 1, constant_values=True))
+    return (pieces == pieces[0, 0])[1:-1, 1:-1]

@@ -1,0 +1,183 @@
+"""Which cameras promise most for a photo: the views of the view bank ranked by how well they match it."""
+
+import math
+from itertools import product
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+from torch.nn import functional
+
+from core.geometry.camera import camera_rotation
+from core.models.viewpoint import AZIMUTHS
+from core.photos.view_bank import SIDE, ViewBank, normalised_luminance
+
+_SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
+"""of a difference in size (logarithm) and in place (object sizes), against the overlap"""
+_LUMINANCE_WEIGHT = 0.1
+"""of the correlation of luminance, against the overlap: textures are unknown yet, so it settles ties only"""
+_VIEWPOINT_WEIGHT = 0.06
+"""of the logarithm of a direction's probability, against the overlap"""
+_NEIGHBOURS = 20
+"""best matching views that say where an object should lie"""
+_TRUNCATION = (0.0, 0.25, 0.6)
+"""How much of an object may lie beyond an edge that cuts it off, as shares of what is seen of it."""
+
+
+class ObjectImage(NamedTuple):
+    """An image of one object, and where the object is on it."""
+
+    pixels: Float[Tensor, "height width 3"]
+    """on white, 0..1"""
+    mask: Bool[Tensor, "height width"]
+    """True on the object; anything on it at all"""
+    focal: float
+    """px"""
+    unseen: Bool[Tensor, "height width"] | None = None
+    """True where nothing was seen, as an edge cuts the object off"""
+
+
+class CandidateCameras(NamedTuple):
+    """Cameras to begin from, best first."""
+
+    azimuth: Float[Tensor, "cameras"]
+    elevation: Float[Tensor, "cameras"]
+    distance: Float[Tensor, "cameras"]
+    shift: Float[Tensor, "cameras 2"]
+    """from where the prototype lies to where the image's object does; focal lengths"""
+    prototype: Int[Tensor, "cameras"]
+    """the prototype of the view bank that looks most like the image from there"""
+
+
+def rank_cameras(
+    bank: ViewBank,
+    image: ObjectImage,
+    count: int,
+    viewpoint: Float[Tensor, "views"] | None = None,
+    cropped: bool = False,
+) -> CandidateCameras:
+    """The ``count`` most promising cameras for an image, or as many as there are so far apart, every second one seen
+    from the opposite side of the one before.
+
+    Args:
+        viewpoint: how probable every direction is, as :func:`core.models.viewpoint.predict_viewpoint` has it.
+        cropped: the image was moved and perhaps scaled: size and place in it do not count.
+    """
+    templates = _templates(image)
+    scores = torch.stack([_match(bank.masks, bank.luminance, template) for template in templates])
+    sizes = torch.tensor([template.size for template in templates])
+    middles = torch.stack([template.middle for template in templates])
+    if not cropped:
+        size = sizes[:, None, None]
+        offset = (bank.offsets - middles[:, None, None]).norm(dim=-1)
+        scores = scores - _SIZE_WEIGHT * (bank.sizes / size).log().abs() - _PLACE_WEIGHT * offset / size
+    best, which = scores.flatten(0, 1).max(0)
+    if viewpoint is not None:
+        best = best + _VIEWPOINT_WEIGHT * viewpoint.log()
+    chosen = _spaced_out(best, count)
+    template, prototype = which[chosen] // len(bank.masks), which[chosen] % len(bank.masks)
+    scale = sizes[template] / bank.sizes[prototype, chosen]
+    distance = (bank.distance / scale).clamp(0.5 * bank.distance, 2 * bank.distance)
+    shift = middles[template] - bank.offsets[prototype, chosen] * scale[:, None]
+    return CandidateCameras(bank.azimuth[chosen], bank.elevation[chosen], distance, shift, prototype)
+
+
+def shape_similarity(
+    bank: ViewBank, image: ObjectImage, azimuth: float, elevation: float
+) -> Float[Tensor, "prototypes"]:
+    """How much each prototype looks like an image of known camera (rad), from the bank's view nearest to it."""
+    given = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
+    nearest = (camera_rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
+    masks, luminance = bank.masks[:, nearest], bank.luminance[:, nearest]
+    return torch.stack([_match(masks, luminance, template) for template in _templates(image)]).amax(0)
+
+
+def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
+    """How far an object lies, in focal lengths, from where any of the views that match it best would lie.
+
+    Below 0.02 in 476 of 480 images of the training kind, and above in all of the same moved by a tenth.
+    """
+    template = _template(image._replace(unseen=None), _box(image.mask))
+    best = _match(bank.masks, bank.luminance, template).flatten().topk(_NEIGHBOURS).indices
+    expected = (bank.offsets * (template.size / bank.sizes)[..., None]).flatten(0, 1)[best]
+    return float((expected - template.middle).norm(dim=-1).min())
+
+
+class _Template(NamedTuple):
+    """An image on the bank's grid, if the whole object fills some box in it."""
+
+    mask: Float[Tensor, "side side"]
+    luminance: Float[Tensor, "side side"]
+    seen: Float[Tensor, "side side"]
+    """0 where the image says nothing"""
+    size: float
+    """the box's longer side, in focal lengths"""
+    middle: Float[Tensor, "2"]
+    """of the box less that of the image, (x, y) in focal lengths"""
+
+
+def _templates(image: ObjectImage) -> list[_Template]:
+    """The image as it is; where an edge cuts the object off, also as it is if more or less lies beyond it."""
+    unseen = torch.zeros_like(image.mask) if image.unseen is None else image.unseen
+    left, top, right, bottom = _box(image.mask)
+    edges = unseen[:, 0].all(), unseen[0].all(), unseen[:, -1].all(), unseen[-1].all()
+    sides = [_TRUNCATION if edge else _TRUNCATION[:1] for edge in edges]
+    across, down = right - left, bottom - top
+    boxes = [
+        (left - one * across, top - two * down, right + three * across, bottom + four * down)
+        for one, two, three, four in product(*sides)
+    ]
+    return [_template(image, box) for box in boxes]
+
+
+def _template(image: ObjectImage, box: tuple[float, ...]) -> _Template:
+    left, top, right, bottom = box
+    height, width = image.mask.shape
+    size = max(bottom - top, right - left)
+    # A grid over the square around the box, widened by the bank's margin of one pixel a side.
+    reach = size * SIDE / (SIDE - 2)
+    steps = (torch.arange(SIDE * 3) + 0.5) / (SIDE * 3) - 0.5
+    y = ((top + bottom) / 2 + steps * reach) / height * 2 - 1
+    x = ((left + right) / 2 + steps * reach) / width * 2 - 1
+    grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)[None]
+    both = torch.stack((image.mask.float(), image.pixels.mean(-1) * image.mask), 0)[None].float()
+    cover, luminance = functional.avg_pool2d(functional.grid_sample(both, grid, "bilinear", "zeros", False), 3)[0]
+    known = torch.ones_like(image.mask) if image.unseen is None else ~image.unseen
+    seen = functional.avg_pool2d(functional.grid_sample(known[None, None].float(), grid, "nearest", "border", False), 3)
+    middle = torch.tensor([left + right - width, top + bottom - height]) / (2 * image.focal)
+    luminance = normalised_luminance(luminance / cover.clamp_min(1e-3), cover)
+    return _Template(cover, luminance, seen[0, 0], size / image.focal, middle)
+
+
+def _box(mask: Tensor) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the object in px; right and bottom lie just behind it."""
+    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def _match(
+    masks: Float[Tensor, "*views side side"], luminance: Float[Tensor, "*views side side"], template: _Template
+) -> Float[Tensor, "*views"]:
+    """Overlap of the masks (intersection over union) where the image is seen, and a share of the correlation of
+    luminance.
+    """
+    views, flat = masks.flatten(-2), template.mask.flatten()
+    shared = views @ flat
+    overlap = shared / (views @ template.seen.flatten() + flat.sum() - shared)
+    return overlap + _LUMINANCE_WEIGHT * (luminance.flatten(-2) @ template.luminance.flatten())
+
+
+def _spaced_out(scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:
+    """Views in order of their scores, none beside one taken before, each followed by its opposite (azimuth + 180)."""
+    remaining, taken = scores.clone(), list[int]()
+    half = AZIMUTHS // 2
+    while len(taken) < count and bool(torch.isfinite(remaining).any()):
+        view = int(remaining.argmax())
+        row, column = divmod(view, AZIMUTHS)
+        for azimuth in (column, (column + half) % AZIMUTHS):
+            if torch.isfinite(remaining[row * AZIMUTHS + azimuth]):
+                taken.append(row * AZIMUTHS + azimuth)
+            beside = [row * AZIMUTHS + (azimuth + step) % AZIMUTHS for step in (-1, 0, 1)]
+            remaining[beside] = -math.inf
+    return torch.tensor(taken[:count])

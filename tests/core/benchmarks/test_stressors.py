@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+from core.benchmarks.stressors import STRESSORS
+from tests.core.tiny import tiny_model
+
+
+def cutout() -> np.ndarray:
+    """An object of one colour on white."""
+    picture = np.ones((40, 40, 4), np.float32)
+    picture[..., 3] = 0
+    picture[10:30, 12:28] = (0.2, 0.4, 0.6, 1)
+    return picture
+
+
+_OF_CAMERAS = ("initial error", "elevation", "focal length")
+
+
+@pytest.mark.parametrize("name", [name for name in STRESSORS if name not in _OF_CAMERAS])
+def test_a_corrupted_image_is_one_and_every_level_is_another(name: str):
+    stressor = STRESSORS[name]
+    made = [stressor.corrupt(cutout(), level, np.random.default_rng(0)) for level in stressor.levels]
+    for picture in made:
+        assert picture.shape[-1] in (3, 4)
+        assert picture.dtype == np.uint8 or 0 <= picture.min() <= picture.max() <= 1
+    assert len({picture.tobytes() for picture in made}) == len(made)
+    assert np.array_equal(made[0], cutout()) == (name in ("none", "another category"))
+
+
+def test_occlusion_hides_its_share_and_masks_grow_and_shrink():
+    area = cutout()[..., 3].sum()
+    hidden = STRESSORS["occlusion"].corrupt(cutout(), 0.5, np.random.default_rng(0))
+    assert hidden[..., 3].sum() == pytest.approx(area / 2, abs=20)
+    for pixels, sides in ((-2.0, (16, 12)), (2.0, (24, 20))):
+        mask = STRESSORS["mask"].corrupt(cutout(), pixels, np.random.default_rng(0))[..., 3]
+        assert (int(mask.any(1).sum()), int(mask.any(0).sum())) == sides
+
+
+def test_cameras_are_stressed_so_that_the_object_keeps_its_size():
+    camera = tiny_model().camera(0.3, 0.2)
+    far = STRESSORS["focal length"].camera(camera, 1.3)
+    assert far.focal / far.distance == pytest.approx(camera.focal / camera.distance)
+    assert STRESSORS["elevation"].camera(camera, 30.0).elevation == pytest.approx(0.5236, abs=1e-4)

@@ -1,0 +1,55 @@
+"""The paper's recipe."""
+
+from dataclasses import replace
+
+import torch
+
+from core.fitting.fit import PRESETS, FitJob, FitStep, fit
+from core.fitting.hypotheses import Hypothesis
+from core.metrics import rotation_error
+from core.models.model import Model
+from core.photos.photo import Photo
+from tests.core.tiny import photo_of
+
+PAPER = replace(PRESETS["paper"], steps=120, rays=96, samples=20)
+
+
+def last(model: Model, *photos: Photo, settings=PAPER) -> FitStep:
+    *_, step = fit(model, FitJob(photos, settings))
+    return step
+
+
+def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.4, 0.2))
+    starts = [next(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(12)]
+    assert {step.active for step in starts} == {1}
+    assert all(step.cameras[0].elevation > -0.11 for step in starts)
+    assert len({round(step.cameras[0].azimuth) for step in starts}) > 3
+    # AdamW's first step is its rate, whatever the slope.
+    moved = (starts[0].codes.shape - tiny.codes.mean.shape).abs()
+    torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
+
+
+def test_the_paper_finds_the_camera_from_some_starts(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    photo = photo_of(tiny, tiny.codes[0], truth)
+    streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(3)]
+    assert min(rotation_error(steps[-1].cameras[0], truth) for steps in streams) < 15
+    assert all(len(steps) == PAPER.steps for steps in streams)
+
+
+def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
+    truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5)]
+    first, second = (photo_of(tiny, tiny.codes[1], truth) for truth in truths)
+    found = last(tiny, replace(first, camera=truths[0]), second, settings=replace(PAPER, steps=12))
+    assert found.confidence is None
+    assert rotation_error(found.cameras[0], truths[0]) < 1e-3
+    known = last(tiny, replace(first, camera=truths[0]), settings=PAPER)
+    assert known.psnr > 25
+
+
+def test_the_paper_resumes_from_a_given_camera(tiny: Model):
+    truth = tiny.camera(1.2, 0.3)
+    begin = Hypothesis(0, 0.0, (truth,), tiny.codes.mean, torch.zeros(1, 2))
+    first = next(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), PAPER, resume_from=begin)))
+    assert rotation_error(first.cameras[0], truth) < 10  # AdamW's first step is its rate: 0.1 rad

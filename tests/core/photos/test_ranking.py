@@ -1,0 +1,92 @@
+import math
+
+import pytest
+import torch
+
+from core.metrics import rotation_error
+from core.models.codes import Codes
+from core.models.model import Model
+from core.photos.ranking import ObjectImage, rank_cameras, shape_similarity
+from core.photos.view_bank import view_bank
+from core.rendering.reference import Rendered, render_exact
+
+VIEWS = [(0.3, 0.3), (1.4, 0.7), (2.5, 0.1), (3.7, 0.9), (4.6, 0.4), (5.6, 1.3)]
+SMALL = 16
+
+
+def image_of(seen: Rendered, focal: float) -> ObjectImage:
+    return ObjectImage(seen.colour, seen.opacity > 0.5, focal)
+
+
+@pytest.mark.parametrize("azimuth, elevation", VIEWS)
+def test_a_true_camera_is_among_the_first_few(tiny: Model, azimuth: float, elevation: float):
+    camera = tiny.camera(azimuth, elevation)
+    seen = render_exact(tiny, tiny.codes[2], camera, 48)
+    candidates = rank_cameras(view_bank(tiny), image_of(seen, camera.focal), 8)
+    errors = [
+        rotation_error(tiny.camera(float(a), float(e)), camera)
+        for a, e in zip(candidates.azimuth, candidates.elevation, strict=True)
+    ]
+    assert min(errors) < 25
+
+
+def test_every_candidate_comes_with_its_opposite_view(tiny: Model):
+    seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.5, 0.4), 32)
+    candidates = rank_cameras(view_bank(tiny), image_of(seen, tiny.focal), 8)
+    pairs = candidates.azimuth.reshape(4, 2)
+    assert torch.allclose((pairs[:, 0] - pairs[:, 1]).cos(), torch.tensor(-1.0), atol=1e-5)
+    assert torch.equal(candidates.elevation[::2], candidates.elevation[1::2])
+    assert len({(round(float(a), 4), round(float(e), 4)) for a, e in zip(*candidates[:2], strict=True)}) == 8
+
+
+def test_a_prototype_looks_like_itself(tiny: Model):
+    bank = view_bank(tiny)
+    for index in range(len(bank.codes.shape)):
+        for azimuth, elevation in ((0.8, 0.2), (2.0, 1.35)):
+            codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
+            seen = render_exact(tiny, codes, tiny.camera(azimuth, elevation), 32)
+            scores = shape_similarity(bank, image_of(seen, tiny.focal), azimuth, elevation)
+            assert float(scores[index]) > float(scores.max()) - 0.05
+
+
+@pytest.mark.parametrize("factor", [0.75, 1.0, 1.4])
+def test_the_distance_follows_from_the_apparent_size(tiny: Model, factor: float):
+    camera = tiny.camera(1.0, 0.5, factor * tiny.distance)
+    seen = render_exact(tiny, tiny.codes[1], camera, 48)
+    candidates = rank_cameras(view_bank(tiny), image_of(seen, camera.focal), 4)
+    assert float(candidates.distance[0]) == pytest.approx(camera.distance, rel=0.3)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_what_an_edge_cuts_off_is_guessed(tiny: Model, side: int):
+    bank = view_bank(tiny)
+    seen = render_exact(tiny, Codes(bank.codes.shape[1], bank.codes.texture[1]), tiny.camera(1.0, 0.5), 48)
+    mask = seen.opacity > 0.5
+    first, last = (int(end) for end in mask.any(1 - side).nonzero()[[0, -1], 0])
+    unseen = torch.zeros_like(mask)
+    unseen.movedim(side, 0)[: first + (last - first) // 3] = True
+    rest = seen.colour.where(~unseen[..., None], torch.ones(())), mask & ~unseen
+    whole = rank_cameras(bank, image_of(seen, tiny.focal), 1, cropped=True)
+    images = (ObjectImage(*rest, tiny.focal, edge) for edge in (None, unseen))
+    kept, guessed = (rank_cameras(bank, image, 1, cropped=True) for image in images)
+    lost, left = (float((candidates.shift - whole.shift).norm()) for candidates in (kept, guessed))
+    assert left < 0.6 * lost
+
+
+def test_an_image_of_one_pixel_on_the_object_still_has_starts(tiny: Model):
+    mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
+    mask[5, 7] = True
+    candidates = rank_cameras(view_bank(tiny), ObjectImage(torch.ones(SMALL, SMALL, 3), mask, 30.0), 6)
+    assert bool(candidates.distance.isfinite().all())
+    assert float(candidates.distance.max()) <= 2 * tiny.distance
+    assert float(candidates.elevation.abs().max()) < math.pi / 2
+
+
+def test_a_probable_direction_is_ranked_first_where_the_match_does_not_decide(tiny: Model):
+    bank = view_bank(tiny)
+    mask = torch.zeros(SMALL, SMALL, dtype=torch.bool)
+    mask[5, 7] = True
+    viewpoint = torch.full_like(bank.azimuth, 1e-9)
+    viewpoint[40] = 1.0
+    best = rank_cameras(bank, ObjectImage(torch.ones(SMALL, SMALL, 3), mask, 30.0), 2, viewpoint, cropped=True)
+    assert (best.azimuth[0], best.elevation[0]) == (bank.azimuth[40], bank.elevation[40])

@@ -1,0 +1,107 @@
+import errno
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from core.export.video import VideoSettings
+from tests.viewer.driver import finish
+from viewer.editor import Editor
+from viewer.session import Session
+from viewer.values import orbit
+from viewer.workspace import Workspace
+
+
+def test_a_saved_image_brings_its_scene_back_exactly(
+    session: Session, editor: Editor, workspace: Workspace, tmp_path: Path
+) -> None:
+    editor.sample("texture")
+    editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
+    scene = editor.scene
+    workspace.exporting.image(tmp_path / "mine.png", size=24)
+    editor.show_object("object 5")
+    finish(session)
+    session.open_scene(tmp_path / "mine.png")
+    assert editor.scene == scene
+    editor.undo()
+    assert editor.scene.codes == editor.objects["object 5"].codes
+
+
+def test_a_turntable_is_written_with_progress(session: Session, workspace: Workspace, tmp_path: Path) -> None:
+    seen: list[float] = []
+    workspace.exporting.turntable(tmp_path / "turn.gif", 4, VideoSettings(size=16))
+    finish(session, lambda: bool(seen.append(workspace.exporting.progress)) or not workspace.exporting.running)
+    assert max(seen) == 1.0
+    with Image.open(tmp_path / "turn.gif") as video:
+        assert (video.n_frames, video.size) == (4, (16, 16))
+    assert session.messages.errors == []
+
+
+def test_a_cancelled_turntable_leaves_no_file(session: Session, workspace: Workspace, tmp_path: Path) -> None:
+    workspace.exporting.turntable(tmp_path / "turn.mp4", 5000, VideoSettings(size=16))
+    while workspace.exporting.progress == 0:
+        session.jobs.worker.deliver()
+    assert workspace.exporting.remaining > 0
+    workspace.exporting.cancel()
+    finish(session, lambda: not list(tmp_path.iterdir()))
+    assert not workspace.exporting.running
+
+
+@pytest.mark.parametrize("name", ["turn.avi", "turn", "missing/turn.mp4", "missing/turn.gif"])
+def test_a_turntable_that_cannot_be_written_is_reported(
+    session: Session, workspace: Workspace, tmp_path: Path, name: str
+) -> None:
+    workspace.exporting.turntable(tmp_path / name, 2, VideoSettings(size=16))
+    finish(session)
+    assert len(session.messages.errors) == 1
+    assert not workspace.exporting.running
+
+
+def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(
+    session: Session, workspace: Workspace, tmp_path: Path
+) -> None:
+    for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
+        session.messages.clear()
+        workspace.exporting.mesh(tmp_path / name, resolution=16)
+        finish(session)
+        assert len(session.messages.errors) == 1, name
+        assert not workspace.exporting.running
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp"])
+def test_a_image_is_saved_on_white(session: Session, workspace: Workspace, tmp_path: Path, name: str) -> None:
+    workspace.exporting.image(tmp_path / name, size=48)
+    finish(session)
+    assert session.messages.errors == []
+    with Image.open(tmp_path / name) as image:
+        assert image.size == (48, 48)
+        assert min(image.convert("RGB").getpixel((0, 0))) > 250  # type: ignore[arg-type, type-var]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize("name", ["a.xyz", "missing/a.png"])
+def test_a_image_that_cannot_be_saved_is_reported(
+    session: Session, workspace: Workspace, tmp_path: Path, name: str
+) -> None:
+    workspace.exporting.image(tmp_path / name, size=16)
+    finish(session)
+    assert len(session.messages.errors) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_reported_and_leaves_nothing(
+    session: Session, editor: Editor, workspace: Workspace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Image.Image, "save", full)
+    scene = editor.scene
+    workspace.exporting.image(tmp_path / "a.png", size=16)
+    finish(session)
+    assert session.messages.errors == [
+        f"Cannot save the image: cannot write {tmp_path / 'a.png'}: No space left on device"
+    ]
+    assert list(tmp_path.iterdir()) == []
+    assert editor.scene == scene

@@ -1,0 +1,180 @@
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from core.fitting.fit import FitJob, FitStep
+from core.models.model import Model
+from tests.viewer.driver import deliver, finish
+from tests.viewer.stand_ins import broken_fit, endless_fit
+from viewer.editor import Editor
+from viewer.services.messages import Kind
+from viewer.session import Session
+from viewer.workspace import Workspace
+
+
+def test_a_fit_joins_the_objects_and_becomes_current(
+    session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
+) -> None:
+    before = editor.state
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    assert editor.scene.codes == model.codes[3]
+    assert editor.scene.camera.azimuth == pytest.approx(1.0)
+    assert editor.scene.camera.width == model.image_size
+    assert editor.objects.names[0] == "block"
+    assert editor.state.mix.a == ("block", "block")
+    workspace.thumbnails.of_object(editor.objects["block"].codes)
+    finish(session)
+    assert workspace.thumbnails.of_object(editor.objects["block"].codes)
+    assert workspace.fitting.history.frame is not None
+    assert len(workspace.fitting.history.steps) == 10
+    assert workspace.fitting.history.photo is not None
+    assert workspace.fitting.history.difference is not None
+    wrong = np.abs(workspace.fitting.history.photo.pixels.astype(int) - workspace.fitting.history.frame.image)
+    np.testing.assert_array_equal(workspace.fitting.history.difference, (2 * wrong).clip(0, 255))
+    assert workspace.fitting.camera == editor.scene.camera
+    assert workspace.fitting.history.progress == 1.0
+    editor.undo()
+    assert editor.state == before
+    assert "block" in editor.objects.names
+
+
+def test_a_second_fit_of_the_same_file_has_a_name_of_its_own(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path
+) -> None:
+    for _ in range(2):
+        workspace.fitting.start(photo)
+        finish(session, lambda: not workspace.fitting.running)
+    assert editor.objects.names[:2] == ["block (2)", "block"]
+
+
+def test_a_fit_that_is_stopped_keeps_what_it_found(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path
+) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    workspace.fitting.start(photo)
+    finish_when = lambda: len(workspace.fitting.history.steps) > 4  # noqa: E731
+    while not finish_when():
+        session.jobs.worker.deliver()
+    workspace.fitting.start(photo)  # refused: one at a time
+    assert workspace.fitting.running
+    workspace.fitting.stop()
+    finish(session)
+    assert not workspace.fitting.running
+    assert editor.scene.codes == workspace.fitting.history.steps[-1].codes
+    assert editor.objects.names[0] == "block"
+
+
+def test_the_view_follows_a_fit_until_a_person_changes_the_scene(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path
+) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    before = workspace.viewport.frame
+    workspace.viewport.resize(300, 200)
+    workspace.fitting.start(photo)
+    deliver(session, lambda: workspace.fitting.history.frame is not None)
+    assert workspace.fitting.is_followed
+    assert workspace.viewport.source == "fit"
+    assert workspace.viewport.frame is not before
+    assert workspace.viewport.frame.resolution[0] > workspace.viewport.frame.resolution[1]
+    assert workspace.fitting.history.frame.resolution == (workspace.viewport.frame.resolution[1],) * 2
+    workspace.player.add_key()
+    workspace.viewport.pan_by(0.1, 0.0)
+    assert workspace.fitting.is_followed
+    assert not session.jobs.busy("view")
+    editor.set_coordinate("shape", 0, 1.0)
+    assert not workspace.fitting.is_followed
+    editor.undo()
+    assert workspace.fitting.is_followed
+    workspace.fitting.stop()
+    finish(session)
+    assert not workspace.fitting.is_followed
+
+
+def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, workspace: Workspace, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
+    before, names = editor.history, editor.objects.names
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    assert editor.history is before
+    assert editor.objects.names == names
+    assert session.messages.errors == ["Cannot fit this image: the loss is not finite"]
+
+
+def test_any_step_is_shown_and_a_new_fit_forgets_it(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path
+) -> None:
+    workspace.fitting.scrub(3)
+    workspace.fitting.keep()
+    workspace.fitting.resume()
+    workspace.fitting.show_photo(1)
+    assert not workspace.fitting.running
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    past, fitting = len(editor.history.past), workspace.fitting
+    for index in (8, 3, -5, 99):
+        fitting.scrub(index, gesture="scrub")
+    editor.end_gesture()
+    assert fitting.history.selected == 9
+    fitting.scrub(4)
+    assert editor.scene.codes == fitting.history.steps[4].codes
+    assert fitting.camera.elevation == editor.scene.camera.elevation == fitting.history.steps[4].cameras[0].elevation
+    assert len(editor.history.past) == past + 2
+    finish(session)
+    fitting.refit()
+    finish(session, lambda: not fitting.running)
+    assert fitting.history.selected is None
+    assert len(fitting.candidates.tiles) == 4
+    assert [tile.eliminated_at is None for tile in fitting.candidates.tiles] == [True, True, False, False]
+    finish(session)
+    assert all(tile.frame for tile in fitting.candidates.tiles)
+
+
+def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, workspace: Workspace, photo: Path) -> None:
+    workspace.fitting.start(photo)
+    finish(session)
+    history, tiles = workspace.fitting.history, workspace.fitting.candidates.tiles
+
+    def failing(model: Model, job: FitJob) -> Iterator[FitStep]:
+        raise ValueError("the fit diverged from every start")
+        yield
+
+    session.jobs.backend = replace(session.jobs.backend, fit=failing)
+    workspace.fitting.resume()
+    finish(session, lambda: not workspace.fitting.running)
+    assert workspace.fitting.history is history
+    assert workspace.fitting.candidates.tiles is tiles
+    assert session.messages.errors == ["Cannot fit this image: the fit diverged from every start"]
+
+
+def test_files_that_are_no_images_are_reported_and_change_nothing(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path, bad_files: dict[str, Path]
+) -> None:
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    before, history = editor.history, workspace.fitting.history
+    for path in bad_files.values():
+        session.messages.clear()
+        workspace.fitting.start(path)
+        finish(session, lambda: not workspace.fitting.running)
+        assert editor.history is before
+        assert workspace.fitting.history is history
+        assert [message.kind for message in session.messages.all] == [Kind.ERROR], path.name
+        assert "Traceback" not in session.messages.errors[0]
+
+
+def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, workspace: Workspace, photo: Path) -> None:
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    first = workspace.fitting.history
+    workspace.fitting.start(photo)
+    workspace.fitting.add_photo(first, photo)
+    assert "stop it first" in session.messages.all[-1].text
+    finish(session, lambda: not workspace.fitting.running)
+    assert len(workspace.fitting.history.sources) == 1
+    workspace.fitting.add_photo(first, photo)
+    finish(session, lambda: not workspace.fitting.running)
+    assert len(workspace.fitting.history.sources) == 2

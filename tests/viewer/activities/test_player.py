@@ -1,0 +1,148 @@
+from pathlib import Path
+
+import pytest
+
+from core.export.video import VideoSettings
+from tests.viewer.driver import finish
+from viewer.activities.player import Player
+from viewer.editor import Editor
+from viewer.session import Session
+from viewer.values import orbit
+from viewer.workspace import Workspace
+
+
+class Clock:
+    """Stands until it is moved."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def player(session: Session, workspace: Workspace, editor: Editor, clock: Clock) -> Player:
+    """Two keyframes in four seconds."""
+    workspace.player = Player(session.jobs, editor, workspace.viewport, clock)
+    workspace.player.add_key()
+    workspace.player.seek(2.0)
+    editor.show_object("object 3")
+    editor.set_camera(orbit.turned(editor.scene.camera, 1.0, 0.0))
+    workspace.player.add_key()
+    editor.end_gesture()
+    return workspace.player
+
+
+def test_the_player_stops_where_undo_takes_its_keys(
+    session: Session, editor: Editor, workspace: Workspace, clock: Clock
+) -> None:
+    player = workspace.player = Player(session.jobs, editor, workspace.viewport, clock)
+    player.add_key()
+    player.play()
+    editor.undo()
+    player.tick()
+    assert not player.playing
+    assert not player.timeline.keys
+
+
+def test_playing_goes_with_the_clock_and_round(editor: Editor, player: Player, clock: Clock) -> None:
+    player.seek(0.0)
+    editor.end_gesture()
+    player.play()
+    for passed, stands in ((1.0, 1.0), (3.5, 3.5), (5.0, 1.0)):
+        clock.now = 100.0 + passed
+        player.tick()
+        assert player.seconds == pytest.approx(stands)
+        assert editor.scene.codes == player.timeline.at(stands).codes
+    assert player.playing
+
+
+def test_a_key_at_the_end_of_a_loop_is_the_one_it_stands_on(player: Player) -> None:
+    player.seek(player.timeline.length)
+    player.add_key()
+    assert player.key == 2
+    player.add_key()
+    assert len(player.timeline.keys) == 3
+
+
+def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> None:
+    player.set_loop(False)
+    player.play()
+    clock.now += 9.0
+    player.tick()
+    assert not player.playing
+    assert player.seconds == player.timeline.length
+    player.play()
+    assert player.seconds == 0.0
+
+
+def test_frames_are_rendered_ahead_and_shown(
+    session: Session, workspace: Workspace, player: Player, clock: Clock
+) -> None:
+    player.play()
+    finish(session)
+    clock.now += 1.0
+    player.tick()
+    assert workspace.viewport.frame is not None
+    assert not workspace.viewport.frame.final
+    player.pause()
+    finish(session)
+    assert workspace.viewport.frame.final
+
+
+def test_it_fits_a_view_that_changes_its_size(
+    session: Session, workspace: Workspace, player: Player, clock: Clock
+) -> None:
+    player.play()
+    finish(session)
+    workspace.viewport.resize(300, 100)
+    player.tick()
+    finish(session)
+    player.tick()
+    assert workspace.viewport.frame is not None
+    width, height = workspace.viewport.frame.resolution
+    assert width == 3 * height
+    assert player.playing
+
+
+def test_any_edit_stops_it(editor: Editor, player: Player, clock: Clock) -> None:
+    player.play()
+    editor.show_object("object 1")
+    shown = editor.scene
+    clock.now += 0.5
+    player.tick()
+    assert not player.playing
+    assert editor.scene == shown
+
+
+def test_a_model_opened_meanwhile_has_an_empty_timeline(session: Session, player: Player) -> None:
+    player.play()
+    session.open_model("other")
+    finish(session)
+    assert not player.playing
+    assert session.workspace is not None
+    assert session.workspace.player.timeline.keys == ()
+    assert session.messages.errors == []
+
+
+def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Path) -> None:
+    workspace.player.play()
+    workspace.player.seek(1.0)
+    workspace.exporting.timeline(tmp_path / "a.gif")
+    assert not workspace.player.playing
+    assert not workspace.exporting.running
+
+
+def test_what_cannot_be_written_is_reported(
+    session: Session, workspace: Workspace, player: Player, tmp_path: Path
+) -> None:
+    workspace.exporting.timeline(tmp_path / "a.mp4", VideoSettings(transparent=True))
+    finish(session)
+    assert "transparent" in session.messages.errors[0]
+    assert not list(tmp_path.iterdir())

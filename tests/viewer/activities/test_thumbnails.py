@@ -1,0 +1,79 @@
+from collections.abc import Iterator
+from dataclasses import replace
+
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob
+from tests.viewer.driver import finish
+from tests.viewer.stand_ins import quick_frames
+from viewer.editor import Editor
+from viewer.session import Session
+from viewer.workspace import Workspace
+
+
+def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, workspace: Workspace, model: Model) -> None:
+    rendered: list[RenderJob] = []
+
+    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+        rendered.append(job)
+        return quick_frames(model, job)
+
+    session.jobs.backend = replace(session.jobs.backend, frames=counted)
+    camera = model.camera(0.1, 0.2).resized(16, 16)
+    assert workspace.thumbnails.get(model.codes[1], camera) is None
+    finish(session)
+    found = workspace.thumbnails.get(model.codes[1].mixed(model.codes[2], 0.0, 0.0), camera)
+    assert found is not None
+    assert found.resolution == (16, 16)
+    assert workspace.thumbnails.get(model.codes[2], camera) is None
+    finish(session)
+    assert len(rendered) == 2
+
+
+def test_what_is_requested_no_more_is_not_rendered(session: Session, workspace: Workspace, model: Model) -> None:
+    camera = model.camera(0.1, 0.2).resized(16, 16)
+    for index in range(40):
+        workspace.thumbnails.get(model.codes[index % 6].mixed(model.codes[0], index / 40, 0.0), camera)
+    finish(session)
+    before = workspace.thumbnails.count
+    assert 0 < before < 40
+    finish(session)
+    assert workspace.thumbnails.count == before
+
+
+def test_thumbnails_that_cannot_be_rendered_are_reported_once(
+    session: Session, workspace: Workspace, model: Model
+) -> None:
+    def broken(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+        raise ValueError("no image today")
+
+    session.jobs.backend = replace(session.jobs.backend, frames=broken)
+    workspace.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    finish(session)
+    assert session.messages.errors == ["Cannot render the thumbnails: no image today"]
+    session.messages.clear()
+    workspace.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    finish(session)
+    assert session.messages.errors == []
+
+
+def test_another_model_has_other_thumbnails(session: Session, workspace: Workspace, model: Model) -> None:
+    workspace.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    finish(session)
+    assert workspace.thumbnails.count == 1
+    session.open_model("chairs")
+    finish(session)
+    assert session.workspace is not None
+    assert session.workspace.thumbnails.count == 0
+
+
+def test_thumbnails_are_rendered_when_they_are_requested(
+    session: Session, editor: Editor, workspace: Workspace, model: Model
+) -> None:
+    names = editor.objects.names
+    assert len(names) == len(model.codes)
+    assert [workspace.thumbnails.of_object(editor.objects[name].codes) for name in names[:2]] == [None, None]
+    finish(session)
+    assert all(workspace.thumbnails.of_object(editor.objects[name].codes) for name in names[:2])
+    assert workspace.thumbnails.of_object(editor.objects[names[2]].codes) is None
+    finish(session)
+    assert workspace.thumbnails.of_object(editor.objects[names[2]].codes)

@@ -1,0 +1,146 @@
+"""The real window driven by name, and sessions brought to rest."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import hello_imgui, imgui
+from imgui_bundle.immapp import testing
+from PIL import Image
+
+from tests.viewer.machine import Patience
+from viewer.actions import chord
+from viewer.app import App
+from viewer.session import Session
+from viewer.workspace import Workspace
+
+Drive = Callable[..., None]
+
+
+def deliver(session: Session, until: Callable[[], bool], longest: float = 60.0) -> None:
+    """Deliver until something holds."""
+    patience = Patience(longest)
+    session.tick()
+    while not until():
+        session.tick()
+        assert not patience.is_over(), "the worker does not come to an end"
+        time.sleep(0.002)
+
+
+def finish(session: Session, until: Callable[[], bool] = lambda: True, longest: float = 60.0) -> None:
+    """Deliver until nothing is under way and ``until`` holds."""
+    deliver(session, lambda: not session.jobs.busy() and until(), longest)
+
+
+class Driver:
+    """A window under test: its widgets by name, and time to let things happen."""
+
+    def __init__(self, app: App, ctx: imgui.test_engine.TestContext, folder: Path) -> None:
+        self.app, self.ctx, self.folder = app, ctx, folder
+        self.session, self.context = app.session, app.context
+        io = imgui.test_engine.get_io(hello_imgui.get_imgui_test_engine())
+        # A slow machine takes as long as it takes; waits end by themselves.
+        io.config_watchdog_warning = io.config_watchdog_kill_test = io.config_watchdog_kill_app = 1e9
+
+    @property
+    def workspace(self) -> Workspace:
+        """Of the model that is open."""
+        return self.context.workspace
+
+    def wait(self, until: Callable[[], bool] | None = None, longest: float = 60.0) -> None:
+        """Draw until a condition holds; without one, until nothing is under way."""
+        patience = Patience(longest)
+        while not (until() if until else not self.session.jobs.busy()):
+            self.ctx.yield_()
+            assert not patience.is_over(), "waited in vain"
+            time.sleep(0.005)
+        self.ctx.yield_(3)
+
+    def wait_for_view(self) -> None:
+        """Draw until the view shows its finished render; thumbnails may still be missing."""
+        self.wait(lambda: self.context.ready and not self.session.jobs.busy("model", "view"))
+
+    def click(self, name: str, button: int = 0) -> None:
+        """Click a widget: ``Panel/widget`` or, at any depth, ``**/widget``."""
+        self.ctx.item_click(f"//{name}", button)
+        self._check(name)
+
+    def drag(self, name: str, across: float, down: float = 0.0) -> None:
+        """Press on the middle of a widget, move so many px, release."""
+        self.ctx.item_drag_with_delta(f"//{name}", (across, down))
+        self._check(name)
+
+    def drop(self, name: str, onto: str) -> None:
+        """Drag a widget onto another."""
+        self.ctx.item_drag_and_drop(f"//{name}", f"//{onto}")
+        self._check(f"{name} or {onto}")
+
+    def choose(self, name: str, item: str) -> None:
+        """Choose from the menu of an object."""
+        self.click(f"Objects/**/show {name}", 1)
+        self.click(f"**/{item}")
+
+    def set(self, name: str, value: float) -> None:
+        """Type a value into a slider."""
+        self.ctx.item_input_value(f"//{name}", value)
+        self._check(name)
+
+    def menu(self, path: str) -> None:
+        """Click an item of the menu bar, by ids: ``File/###paste``."""
+        self.ctx.set_ref("##MainMenuBar")
+        self.ctx.menu_click(path)
+        self._check(path)
+
+    def exists(self, name: str) -> bool:
+        """Whether a widget is there."""
+        return self.ctx.item_exists(f"//{name}")
+
+    def type(self, text: str) -> None:
+        """Answer the question for a file."""
+        self.ctx.yield_(3)
+        self.ctx.item_click("//Choose a file###ask/##path")
+        self.ctx.key_chars_replace(text)
+        self.ctx.item_click("//Choose a file###ask/###choose")
+        self.ctx.yield_(2)
+        self._check(text)
+
+    def press(self, *keys: imgui.Key) -> None:
+        """Press keys together."""
+        self.ctx.key_press(chord(*keys))
+        self.ctx.yield_(2)
+
+    def undo(self) -> None:
+        """Ctrl+Z."""
+        self.press(imgui.Key.mod_ctrl, imgui.Key.z)
+
+    def redo(self) -> None:
+        """Ctrl+Y."""
+        self.press(imgui.Key.mod_ctrl, imgui.Key.y)
+
+    def show(self, panel: str) -> None:
+        """Bring a panel to the front."""
+        self.context.focus = panel
+        self.ctx.yield_(3)
+
+    def fit(self, *photos: Path) -> None:
+        """Drop photos and wait for the result."""
+        self.context.drop([str(photo) for photo in photos])
+        self.wait(lambda: not self.session.fitting_runs and not self.session.jobs.busy("fit"))
+        self.wait()
+
+    def capture(self) -> np.ndarray:
+        """What the whole window shows, (height, width, 3), as float."""
+        path = self.folder / "window.png"
+        testing.capture(self.ctx, str(path))
+        with Image.open(path) as image:
+            return np.asarray(image.convert("RGB")).astype(float)
+
+    def capture_view(self, border: int = 0) -> np.ndarray:
+        """What the view shows, but so many px at its top and bottom."""
+        low, high = self.context.view
+        return self.capture()[int(low.y) + border : int(high.y) - border, int(low.x) : int(high.x)]
+
+    def _check(self, name: str) -> None:
+        self.ctx.yield_(2)
+        assert not self.ctx.is_error(), f"no such widget: {name}"

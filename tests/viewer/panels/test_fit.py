@@ -1,0 +1,279 @@
+import math
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+
+from core.fitting.fit import FitJob, FitStep
+from core.models.model import Model
+from core.photos.photo import Photo
+from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
+from viewer.panels.fit import in_words
+from viewer.services.backend import Backend
+
+
+def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        before = editor.state
+        window.context.drop([str(photo)])
+        window.wait(lambda: not workspace.fitting.running)
+        window.wait()
+        assert editor.scene.codes == model.codes[3]
+        assert editor.objects.names[0] == "block"
+        assert window.exists("Objects/**/show block")
+        window.undo()
+        assert editor.state == before
+
+    drive(act)
+
+
+def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def shown(window: Driver, mode: str = "wipe") -> np.ndarray:
+        window.ctx.mouse_move("//View/orbit")
+        window.ctx.yield_(2)
+        box = window.ctx.item_info(f"//Fit/{mode}").rect_clipped
+        whole = window.capture()
+        # Without captions and borders.
+        return whole[int(box.min.y) + 40 : int(box.max.y) - 5, int(box.min.x) + 5 : int(box.max.x) - 5]
+
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        window.context.drop([str(photo)])
+        window.wait(lambda: workspace.fitting.history.difference is not None and not workspace.fitting.running)
+        window.wait()
+        found = editor.scene.camera
+        window.click("View/###reset_view")
+        window.click("Fit/###photo camera")
+        assert editor.scene.camera == found
+        window.click("Fit/Wipe")
+        before = editor.history
+        window.drag("Fit/wipe", 400)
+        whole_photo = shown(window)
+        window.drag("Fit/wipe", -400)
+        whole_render = shown(window)
+        assert np.abs(whole_photo - whole_render).mean() > 5
+        window.click("Fit/Onion skin")
+        window.drag("Fit/onion skin", -400)
+        np.testing.assert_allclose(shown(window, "onion skin"), whole_render, atol=3)
+        window.drag("Fit/onion skin", 400)
+        np.testing.assert_allclose(shown(window, "onion skin"), whole_photo, atol=3)
+        window.click("Fit/Difference")
+        assert window.exists("Fit/difference")
+        unlike = shown(window, "difference")
+        window.ctx.key_down(imgui.Key.f)
+        np.testing.assert_allclose(shown(window, "difference"), whole_photo, atol=3)
+        window.ctx.key_up(imgui.Key.f)
+        np.testing.assert_array_equal(shown(window, "difference"), unlike)
+        window.click("Fit/Side by side")
+        assert editor.history is before
+
+    drive(act)
+
+
+def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        fitting = workspace.fitting
+        window.context.drop([str(photo)])
+        window.wait(lambda: not fitting.running)
+        window.wait()
+        found, past = editor.state, len(editor.history.past)
+        window.drag("Fit/scrub", -60)
+        history = fitting.history
+        assert history.selected is not None
+        assert 0 < history.selected < 5
+        assert editor.scene.codes == history.steps[history.selected].codes
+        assert editor.scene.camera.elevation == history.steps[history.selected].cameras[0].elevation
+        assert len(editor.history.past) == past + 1
+        window.wait()
+        window.undo()
+        assert editor.state == found
+        window.click("Fit/###keep step")
+        name = f"block at {history.steps[history.selected].seconds:.1f} s"
+        assert editor.objects.names[0] == name
+        assert editor.state.mix.a == (name, name)
+        assert editor.scene.codes == history.steps[history.selected].codes
+        window.click("Fit/###newest")
+        assert editor.scene.codes == found.scene.codes
+        assert fitting.history.selected is None
+
+    drive(act)
+
+
+def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        fitting = workspace.fitting
+        window.context.drop([str(photo)])
+        window.wait(lambda: not fitting.running)
+        window.click("Fit/scrub")
+        kept = fitting.history.steps[: (fitting.history.selected or 0) + 1]
+        window.click("Fit/###refit")
+        window.click("**/###resume")
+        window.wait(lambda: not fitting.running)
+        assert fitting.history.steps[: len(kept)] == kept
+        assert len(fitting.history.steps) == len(kept) + 10
+        seconds = [step.seconds for step in fitting.history.steps]
+        assert seconds == sorted(seconds)
+        assert fitting.history.last.cameras == kept[-1].cameras
+        assert editor.objects.names[:2] == ["block (2)", "block"]
+        window.drag("View/orbit", 150)
+        turned = editor.scene.camera
+        window.click("Fit/###refit")
+        window.click("**/###resume from view")
+        window.wait(lambda: not fitting.running)
+        assert fitting.camera == turned
+        window.click("Fit/##preset")
+        window.click("**/Estimate focal length")
+        assert fitting.options.estimate_focal
+        window.click("**/Estimate focal length")
+        window.click("**/draft")
+        window.click("Fit/###refit")
+        window.click("**/###restart")
+        window.wait(lambda: not fitting.running)
+        assert fitting.options.preset == "draft"
+        assert len(fitting.history.steps) == 10
+        assert fitting.camera != turned
+
+    drive(act)
+
+
+def test_a_doubtful_fit_is_seen_from_its_other_viewpoint(drive: Drive, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        window.context.drop([str(photo)])
+        window.wait(lambda: not workspace.fitting.running)
+        window.wait()
+        found, past = editor.state, len(editor.history.past)
+        window.click("Fit/###other viewpoint")
+        assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
+        assert editor.scene.camera.width == found.scene.camera.width
+        assert editor.scene.codes == found.scene.codes
+        assert len(editor.history.past) == past + 1
+        window.undo()
+        assert editor.state == found
+
+    drive(act)
+
+
+def test_a_fit_that_knows_of_no_other_viewpoint_offers_none(drive: Drive, backend: Backend, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace = window.workspace
+        window.context.drop([str(photo)])
+        window.wait(lambda: not workspace.fitting.running)
+        window.wait()
+        assert window.exists("Fit/###photo camera")
+        assert not window.exists("Fit/###other viewpoint")
+
+    def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        return (replace(step, alternative=None, margin=None) for step in quick_fit(model, job))
+
+    drive(act, replace(backend, fit=lone_fit))
+
+
+@pytest.mark.parametrize(("confidence", "words"), [(0.95, "sure"), (0.9, "likely"), (0.5, "likely"), (0.2, "doubtful")])
+def test_confidence_has_words(confidence: float, words: str) -> None:
+    assert in_words(confidence).split(",")[0] == words
+
+
+def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        fitting = workspace.fitting
+        window.show("Fit")
+        window.click("Fit/###fit_image")
+        window.type(str(photo))
+        window.wait(lambda: len(fitting.history.steps) > 3)
+        assert fitting.running
+        window.drag("View/orbit", 50)  # the window lives meanwhile
+        window.click("Fit/###stop fit")
+        assert not fitting.running
+        window.wait()
+        assert editor.objects.names[0] == "block"
+
+    drive(act, replace(backend, fit=endless_fit))
+
+
+def test_several_photos_are_fitted_together_with_known_poses(
+    drive: Drive, photo: Path, model: Model, tmp_path: Path
+) -> None:
+    camera = model.camera(2.0, 0.5)
+    for name in ("block b.txt", "other.txt"):
+        (tmp_path / name).write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
+    for name in ("block b.png", "block c.png"):
+        (tmp_path / name).write_bytes(photo.read_bytes())
+
+    def act(window: Driver) -> None:
+        session, workspace = window.session, window.workspace
+        fitting = workspace.fitting
+        window.context.drop([str(photo), str(tmp_path / "block b.png"), str(tmp_path / "block b.txt")])
+        window.wait(lambda: bool(fitting.history.steps) and not fitting.running)
+        assert [source.pose is not None for source in fitting.history.sources] == [False, True]
+        window.click("Fit/###photo 2")
+        window.wait()
+        assert fitting.camera.azimuth == pytest.approx(2.0)
+        window.click("Fit/###add photo")
+        window.type(str(tmp_path / "block c.png"))
+        window.wait(lambda: len(fitting.history.photos) == 3 and not fitting.running)
+        window.click("Fit/###photo 3")
+        window.click("Fit/###pose")
+        window.type(str(tmp_path / "other.txt"))
+        window.wait(lambda: not fitting.running)
+        assert fitting.history.photo_index == 2
+        assert fitting.history.sources[2].pose == tmp_path / "other.txt"
+        window.wait()
+        window.context.drop([str(photo), str(tmp_path / "other.txt")])
+        assert "other.txt" in session.messages.errors[0]
+        session.messages.clear()
+        window.context.drop([str(tmp_path / "other.txt")])
+        assert len(session.messages.errors) == 1
+        assert not fitting.running
+
+    def posed(path: Path, model: Model, pose: Path | None = None, *more: object) -> Photo:
+        found = quick_photo(path, model)
+        return replace(found, camera=camera.resized(32, 32)) if pose else found
+
+    drive(act, Backend(lambda name: model, posed, quick_frames, quick_fit))
+
+
+def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, backend: Backend, photo: Path) -> None:
+    begin = threading.Event()
+
+    def late_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        begin.wait(30)
+        yield from quick_fit(model, job)
+
+    def act(window: Driver) -> None:
+        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        fitting = workspace.fitting
+        window.context.drop([str(photo)])
+        window.wait(lambda: fitting.history.photo is not None)
+        window.click("Fit/###stop fit")
+        window.click("Fit/###photo camera")
+        begin.set()
+        window.click("Fit/###refit")
+        window.click("**/###restart")
+        window.wait(lambda: not fitting.running)
+        assert editor.objects.names[0] == "block"
+        assert session.messages.errors == []
+
+    drive(act, replace(backend, fit=late_fit))
+
+
+def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backend, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        session, editor = window.session, window.workspace.editor
+        before = editor.history
+        window.context.drop([str(photo)])
+        window.wait(lambda: bool(session.messages.errors))
+        assert editor.history is before
+        window.click("Messages/###dismiss 0")
+        assert session.messages.errors == []
+
+    drive(act, replace(backend, fit=broken_fit))

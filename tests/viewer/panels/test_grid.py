@@ -1,0 +1,60 @@
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from PIL import Image
+
+from core.models.codes import Codes
+from core.models.model import Model
+from tests.viewer.driver import Drive, Driver
+from viewer.services.backend import Backend
+
+
+def test_a_grid_is_filled_clicked_and_exported(drive: Drive, model: Model, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        window.show("Grid")
+        window.click("Grid/###add")
+        window.choose("object 3", "Add to the grid")
+        window.drop("Objects/**/show object 5", "Grid/###add")
+        assert workspace.grid.names == ("object 0", "object 1", "object 3", "object 5")
+        window.wait()
+        window.click("Grid/pair 3 2")
+        assert editor.scene.codes == Codes(model.codes[3].shape, model.codes[1].texture)
+        assert len(editor.history.past) == 1
+        window.click("Grid/texture of object 1")
+        assert workspace.grid.names == ("object 0", "object 3", "object 5")
+        window.click("Grid/###export grid")
+        window.type(str(tmp_path / "mine"))
+        window.wait()
+        with Image.open(tmp_path / "mine.png") as image:
+            assert image.size == (768, 768)
+        window.click("Grid/###clear grid")
+        assert workspace.grid.names == ()
+        assert session.messages.errors == []
+
+    drive(act)
+
+
+def test_a_webp_turntable_under_way_is_no_grid(drive: Drive, tmp_path: Path, backend: Backend) -> None:
+    def endless(*_: object) -> Iterator[int]:
+        while True:
+            time.sleep(0.01)
+            yield 1
+
+    def act(window: Driver) -> None:
+        workspace = window.workspace
+        workspace.grid.add("object 1")
+        workspace.exporting.turntable(tmp_path / "turn.webp")
+        window.wait(lambda: workspace.exporting.progress > 0)
+        window.show("Grid")
+        assert window.exists("Grid/###export grid")
+        assert not window.exists("Grid/###cancel export")
+        window.click("Grid/###export grid")  # waits for the turntable
+        assert not window.context.files.asking
+        window.show("Export")
+        window.click("Export/###cancel export")
+        assert not workspace.exporting.running
+
+    drive(act, replace(backend, video=endless))

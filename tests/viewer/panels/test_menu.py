@@ -1,0 +1,116 @@
+from pathlib import Path
+
+import pytest
+from imgui_bundle import imgui
+
+from tests.viewer.driver import Drive, Driver
+
+
+def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        window.drag("View/orbit", 80)
+        scene = editor.scene
+        workspace.exporting.scene(tmp_path / "mine.json")
+        window.context.drop([str(tmp_path / "mine.json")])
+        window.context.drop([str(photo)])
+        window.wait(lambda: not workspace.fitting.running)
+        window.wait()
+        assert [Path(name).name for name in window.context.preferences.recent] == ["block.png", "mine.json"]
+        window.menu("File/Open recent/###recent 2")
+        assert editor.scene == scene
+
+    drive(act)
+
+
+def test_menus_help_and_theme(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        ctx = window.ctx
+        context = window.context
+        window.press(imgui.Key.f1)
+        assert context.help_open
+        assert ctx.window_info("//Help").window is not None
+        window.press(imgui.Key.mod_shift, imgui.Key.slash)
+        assert not context.help_open
+        window.menu("Help/###help")
+        assert context.help_open
+        window.menu("View/###dark")
+        window.menu("View/###smooth")
+        assert not context.preferences.dark
+        assert not context.preferences.smooth
+        window.drag("View/orbit", 30)
+        window.menu("Edit/###undo")
+        assert not editor.history.past
+        window.menu("File/###fit_image")
+        assert context.files.asking
+        ctx.item_click("//Choose a file###ask/Cancel")
+
+    drive(act)
+
+
+def test_models_and_samples_are_in_the_menus(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    def act(window: Driver) -> None:
+        session, editor = window.session, window.workspace.editor
+        assert session.model_name == "chairs"
+        window.drag("View/orbit", 30)
+        window.menu("Model/chairs")  # which is there already
+        assert not session.loading
+        assert editor.history.past
+        window.menu("Model/cars")
+        window.wait()
+        assert session.model_name == "cars"
+        assert not window.workspace.editor.history.past
+        window.menu("Model/chairs")
+        window.wait()
+        assert window.workspace.editor.history.past
+        started = list[Path]()
+        monkeypatch.setattr(window.workspace.fitting, "start", started.append)
+        window.menu("File/Fit a sample/cushion")
+        assert [path.name for path in started] == ["cushion.png"]
+        assert started[0].is_file()
+
+    drive(act)
+
+
+def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def act(window: Driver) -> None:
+        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        held: list[object] = [None, OSError("wl-paste or xclip is required"), [str(photo)]]
+
+        def grabbed() -> object:
+            found = held.pop(0)
+            if isinstance(found, OSError):
+                raise found
+            return found
+
+        monkeypatch.setattr("viewer.services.clipboard.ImageGrab.grabclipboard", grabbed)
+        imgui.set_clipboard_text("no file of this name")
+        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
+        window.wait(lambda: len(session.messages.errors) == 1)
+        assert "no image" in session.messages.errors[0]
+        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
+        window.wait(lambda: len(session.messages.errors) == 2)
+        assert "xclip" in session.messages.errors[1]
+        window.menu("File/###paste")
+        window.wait(lambda: bool(workspace.fitting.history.steps) and not workspace.fitting.running)
+        assert editor.objects.names[0] == "block"
+        imgui.set_clipboard_text(photo.as_uri())
+        window.press(imgui.Key.mod_ctrl, imgui.Key.v)
+        window.wait(lambda: editor.objects.names[0] == "block (2)")
+
+    drive(act)
+
+
+def test_panels_are_closed_and_opened_in_the_view_menu(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        window.show("Camera")
+        assert window.exists("Camera/###see_front")
+        window.menu("View/Camera")
+        window.ctx.yield_(3)
+        assert not window.exists("Camera/###see_front")
+        window.menu("View/Camera")
+        window.show("Camera")
+        assert window.exists("Camera/###see_front")
+
+    drive(act)

@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+import torch
+
+from core.models.codes import Codes
+from core.models.model import Model
+from tests.viewer.driver import Drive, Driver
+
+
+def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        window.click("Objects/**/show object 2")
+        window.choose("object 4", "Make it B")
+        assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
+        assert editor.scene.codes == model.codes[2]
+        window.set("Mix/##mix shape", 1.0)
+        window.ctx.yield_(2)
+        np.testing.assert_allclose(editor.code("shape"), model.codes[4].shape)
+        np.testing.assert_allclose(editor.code("texture"), model.codes[2].texture)
+        window.drag("Mix/##mix texture", 60)
+        assert 0 < editor.state.mix.texture <= 1
+        assert editor.state.mix.shape == 1.0
+        past = len(editor.history.past)
+        window.undo()
+        assert editor.state.mix.texture == 0
+        assert len(editor.history.past) == past - 1
+
+    drive(act)
+
+
+def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        window.click("Objects/**/show object 2")
+        window.choose("object 4", "Make it B")
+        before = editor.state
+        window.click("Mix/mix pad")
+        assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
+        assert editor.state.mix.texture == pytest.approx(0.5, abs=0.05)
+        middle = editor.state
+        window.drag("Mix/mix pad", 300, 15)  # beyond its border
+        mix = editor.state.mix
+        assert mix.shape == 1.0
+        assert 0 < mix.texture < middle.mix.texture
+        assert editor.scene.codes == model.codes[2].mixed(model.codes[4], mix.shape, mix.texture)
+        window.undo()
+        assert editor.state == middle
+        window.undo()
+        assert editor.state == before
+
+    drive(act)
+
+
+def test_shape_and_texture_are_taken_from_different_thumbnails(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.choose("object 2", "Take only its texture")
+        assert editor.scene.codes == Codes(model.codes[3].shape, model.codes[2].texture)
+        window.drop("Objects/**/show object 5", "Mix/slot B")
+        assert (editor.state.mix.a, editor.state.mix.b) == (("object 3", "object 2"), "object 5")
+        window.click("Mix/###swap")
+        assert editor.scene.codes == Codes(model.codes[2].shape, model.codes[3].texture)
+        assert len(editor.history.past) == 4
+
+    drive(act)
+
+
+def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        window.click("Mix/###lock shape")
+        window.click("Objects/**/show object 2")
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.click("Sliders/**/###Random texture")
+        assert torch.equal(editor.code("shape"), model.codes[0].shape)
+        assert len(editor.history.past) == 2
+        window.click("Mix/###lock shape")
+        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        assert torch.equal(editor.code("shape"), model.codes[3].shape)
+
+    drive(act)

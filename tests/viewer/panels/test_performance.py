@@ -1,0 +1,20 @@
+from pathlib import Path
+
+from tests.viewer.driver import Drive, Driver
+from viewer.services.backend import Backend
+
+
+def test_the_performance_panel_describes_the_frame_on_screen(
+    drive: Drive, real_backend: Backend, tmp_path: Path
+) -> None:
+    def act(window: Driver) -> None:
+        session, workspace = window.session, window.workspace
+        window.show("Performance")
+        window.drag("View/orbit", 40)
+        window.wait(lambda: workspace.viewport.frame.final and not session.jobs.busy("view"))
+        sizes, seconds = zip(*workspace.viewport.times, strict=True)
+        assert sizes[-1] == workspace.viewport.frame.resolution
+        assert list(seconds) == sorted(seconds)
+        assert session.messages.errors == []
+
+    drive(act, real_backend)

@@ -1,0 +1,95 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+from PIL import Image
+
+from tests.core.tiny import tiny_model
+from tests.viewer.driver import Drive, Driver
+from viewer.services.backend import Backend
+
+
+def test_a_photo_on_busy_background_is_segmented_by_hand(drive: Drive, backend: Backend, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
+    noise[40:120, 60:120], noise[50:70, 130:150] = (30, 40, 220), (220, 30, 30)
+    Image.fromarray(noise).save(tmp_path / "busy.png")
+
+    def act(window: Driver) -> None:
+        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        ctx = window.ctx
+        segmenting = workspace.segmenting
+        before = editor.history
+        window.context.drop([str(tmp_path / "busy.png")])
+        window.wait(lambda: segmenting.active and not session.jobs.busy())
+        assert "no plain background" in segmenting.problem
+        window.press(imgui.Key.f1)
+        assert not window.context.help_open
+        assert session.messages.errors == []
+        assert editor.history is before
+        canvas = "//Segment###segment/**/canvas"
+        box = ctx.item_info(canvas).rect_full
+        width, height = box.max.x - box.min.x, box.max.y - box.min.y
+
+        def draw(*shares: tuple[float, float]) -> None:
+            places = [imgui.ImVec2(box.min.x + x * width, box.min.y + y * height) for x, y in shares]
+            ctx.mouse_move_to_pos(places[0])
+            ctx.mouse_down()
+            for place in places[1:]:
+                ctx.mouse_move_to_pos(place)
+                ctx.yield_()
+            ctx.mouse_up()
+            window.wait()
+
+        def covered(x: float, y: float) -> bool:
+            assert segmenting.result is not None
+            mask = segmenting.result.found.mask
+            return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
+
+        draw((0.15, 0.15), (0.4, 0.5), (0.7, 0.85))
+        assert segmenting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
+        assert covered(0.38, 0.5)
+        window.click("Segment###segment/**/Remove")
+        draw((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
+        assert not covered(0.58, 0.37)
+        window.click("Segment###segment/**/Add")
+        draw((0.55, 0.7), (0.6, 0.7))
+        assert covered(0.58, 0.7)
+        window.undo()
+        window.wait()
+        assert not covered(0.58, 0.7)
+        window.set("Segment###segment/**/##scale", 0.8)
+        window.wait()
+        assert segmenting.crop.scale == pytest.approx(0.8)
+        hints = segmenting.hints
+        window.click("Segment###segment/**/###fit segmentation")
+        assert not segmenting.active
+        window.wait(lambda: not workspace.fitting.running)
+        assert editor.objects.names[0] == "busy"
+        fitted = workspace.fitting.history.photo
+        assert fitted is not None
+        assert fitted.source.hints == hints
+        assert fitted.photo.cropped
+        window.click("Fit/###segment")
+        window.wait(lambda: segmenting.result is not None)
+        assert segmenting.hints == hints
+        window.click("Segment###segment/**/###clear hints")
+        window.wait()
+        assert segmenting.result is None
+        window.click("Segment###segment/**/###undo hints")
+        window.wait()
+        assert segmenting.hints == hints
+        window.click("Segment###segment/**/###cancel segmentation")
+        window.wait()
+        assert not segmenting.active
+        window.click("Fit/###segment")
+        window.wait(lambda: segmenting.result is not None)
+        window.context.drop([str(tmp_path / "missing.png")])
+        window.wait(lambda: bool(session.messages.errors))
+        past = len(editor.history.past)
+        window.drag("View/orbit", 50)  # the dialog is gone
+        assert len(editor.history.past) == past + 1
+
+    tiny = tiny_model()
+    drive(act, replace(backend, load_model=lambda name: tiny))

@@ -1,0 +1,110 @@
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from imgui_bundle import imgui
+from PIL import Image
+
+from core.export.keyframes import View
+from core.export.video import VideoSettings, write_video
+from core.models.model import Model
+from tests.viewer.driver import Drive, Driver
+from viewer.services.backend import Backend
+
+
+def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_path: Path) -> None:
+    def small(model: Model, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
+        return write_video(model, views, path, replace(settings, size=settings.size // 16))
+
+    def act(window: Driver) -> None:
+        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        made = workspace.player
+        window.show("Timeline")
+        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###video form", "time"))
+        assert line.min.y > buttons.max.y
+        window.click("Timeline/###add_key")
+        first = editor.scene
+        made.seek(2.0)
+        window.click("Objects/**/show object 3")
+        window.drag("View/orbit", 120, 30)
+        window.press(imgui.Key.k)
+        second = editor.scene
+        assert [key.seconds for key in made.timeline.keys] == [0.0, 2.0]
+        window.wait()  # for its small pictures
+        window.drag("Timeline/key 2", 60)
+        moved = made.timeline.keys[1].seconds
+        assert moved > 2.2
+        window.undo()
+        assert made.timeline.keys[1].seconds == 2.0
+        window.redo()
+        window.click("Timeline/key 1")
+        assert editor.scene == first
+        window.click("Timeline/key 2")
+        assert editor.scene == second
+        window.click("Timeline/time")  # the middle
+        assert made.seconds == pytest.approx(2.0, abs=0.1)
+        assert editor.scene not in (first, second)
+        window.drag("View/orbit", 50)
+        window.click("Timeline/###add_key")
+        assert len(made.timeline.keys) == 3
+        window.click("Timeline/###add_key")  # in its own place
+        window.click("Timeline/###remove key")
+        assert len(made.timeline.keys) == 2
+        window.click("Timeline/key 2", 1)
+        window.click("**/Remove")
+        assert len(made.timeline.keys) == 1
+        window.undo()
+        window.click("Timeline/Loop")
+        window.click("Timeline/Smooth")
+        assert not (made.timeline.loop or made.timeline.smooth)
+        window.set("Timeline/##turns", 1)
+        window.set("Timeline/##length", 1.0)
+        window.ctx.yield_(2)
+        assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
+        window.click("Timeline/###video form")
+        window.click("$FOCUSED/##format")
+        window.click("**/webp")
+        window.click("$FOCUSED/##rate")
+        window.click("**/12 fps")
+        window.click("$FOCUSED/###transparent")
+        window.click("$FOCUSED/###export video")
+        window.type(str(tmp_path / "mine"))
+        window.wait(lambda: not workspace.exporting.running)
+        assert session.messages.errors == []
+        with Image.open(tmp_path / "mine.webp") as video:
+            assert (video.size, video.mode) == ((16, 16), "RGBA")
+            assert 3 < video.n_frames <= 12  # pictures that are alike are one
+
+    drive(act, replace(backend, video=small))
+
+
+def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        film = workspace.player
+        window.show("Timeline")
+        window.press(imgui.Key.k)
+        film.seek(2.0)
+        window.click("Objects/**/show object 3")
+        window.press(imgui.Key.k)
+        before, past = editor.state, len(editor.history.past)
+        window.click("Timeline/###play")
+        assert film.playing
+        seen = set[int]()
+        window.wait(lambda: bool(seen.add(id(workspace.viewport.frame))) or len(seen) > 6)
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.space)
+        assert not film.playing
+        window.wait()
+        assert workspace.viewport.frame.final
+        assert len(editor.history.past) == past + 1
+        window.undo()
+        assert editor.state == before
+        window.press(imgui.Key.space)
+        assert film.playing
+        window.drag("View/orbit", 60)
+        assert not film.playing
+        window.wait()
+
+    drive(act)

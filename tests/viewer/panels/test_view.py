@@ -1,0 +1,196 @@
+import time
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from imgui_bundle import hello_imgui, imgui
+
+from tests.viewer.driver import Drive, Driver
+from viewer.services.backend import Backend
+from viewer.values import orbit
+from viewer.values.view_modes import MODES
+
+
+def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        before = editor.scene
+        assert window.context.preferences.newcomer
+        window.drag("View/orbit", 150, 40)
+        turned = editor.scene.camera
+        assert turned.azimuth < before.camera.azimuth
+        assert turned.elevation > before.camera.elevation
+        assert turned.distance == before.camera.distance
+        assert not window.context.preferences.newcomer
+        window.undo()
+        assert editor.scene == before
+        assert not editor.history.past
+        window.redo()
+        assert editor.scene.camera == turned
+        window.undo()
+        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.z)
+        assert editor.scene.camera == turned
+        window.click("View/###undo")
+        assert editor.scene == before
+        window.click("View/###redo")
+        assert editor.scene.camera == turned
+
+    drive(act)
+
+
+def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        ctx = window.ctx
+        home = editor.scene.camera
+        ctx.mouse_move("//View/orbit")
+        for _ in range(3):
+            ctx.mouse_wheel_y(1.0)
+        window.wait()
+        assert editor.scene.camera.distance < home.distance
+        time.sleep(0.7)
+        ctx.yield_(2)
+        window.press(imgui.Key.right_arrow)
+        assert editor.scene.camera.azimuth > home.azimuth
+        assert len(editor.history.past) == 2
+        ctx.item_double_click("//View/orbit")
+        ctx.yield_(2)
+        assert editor.scene.camera == home
+        window.drag("View/orbit", 60)
+        window.click("View/###reset_view")
+        assert editor.scene.camera == home
+
+    drive(act)
+
+
+def test_the_image_on_screen_is_the_newest_frame_over_the_background(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace = window.workspace
+        window.context.set_preference(smooth=False)
+        window.drag("View/orbit", 60)
+        window.wait()
+        shown = window.capture_view()
+        frame = workspace.viewport.frame
+        assert frame is not None
+        rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
+        columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
+        expected = frame.image[rows][:, columns].astype(float)
+        covered = frame.opacity[rows][:, columns] > 0.5
+        covered[:80], covered[-80:] = False, False  # buttons and badge
+        assert covered.sum() > 1000
+        alike = np.abs(shown - expected).max(-1) <= 2
+        assert alike[covered].mean() > 0.98  # but for the mouse, and edges between pixels
+
+    drive(act)
+
+
+@pytest.mark.parametrize("button", [1, 2])
+def test_the_other_buttons_pan_the_object(drive: Drive, button: int) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        ctx = window.ctx
+        before = editor.scene
+        middle = workspace.viewport.frame.opacity.nonzero()[1].mean() / workspace.viewport.frame.resolution[0]
+        ctx.mouse_move("//View/orbit")
+        ctx.mouse_down(button)
+        place = imgui.get_mouse_pos()
+        ctx.mouse_move_to_pos((place.x + 100, place.y))
+        ctx.mouse_up(button)
+        window.wait()
+        assert editor.scene == before
+        assert workspace.viewport.settings.pan[0] > 0.1
+        assert (
+            workspace.viewport.frame.opacity.nonzero()[1].mean() / workspace.viewport.frame.resolution[0]
+            > middle + 0.05
+        )
+        window.press(imgui.Key.home)
+        window.wait()
+        assert workspace.viewport.settings.pan == (0.0, 0.0)
+
+    drive(act)
+
+
+def test_shift_turns_finely(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        before = editor.scene.camera
+        window.drag("View/orbit", 100)
+        coarse = before.azimuth - editor.scene.camera.azimuth
+        window.undo()
+        window.ctx.key_down(imgui.Key.mod_shift)
+        window.drag("View/orbit", 100)
+        window.ctx.key_up(imgui.Key.mod_shift)
+        assert 0 < before.azimuth - editor.scene.camera.azimuth < 0.3 * coarse
+
+    drive(act)
+
+
+def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_backend: Backend, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        session = window.session
+        shown = []
+        for _ in MODES:
+            shown.append(window.capture_view(border=60))
+            window.ctx.mouse_move("//View/orbit")
+            window.press(imgui.Key.v)
+        assert all(np.abs(one - other).mean() > 1 for one, other in combinations(shown, 2))
+        window.click("View/##mode")
+        window.click("**/Normals")
+        window.click("View/##mode")
+        window.click("**/Colour")
+        assert session.messages.errors == []
+
+    drive(act, real_backend)
+
+
+def test_the_size_of_the_finished_image_can_be_chosen(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        window.set("View/##quality", 2)
+        window.wait(lambda: workspace.viewport.frame.final and workspace.viewport.frame.samples == 128)
+        frame = workspace.viewport.frame
+        assert frame is not None
+        assert min(frame.resolution) == 192
+        assert editor.scene.camera == orbit.home(workspace.model)
+
+    drive(act)
+
+
+def test_a_real_scene_is_rendered_and_the_frame_rate_is_the_windows(drive: Drive, real_backend: Backend) -> None:
+    def act(window: Driver) -> None:
+        session, workspace = window.session, window.workspace
+        assert workspace.viewport.frame is not None
+        assert workspace.viewport.frame.final
+        window.drag("View/orbit", 30)
+        window.wait_for_view()
+        assert session.messages.errors == []
+        assert hello_imgui.frame_rate() > 0
+
+    drive(act, real_backend)
+
+
+def test_seven_images_of_drag_drag_undo_undo_redo_redo(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        def image() -> np.ndarray:
+            window.ctx.mouse_move("//Sliders/###sample_all")  # the tooltip is not in the view
+            window.wait()
+            return window.capture_view(border=80)
+
+        window.context.set_preference(newcomer=False)
+        images = [image()]
+        for step in (drag_aside, drag_up, Driver.undo, Driver.undo, Driver.redo, Driver.redo):
+            step(window)
+            images.append(image())
+        first, second, third = images[:3]
+        assert min(np.abs(one - other).mean() for one, other in combinations((first, second, third), 2)) > 0.5
+        for shown, expected in zip(images[3:], (second, first, second, third), strict=True):
+            np.testing.assert_allclose(shown, expected, atol=1)
+
+    def drag_aside(window: Driver) -> None:
+        window.drag("View/orbit", 150)
+
+    def drag_up(window: Driver) -> None:
+        window.drag("View/orbit", 0, 90)
+
+    drive(act)

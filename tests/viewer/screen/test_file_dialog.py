@@ -1,0 +1,54 @@
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
+
+
+@dataclass
+class Dialog:
+    """The system's, answered already."""
+
+    answer: str
+
+    def ready(self, timeout: int = 0) -> bool:
+        return True
+
+    def result(self) -> str:
+        return self.answer
+
+
+def test_a_file_that_an_ending_leads_to_is_confirmed(tmp_path: Path) -> None:
+    (tmp_path / "video.mp4").touch()
+    asked, answers, saved = list[str](), ["video", "video.mp4"], list[Path]()
+
+    def opened(request: FileRequest, folder: Path) -> Dialog:
+        asked.append(request.name)
+        return Dialog(str(folder / answers[len(asked) - 1]))
+
+    dialogs = FileDialog(native=True, open_native=opened)
+    dialogs.folder = tmp_path
+    dialogs.ask(FileRequest("Export", saved.append, (".mp4",), True, "turntable.mp4"))
+    dialogs.draw()
+    assert saved == []
+    dialogs.draw()
+    assert asked == ["turntable.mp4", "video.mp4"]
+    assert saved == [tmp_path / "video.mp4"]
+    assert not dialogs.asking
+
+
+@pytest.mark.parametrize(("typed", "path"), [("a", "a.png"), ("a.webp", "a.webp"), (" a.png ", "a.png")])
+def test_a_name_without_an_ending_gets_one(typed: str, path: str) -> None:
+    assert FileRequest("Save", print, (".png",), True, "image.png").path(typed) == Path(path)
+
+
+def test_a_file_that_is_no_name_is_not_there() -> None:
+    assert not is_there(Path("a\0b"))
+
+
+def test_a_name_without_an_ending_gets_the_proposed_one() -> None:
+    request = FileRequest("Save", lambda _: None, (".glb", ".ply"), True, "mesh.ply")
+    assert request.path(" /a/b ") == Path("/a/b.ply")
+    assert request.path("/a/b.glb") == Path("/a/b.glb")
+    assert replace(request, save=False).path("/a/b") == Path("/a/b")

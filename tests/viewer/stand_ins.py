@@ -1,0 +1,87 @@
+"""Stand-ins for the streams that take seconds: renders, photos and fits that are made at once."""
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+
+from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
+from core.models.model import Model
+from core.photos.photo import Photo, load_photo
+from core.rendering.progressive import Frame, RenderJob
+
+
+def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+    """A disc whose colour follows the texture, its size the shape and the distance, its place the camera's angles."""
+    codes, camera, stages = job.codes, job.camera, job.settings.divisors
+    for stage, divisor in enumerate(stages):
+        width, height = max(1, camera.width // divisor), max(1, camera.height // divisor)
+        y, x = np.mgrid[0:height, 0:width] / min(width, height)
+        across, down = width / height / 2 + 0.2 * math.sin(camera.azimuth), 0.5 + 0.2 * math.sin(camera.elevation)
+        radius = (0.3 + 0.05 * math.tanh(float(codes.shape.sum()))) / camera.distance
+        opacity = (np.hypot(x - across, y - down) < radius).astype(np.float32)
+        colour = np.array([0.5 + 0.5 * math.tanh(value) for value in (codes.texture.tolist() * 3)[:3]])
+        image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
+        yield None
+        yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
+
+
+def quick_photo(path: Path, model: Model, *more: Any) -> Photo:
+    """The real thing refuses what is no picture, but cannot frame a block for a model of mists."""
+    if not path.stem.startswith("block"):
+        return load_photo(path, model, *more)
+    with Image.open(path) as image:
+        pixels = torch.from_numpy(np.array(image.resize((32, 32)))) / 255
+    return Photo(pixels, pixels.mean(-1) < 0.9)
+
+
+def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind; four race, then two.
+
+    Where it goes on, the camera is the given one.
+    """
+    given = [photo.camera for photo in job.photos]
+    for step in range(10):
+        codes = model.codes.mean.mixed(model.codes[3], step / 9, step / 9)
+        loss, race = math.exp(-step), list[Hypothesis]()
+        for start in range(4 if step < 5 else 2):
+            height, width = job.photos[0].mask.shape
+            camera = model.camera(1.0 + start * math.pi / 2, 0.3 + 0.01 * step).resized(width, height)
+            begin = job.resume_from if not start else None
+            first = begin.cameras if begin else (camera,) * len(job.photos)
+            at = tuple(known or found for known, found in zip(given, first, strict=True))
+            race.append(
+                Hypothesis(
+                    begin.origin if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 2)
+                )
+            )
+        behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in race[0].cameras)
+        yield FitStep(
+            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, race[0].cameras, codes, len(race)),
+            runner_up=RunnerUp(behind, 1.1 * loss),
+            margin=math.log(1.1),
+            uncertainty=1.0,
+            hypotheses=tuple(race),
+        )
+
+
+def endless_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """Never ends by itself."""
+    while True:
+        for step in quick_fit(model, job):
+            time.sleep(0.01)
+            yield step
+
+
+def broken_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """Fails after three steps."""
+    for step in quick_fit(model, job):
+        if step.step == 4:
+            raise ValueError("the loss is not finite")
+        yield step

@@ -1,0 +1,39 @@
+from pathlib import Path
+
+import pytest
+from imgui_bundle import imgui
+
+from viewer import actions
+from viewer.actions import ACTIONS, TABLE, Action, chords, markdown_table
+
+
+def test_the_readme_has_the_table_of_the_program() -> None:
+    readme = (Path(actions.__file__).parent / "README.md").read_text()
+    assert markdown_table() == readme.split("<!-- actions -->\n")[1].split("<!-- end of actions -->")[0]
+
+
+def test_every_action_and_every_key_is_there_once() -> None:
+    rows = [row for rows in TABLE.values() for row in rows if isinstance(row, Action)]
+    assert len(rows) == len(ACTIONS)
+    pressed = [chord for row in rows for chord in chords(row.keys)]
+    assert len(pressed) == len({*pressed})
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        ("", []),
+        ("Home", [imgui.Key.home]),
+        ("K", [imgui.Key.k]),
+        ("1", [imgui.Key._1, imgui.Key.keypad1]),
+        ("F1, ?", [imgui.Key.f1, imgui.Key.mod_shift + imgui.Key.slash]),
+        (
+            "Ctrl+Y, Ctrl+Shift+Z",
+            [imgui.Key.mod_ctrl + imgui.Key.y, imgui.Key.mod_ctrl + imgui.Key.mod_shift + imgui.Key.z],
+        ),
+        ("Ctrl++", [imgui.Key.mod_ctrl + imgui.Key.equal, imgui.Key.mod_ctrl + imgui.Key.keypad_add]),
+        ("Ctrl+-", [imgui.Key.mod_ctrl + imgui.Key.minus, imgui.Key.mod_ctrl + imgui.Key.keypad_subtract]),
+    ],
+)
+def test_keys_are_chords(keys: str, expected: list[int]) -> None:
+    assert chords(keys) == [int(chord) for chord in expected]

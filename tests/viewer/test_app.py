@@ -1,0 +1,201 @@
+import math
+import textwrap
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from imgui_bundle import hello_imgui, imgui
+
+from core.models.model import Model
+from core.models.scene import Scene
+from tests.viewer.driver import Drive, Driver
+from tests.viewer.machine import slowness
+from tests.viewer.stand_ins import endless_fit
+from viewer import app
+from viewer.panels import all_panels
+from viewer.services.backend import Backend
+from viewer.values import orbit
+from viewer.values.preferences import Preferences
+from viewer.values.quality import QUALITIES
+
+
+def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        assert window.context.preferences == Preferences()
+        window.drag("View/orbit", 30)
+        window.menu("View/###dark")
+        window.menu("View/###larger_text")
+        window.press(imgui.Key.mod_ctrl, imgui.Key.equal)
+        before = hello_imgui.em_size()
+        window.press(imgui.Key.mod_ctrl, imgui.Key.minus)
+        assert hello_imgui.em_size() < before
+        window.set("View/##quality", 2)
+        kept.append(window.context.preferences)
+        window.ctx.yield_(2)
+        assert Preferences.load(folder) == kept[0]
+        window.menu("View/###reset_layout")
+        window.ctx.yield_(5)
+        window.drag("View/orbit", 30)
+
+    def second(window: Driver) -> None:
+        workspace = window.workspace
+        assert window.context.preferences == kept[0]
+        assert not (kept[0].dark or kept[0].newcomer)
+        assert workspace.viewport.settings.quality == QUALITIES[2]
+
+    kept: list[Preferences] = []
+    drive(first, folder=folder)
+    assert (folder / "window.ini").is_file()
+    drive(second, folder=folder)
+
+
+def test_a_session_that_ended_badly_is_offered_back(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        assert not window.ctx.window_info("//###Recovery").window
+        window.context.drop([str(photo)])
+        window.wait(lambda: not workspace.fitting.running)
+        window.wait()
+        window.press(imgui.Key.k)
+        window.drag("View/orbit", 80)
+        window.context.autosave.every = 0.0
+        window.wait(lambda: any(folder.glob("session-*.json")))
+        (written,) = folder.glob("session-*.json")
+        (folder / "session-999999999.json").write_text(written.read_text())  # of a run that is no more
+        made.append(editor.state)
+
+    def second(window: Driver) -> None:
+        session, editor = window.session, window.workspace.editor
+        window.click("###Recovery/###restore")
+        window.wait()
+        assert session.messages.errors == []
+        assert editor.state == made[0]
+        assert editor.objects.names[0] == "block"
+        assert editor.objects["block"].photo is not None
+        assert not window.context.autosave.left
+        window.undo()
+        assert not editor.history.past
+
+    made: list[object] = []
+    drive(first, folder=folder)
+    assert [path.name for path in folder.glob("session-*.json")] == ["session-999999999.json"]
+    drive(second, folder=folder)
+    assert not list(folder.glob("session-*.json"))
+
+
+def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    manual = (Path(app.__file__).parent / "README.md").read_text()
+    code = textwrap.dedent(manual.split("```python\n")[1].split("```")[0])
+    names: dict[str, type] = {}
+    exec(code, names)
+    panels = [*all_panels(), names["PlacePanel"]()]
+    monkeypatch.setattr(app, "all_panels", lambda: panels)
+
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        before = editor.scene.camera
+        window.show("Place")
+        window.click("Place/###other side")
+        assert editor.scene.camera == orbit.turned(before, math.pi, 0.0)
+        window.click("View/###undo")
+        assert editor.scene.camera == before
+
+    drive(act)
+
+
+def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        session, editor = window.session, window.workspace.editor
+
+        def fail(context: object) -> None:
+            imgui.begin_child("left open")
+            imgui.push_id("left open too")
+            raise KeyError("a mistake")
+
+        drawn = window.app.panels[2].draw
+        window.app.panels[2].draw = fail
+        window.wait(lambda: bool(session.messages.errors))
+        window.ctx.yield_(5)
+        assert session.messages.errors == ["The panel Objects failed: KeyError: 'a mistake'"]
+        window.drag("View/orbit", 30)
+        assert editor.history.past
+        window.app.panels[2].draw = drawn
+        window.click("Objects/Try again")
+        window.click("Objects/**/show object 3")
+        assert editor.state.mix.a.shape == "object 3"
+
+    drive(act, strict=False)
+
+
+def test_closing_while_a_fit_runs_ends_at_once(drive: Drive, backend: Backend, photo: Path) -> None:
+    def act(window: Driver) -> None:
+        workspace = window.workspace
+        window.context.drop([str(photo)])
+        window.wait(lambda: len(workspace.fitting.history.steps) > 3)
+        ended.append(time.monotonic())
+
+    ended: list[float] = []
+    drive(act, replace(backend, fit=endless_fit))
+    assert time.monotonic() - ended[0] < 1.0 * slowness()
+    assert not any(thread.name == "worker" for thread in threading.enumerate())
+
+
+@pytest.mark.parametrize("size", [(640, 400), (1280, 800), (2560, 1600)])
+def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        viewport = imgui.get_main_viewport().size
+        assert (viewport.x, viewport.y) == size
+        window.drag("View/orbit", 30)
+        window.show("Sliders")
+        window.click("Sliders/**/Mean##shape")
+        assert len(editor.history.past) == 2
+
+    drive(act, size=size)
+
+
+def test_bad_files_are_reported_and_change_nothing(
+    drive: Drive, bad_files: dict[str, Path], tmp_path: Path, model: Model
+) -> None:
+    Scene("another", model.codes[0], model.camera(0, 0)).save(tmp_path / "other.json")
+    (tmp_path / "torn.json").write_text('{"model": ')
+
+    def act(window: Driver) -> None:
+        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        before = editor.history
+        for path in (*bad_files.values(), tmp_path / "other.json", tmp_path / "torn.json"):
+            session.messages.clear()
+            window.context.drop([str(path)])
+            window.wait(lambda: bool(session.messages.errors))
+            window.wait()
+            assert editor.history is before, path.name
+            assert not workspace.fitting.running
+        window.context.drop([])
+
+    drive(act)
+
+
+def test_a_layout_of_an_older_version_still_holds(drive: Drive, tmp_path: Path) -> None:
+    folder, renamed = tmp_path / "config", {"Grid": "Sheet", "Performance": "Speed", "Sliders": "Codes"}
+
+    def place(window: Driver) -> tuple[float, float]:
+        window.show("Grid")
+        corner = window.ctx.window_info("//Grid").window.pos
+        return corner.x, corner.y
+
+    places: list[tuple[float, float]] = []
+    drive(lambda window: places.append(place(window)), folder=folder)
+    layout = (folder / "window.ini").read_text()
+    for new, old in renamed.items():
+        assert f"[Window][{new}]" in layout
+        layout = layout.replace(f"[Window][{new}]", f"[Window][{old}]")
+    (folder / "window.ini").write_text(layout)
+    drive(lambda window: places.append(place(window)), folder=folder)
+    assert places[0] == places[1]
+    assert "[Window][Sheet]" not in (folder / "window.ini").read_text()

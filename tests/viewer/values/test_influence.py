@@ -1,0 +1,46 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.models.model import Model
+from core.rendering.progressive import Frame, render_frame
+from viewer.values.influence import CodeInfluence
+
+
+@pytest.fixture
+def frame() -> Frame:
+    """A grey square."""
+    opacity = np.zeros((8, 8), np.float32)
+    opacity[2:6, 2:6] = 1
+    image = np.where(opacity[..., None] > 0, 100, 255).astype(np.uint8).repeat(3, -1)
+    return Frame(image, opacity, opacity, 0, 1, 8, 0.1)
+
+
+def test_it_is_found_where_colours_change(frame: Frame) -> None:
+    image = frame.image.copy()
+    image[2:4, 2:6, 0] = 160
+    found = CodeInfluence.between(frame, replace(frame, image=image))
+    assert found.changed == pytest.approx(0.5)
+    assert found.leak == 0.0
+    assert found.image[3, 3].sum() > found.image[5, 5].sum() + 300
+    assert (found.image[5, 5] == found.image[0, 0]).all()
+
+
+def test_nothing_is_no_change(frame: Frame) -> None:
+    found = CodeInfluence.between(frame, frame)
+    assert (found.changed, found.leak) == (0.0, 0.0)
+    assert (found.image == found.image[0, 0]).all()
+    clear = replace(frame, opacity=np.zeros_like(frame.opacity))
+    assert CodeInfluence.between(clear, clear).changed == 0.0
+
+
+def test_texture_leaves_the_silhouette_exactly_and_shape_moves_it(model: Model) -> None:
+    camera = model.camera(0.4, 0.3).resized(24, 24)
+    first, other = model.codes[0], model.codes[1]
+    before = render_frame(model, first, camera)
+    repainted = CodeInfluence.between(before, render_frame(model, replace(first, texture=other.texture), camera))
+    reshaped = CodeInfluence.between(before, render_frame(model, replace(first, shape=other.shape), camera))
+    assert repainted.leak == 0.0
+    assert repainted.image.std() > 0
+    assert reshaped.leak > 0

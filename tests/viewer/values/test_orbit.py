@@ -1,0 +1,99 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.geometry.camera import Camera
+from core.models.model import Model
+from core.rendering.progressive import Frame
+from viewer.values import orbit
+
+CAMERA = Camera(0.4, 0.2, 2.0, 131.25, 128, 128)
+
+
+def test_a_drag_across_the_view_is_half_a_turn_with_the_hand() -> None:
+    turned = orbit.dragged(CAMERA, 1.0, 0.0)
+    # The object follows the hand to the right when the camera goes left, clockwise seen from above.
+    assert turned.azimuth == pytest.approx(0.4 - math.pi)
+    assert turned.elevation == CAMERA.elevation
+    assert orbit.dragged(CAMERA, 0.0, 0.1).elevation > CAMERA.elevation
+
+
+def test_small_drags_add_up_to_a_large_one() -> None:
+    camera = CAMERA
+    for _ in range(10):
+        camera = orbit.dragged(camera, 0.01, -0.02)
+    assert camera.azimuth == pytest.approx(orbit.dragged(CAMERA, 0.1, 0).azimuth)
+    assert camera.elevation == pytest.approx(orbit.dragged(CAMERA, 0, -0.2).elevation)
+
+
+@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_no_drag_leaves_the_orbit_or_passes_a_pole(across: float, down: float) -> None:
+    camera = orbit.dragged(CAMERA, across, down)
+    assert abs(camera.azimuth) <= math.pi + 1e-9
+    assert abs(camera.elevation) < math.pi / 2
+
+
+@given(st.floats(-1e3, 1e3))
+def test_zoom_stays_in_reach(model: Model, steps: float) -> None:
+    near, far = orbit.zoomed(CAMERA, 1e3, model).distance, orbit.zoomed(CAMERA, -1e3, model).distance
+    assert 0 < near <= orbit.zoomed(CAMERA, steps, model).distance <= far
+    assert near < model.distance < far
+
+
+def test_zooming_in_and_out_again_comes_back(model: Model) -> None:
+    there = orbit.zoomed(CAMERA, 2.0, model)
+    assert there.distance < CAMERA.distance
+    assert orbit.zoomed(there, -2.0, model).distance == pytest.approx(CAMERA.distance)
+
+
+@pytest.mark.parametrize("size", [(800, 600), (600, 800), (700, 700), (1, 1), (3000, 20)])
+def test_the_shorter_side_of_any_panel_shows_the_same(size: tuple[int, int]) -> None:
+    crop = orbit.fit_to_panel(CAMERA, *size, 256)
+    camera = crop.camera
+    assert (crop.width, crop.height, crop.left, crop.top) == (camera.width, camera.height, 0, 0)
+    assert min(camera.width, camera.height) == 256
+    assert camera.width / camera.height == pytest.approx(size[0] / size[1], rel=0.02)
+    assert camera.focal / 256 == pytest.approx(CAMERA.focal / CAMERA.height)
+    assert (camera.azimuth, camera.elevation, camera.distance) == (0.4, 0.2, 2.0)
+
+
+@pytest.mark.parametrize("pan", [(0.0, 0.0), (0.25, -0.5), (-1.0, 1.0)])
+@pytest.mark.parametrize("divisor", [1, 4, 16])
+def test_a_panned_view_shows_the_object_aside(pan: tuple[float, float], divisor: int) -> None:
+    crop = orbit.fit_to_panel(CAMERA, 200, 100, 128, pan)
+    camera = crop.camera
+    assert camera.focal == pytest.approx(CAMERA.focal * 128 / CAMERA.height)
+    height, width = max(1, camera.height // divisor), max(1, camera.width // divisor)
+    y, x = np.mgrid[0:height, 0:width] + 0.5
+    opacity = (np.hypot(x - width / 2, y - height / 2) < 10 / divisor + 1).astype(np.float32)
+    frame = Frame(np.zeros((height, width, 3), np.uint8), opacity, opacity, 0, 1, 1, 0.0)
+    shown = crop.cropped(frame)
+    assert shown.resolution == pytest.approx((256 // divisor, 128 // divisor), abs=1)
+    rows, columns = shown.opacity.nonzero()
+    expected = shown.resolution[0] / 2 + pan[0] * 128 / divisor, shown.resolution[1] / 2 + pan[1] * 128 / divisor
+    inside = 0 < expected[0] < shown.resolution[0] and 0 < expected[1] < shown.resolution[1]
+    if inside:
+        assert columns.mean() + 0.5 == pytest.approx(expected[0], abs=1.5)
+        assert rows.mean() + 0.5 == pytest.approx(expected[1], abs=1.5)
+
+
+def test_pushing_goes_no_further_than_a_view() -> None:
+    assert orbit.panned((0.5, 0.0), 0.25, -3.0) == (0.75, -1.0)
+
+
+@pytest.mark.parametrize("view", orbit.VIEWS)
+def test_usual_views_keep_the_distance(view: str) -> None:
+    seen = orbit.seen_from(CAMERA, view)
+    assert (seen.azimuth, seen.elevation) == orbit.VIEWS[view]
+    assert replace(seen, azimuth=CAMERA.azimuth, elevation=CAMERA.elevation) == CAMERA
+
+
+def test_home_sees_the_whole_object_from_its_front(model: Model) -> None:
+    camera = orbit.home(model)
+    assert camera.distance <= model.distance
+    assert abs(camera.azimuth - math.pi / 2) < math.radians(45)
+    assert camera.elevation > 0

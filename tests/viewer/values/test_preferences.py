@@ -1,0 +1,40 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from viewer.values.preferences import LARGEST, SMALLEST, Preferences
+
+
+def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
+    chosen = replace(Preferences(), dark=False, text=1.25, quality=5, newcomer=False).with_recent(tmp_path / "a.png")
+    chosen.save(tmp_path / "deep" / "folder")
+    assert Preferences.load(tmp_path / "deep" / "folder") == chosen
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "[]",
+        "nonsense",
+        '{"dark": 3, "quality": "large", "text": null, "recent": 7}',
+        '{"quality": -5, "text": NaN, "recent": [1, {}], "other": 1}',
+    ],
+)
+def test_what_makes_no_sense_is_as_on_the_first_launch(text: str, tmp_path: Path) -> None:
+    (tmp_path / "preferences.json").write_text(text)
+    assert Preferences.load(tmp_path) == Preferences()
+
+
+def test_the_text_stays_readable() -> None:
+    assert Preferences().with_text_size(99.0).text == LARGEST
+    assert Preferences().with_text_size(0.0).text == SMALLEST
+
+
+def test_recent_files_are_few_and_each_once(tmp_path: Path) -> None:
+    preferences = Preferences()
+    for number in (*range(20), 15):
+        preferences = preferences.with_recent(tmp_path / f"{number}.png")
+    assert preferences.recent[:3] == tuple(str(tmp_path / f"{number}.png") for number in (15, 19, 18))
+    assert len(preferences.recent) == len(set(preferences.recent)) == 8

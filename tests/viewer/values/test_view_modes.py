@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+import torch
+
+from core.geometry.camera import Camera
+from core.geometry.rays import camera_rays
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+from viewer.values.view_modes import MODES, in_mode, normals
+
+CAMERA = Camera(0.7, 0.4, 2.0, 131.25, 64, 64)
+
+
+@pytest.fixture
+def ball() -> Frame:
+    """A solid ball of radius 0.4 around the origin, as a camera sees it."""
+    rays = camera_rays(CAMERA, torch.ones(3))
+    origins, directions = rays.origins.numpy(), rays.directions.numpy()
+    along = -(origins * directions).sum(-1)
+    aside = ((origins + along[..., None] * directions) ** 2).sum(-1)
+    hit = aside < 0.16
+    depth = np.where(hit, along - np.sqrt(np.clip(0.16 - aside, 0, None)), 0).astype(np.float32)
+    image = np.full((64, 64, 3), 255, np.uint8)
+    image[hit] = 40
+    return Frame(image, depth, hit.astype(np.float32), 0, 1, 192, 0.1, 3 * hit.astype(np.int32))
+
+
+def test_normals_of_a_ball_point_from_its_middle(ball: Frame) -> None:
+    found = normals(ball, CAMERA)
+    there = found.any(-1)
+    assert there.sum() > 500
+    rays = camera_rays(CAMERA, torch.ones(3))
+    points = rays.origins.numpy() + ball.depth[..., None] * rays.directions.numpy()
+    expected = points / np.linalg.norm(points, axis=-1, keepdims=True)
+    assert (found * expected).sum(-1)[there].min() > 0.9
+    assert (found * expected).sum(-1)[there].mean() > 0.995
+    np.testing.assert_allclose(np.linalg.norm(found[there], axis=-1), 1.0, atol=1e-6)
+
+
+def test_near_is_brighter_than_far(ball: Frame) -> None:
+    seen = in_mode(ball, CAMERA, "depth").image.astype(int).sum(-1)
+    edge = np.flatnonzero(ball.opacity[32])[1]
+    assert seen[32, 32] > seen[32, edge] + 100
+    assert (seen[ball.opacity == 0] == 3 * 255).all()
+
+
+def test_opacity_and_samples_fill_the_picture(ball: Frame) -> None:
+    for mode in ("opacity", "samples"):
+        seen = in_mode(ball, CAMERA, mode)
+        assert (seen.opacity == 1).all()
+        assert seen.image[32, 32].sum() > seen.image[0, 0].sum() + 200
+    assert in_mode(ball, CAMERA, "colour") is ball
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_picture_of_nothing_is_no_trouble(mode: str) -> None:
+    empty = np.zeros((2, 3), np.float32)
+    nothing = Frame(np.full((2, 3, 3), 255, np.uint8), empty, empty, 0, 1, 8, 0.1)
+    seen = in_mode(nothing, CAMERA, mode)
+    assert seen.image.shape == (2, 3, 3)
+    assert np.isfinite(normals(nothing, CAMERA)).all()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_mode_takes_what_the_renderer_gives(mode: str, model: Model) -> None:
+    camera = model.camera(0.4, 0.3).resized(24, 20)
+    (frame,) = filter(None, render_progressively(model, RenderJob(model.codes[0], camera, RenderSettings(24, (1,)))))
+    assert frame.evaluations.shape == (20, 24)
+    assert frame.evaluations.max() > 0
+    assert (frame.evaluations[frame.opacity > 0] > 0).all()
+    assert in_mode(frame, camera, mode).image.dtype == np.uint8

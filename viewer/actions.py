@@ -1,0 +1,262 @@
+"""One table of all that keys, mouse and menus do; menus, keys, help, tooltips and the README's table are made of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from imgui_bundle import imgui
+
+from viewer.context import PanelContext
+from viewer.values.preferences import LARGEST, SMALLEST
+
+Test = Callable[[PanelContext], bool]
+
+
+@dataclass(frozen=True)
+class Action:
+    """Something that a key, a menu or a button runs."""
+
+    id: str
+    words: str
+    """in a menu"""
+    keys: str
+    """one or more chords, such as ``Ctrl+Y, Ctrl+Shift+Z``; empty: none"""
+    tooltip: str
+    """what it does, as the help has it too"""
+    run: Callable[[PanelContext], None]
+    enabled: Test = lambda context: True
+    checked: Test | None = None
+    """for what can be on or off"""
+    in_view_only: bool = False
+    """its keys work only while the mouse or the focus is in the view"""
+
+    def hint(self) -> str:
+        """The tooltip of a button for it: what it does, and its keys."""
+        return f"{self.tooltip} ({self.keys})" if self.keys else self.tooltip
+
+
+@dataclass(frozen=True)
+class Gesture:
+    """Something that the mouse does, or a held key, in one panel."""
+
+    words: str
+    tooltip: str
+
+
+def _ready(context: PanelContext) -> bool:
+    return context.ready
+
+
+def _idle(context: PanelContext) -> bool:
+    """A fit can begin."""
+    return context.ready and not context.fitting.running
+
+
+def _see(number: int, view: str, words: str) -> Action:
+    def enabled(context: PanelContext) -> bool:
+        return context.ready and (view != "photo" or context.fitting.history.last is not None)
+
+    return Action(
+        f"see_{view}",
+        words,
+        str(number),
+        "from where the last photo was found to be taken" if view == "photo" else f"see the object from the {view}",
+        lambda context: context.workspace.see_from(view),
+        enabled,
+    )
+
+
+TABLE: dict[str, tuple[Action | Gesture, ...]] = {
+    "View": (
+        Gesture("Drag, or arrow keys", "turn the object; finer with Shift"),
+        Gesture("Wheel, or + and -", "zoom"),
+        Gesture("Middle or right drag", "pan: move the object in the view"),
+        Gesture("Double click", "back to the first view, the object in the middle"),
+        Action(
+            *("reset_view", "Reset view", "Home", "back to the first view, the object in the middle"),
+            lambda context: context.viewport.reset_view(),
+            _ready,
+            in_view_only=True,
+        ),
+        _see(1, "front", "Front"),
+        _see(2, "side", "Side"),
+        _see(3, "top", "Top"),
+        _see(4, "photo", "Photo"),
+        Action(
+            *("next_mode", "Next mode", "V", "colour, depth, normals, opacity, or samples of each ray"),
+            lambda context: context.next_view_mode(),
+            _ready,
+        ),
+        Gesture("The badge", "amber: a preview, being refined; green: the finished render"),
+    ),
+    "Objects": (
+        Gesture("Click", "show the object; it is A"),
+        Gesture("Right click", "take only its shape or texture, make it B, add it to the grid"),
+        Gesture("Drag", "onto a slot (shape, texture, B) or onto the grid"),
+    ),
+    "Mix": (
+        Gesture("Lock", "keeps shape or texture from being changed"),
+        Gesture("Drag in the pad", "across: shape from A to B; upwards: texture"),
+    ),
+    "Grid": (Gesture("Click", "make a pair current; at the border: take the object out"),),
+    "Sliders": (
+        Action(
+            *("sample_all", "Random", "R", "a random shape and texture; what is locked stays"),
+            lambda context: context.editor.sample_all(),
+            _ready,
+        ),
+        Gesture("Click a thumbnail", "under a slider: go to -2, 0 or +2"),
+        Gesture("Hover over a slider", "which pixels it changes, and whether the silhouette moves"),
+        Gesture("Ctrl+click", "type a value"),
+        Gesture("Right click", "set the direction to 0"),
+    ),
+    "Timeline": (
+        Action(
+            *("add_key", "Keyframe", "K", "what is shown becomes a keyframe, or replaces the one at this time"),
+            lambda context: context.player.add_key(),
+            _ready,
+        ),
+        Action(
+            *("play", "Play", "Space", "play the timeline in the view, or pause"),
+            lambda context: context.player.toggle(),
+            lambda context: context.ready and bool(context.player.timeline.keys),
+        ),
+        Gesture("Click or drag a keyframe", "show it, move it in time; right click to replace or remove it"),
+    ),
+    "History": (Gesture("Click a thumbnail", "go back, or forward, to that state"),),
+    "Fit": (
+        Action(
+            *("fit_image", "Fit image…", "Ctrl+I", "choose an image of one object, and fit it"),
+            lambda context: context.fit_image(),
+            _idle,
+        ),
+        Action("paste", "Paste image", "Ctrl+V", "fit the image in the clipboard", lambda c: c.paste(), _idle),
+        Gesture("Drag in wipe, onion skin", "more of the photo, or of the render"),
+        Gesture("Hold F", "the photo in place of the render"),
+        Gesture("Drag along the curves", "see any step of the fit, here and in the view"),
+        Gesture("Click a candidate", "prefer it: the fit continues from there alone"),
+        Gesture("Refit", "from the step shown, from the camera in the view, or from the beginning"),
+    ),
+    "Segment": (
+        Gesture("Drag", "a box around the object, or strokes that add or remove"),
+        Gesture("Ctrl+Z", "take the last box or stroke back"),
+    ),
+    "Files": (
+        Gesture("Drop an image", "fit the object in it"),
+        Gesture("Drop several", "of one object: fit them together; poses (.txt) go with images of their names"),
+        Gesture("Drop an image saved here", "a png brings its codes and camera back"),
+        Action(
+            *("open_scene", "Open scene…", "Ctrl+O", "open a scene of this model, or an image saved here; or drop it"),
+            lambda context: context.open_scene(),
+            _ready,
+        ),
+        Action(
+            *("save_scene", "Save scene…", "Ctrl+S", "save codes and camera, exact, as a small file"),
+            lambda context: context.save_scene(),
+            _ready,
+        ),
+    ),
+    "Everywhere": (
+        Action(
+            *("undo", "Undo", "Ctrl+Z", "undo the last edit; a drag is one step"),
+            lambda context: context.editor.undo(),
+            lambda context: context.ready and bool(context.editor.history.past),
+        ),
+        Action(
+            *("redo", "Redo", "Ctrl+Y, Ctrl+Shift+Z", "redo what was undone"),
+            lambda context: context.editor.redo(),
+            lambda context: context.ready and bool(context.editor.history.future),
+        ),
+        Action(
+            *("larger_text", "Larger text", "Ctrl++", "larger text"),
+            lambda context: context.resize_text(1),
+            lambda context: context.preferences.text < LARGEST,
+        ),
+        Action(
+            *("smaller_text", "Smaller text", "Ctrl+-", "smaller text"),
+            lambda context: context.resize_text(-1),
+            lambda context: context.preferences.text > SMALLEST,
+        ),
+        Action(
+            *("dark", "Dark", "", "dark colours, or light ones"),
+            lambda context: context.set_preference(dark=not context.preferences.dark),
+            checked=lambda context: context.preferences.dark,
+        ),
+        Action(
+            *("smooth", "Smooth the finished render", "", "without visible pixels; a preview shows its own"),
+            lambda context: context.set_preference(smooth=not context.preferences.smooth),
+            checked=lambda context: context.preferences.smooth,
+        ),
+        Action(
+            "reset_layout", "Reset layout", "", "all panels where they were", lambda context: context.reset_layout()
+        ),
+        Action(
+            *("help", "Keys and mouse", "F1, ?", "this help"),
+            lambda context: setattr(context, "help_open", not context.help_open),
+            checked=lambda context: context.help_open,
+        ),
+        Action("quit", "Quit", "Ctrl+Q", "end the program", lambda context: context.quit()),
+    ),
+}
+"""By where it works; the order is that of the help."""
+
+ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
+
+
+def run_keys(context: PanelContext, in_view: bool = False) -> None:
+    """Run the actions whose keys are pressed; to be called once a frame, for those of the view inside of it."""
+    if imgui.get_io().want_text_input:
+        return
+    for action in ACTIONS.values():
+        pressed = action.in_view_only == in_view and any(map(imgui.is_key_chord_pressed, chords(action.keys)))
+        if pressed and _is_allowed(action, context) and action.enabled(context):
+            action.run(context)
+
+
+def _is_allowed(action: Action, context: PanelContext) -> bool:
+    """The segmentation dialog has keys of its own, and would hide the help; a popup is closed first."""
+    if context.ready and context.segmenting.active:
+        return action.id in ("quit", "larger_text", "smaller_text")
+    return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+
+
+def chords(keys: str) -> list[int]:
+    """Key chords, for imgui, as numbers: ``Ctrl++`` has two, as there are two keys with a plus."""
+    return [sum(chord) for text in keys.split(", ") if text for chord in _chord(text)]
+
+
+def chord(*keys: imgui.Key) -> int:
+    """Keys pressed together, for imgui. As a number: older Pythons cannot join keys by ``|``."""
+    return sum(map(int, keys))
+
+
+def _chord(text: str) -> list[tuple[int, ...]]:
+    *modifiers, name = text.replace("++", "+plus").split("+")
+    held = tuple(int(_MODIFIERS[modifier]) for modifier in modifiers)
+    return [(*held, *map(int, keys)) for keys in _key(name)]
+
+
+def _key(name: str) -> list[tuple[imgui.Key, ...]]:
+    key = imgui.Key
+    if name in _NAMED:
+        return _NAMED[name]
+    if name.isdigit():
+        return [(getattr(key, f"_{name}"),), (getattr(key, f"keypad{name}"),)]
+    return [(getattr(key, name.lower()),)]
+
+
+_MODIFIERS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift}
+_NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
+    "plus": [(imgui.Key.equal,), (imgui.Key.keypad_add,)],
+    "-": [(imgui.Key.minus,), (imgui.Key.keypad_subtract,)],
+    "?": [(imgui.Key.mod_shift, imgui.Key.slash)],
+}
+
+
+def markdown_table() -> str:
+    """The table of the viewer's README."""
+    lines = ["| where | keys and mouse | |", "|---|---|---|"]
+    for place, rows in TABLE.items():
+        for number, row in enumerate(rows):
+            keys = f"`{'`, `'.join(row.keys.split(', '))}`" if isinstance(row, Action) and row.keys else row.words
+            lines.append(f"| {'' if number else f'**{place}**'} | {keys} | {row.tooltip} |")
+    return "\n".join(lines) + "\n"

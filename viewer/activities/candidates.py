@@ -1,0 +1,135 @@
+"""The candidates of a fit: a tile for every hypothesis of its search, with a thumbnail of it."""
+
+import math
+from collections.abc import Container, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+
+import torch
+
+from core.fitting.fit import FitStep, Hypothesis
+from core.geometry.camera import Camera
+from core.models.model import Model
+from core.models.precision import autocast
+from core.rendering.progressive import Frame
+from core.rendering.reference import render_exact
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+
+_MAX_STEP = 45.0
+"""degrees: one step turns no camera so far, so what is farther is another hypothesis of the same origin"""
+_SHARE = 0.06
+"""of the worker's time, which the fit has otherwise"""
+_SIZE, _SAMPLES = 32, 16
+"""px, and along a ray"""
+_CLOSER = 1.5
+"""Photos are framed with room around the object, for which a tile has none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tile:
+    """A hypothesis as the window shows it."""
+
+    number: int
+    """in the order of appearance"""
+    hypothesis: Hypothesis
+    """as it was in the last step that had it"""
+    eliminated_at: float | None = None
+    """seconds of the fit after which the search had dropped it; None while it is active"""
+    frame: Frame | None = None
+
+
+def update_tiles(tiles: Sequence[Tile], step: FitStep) -> tuple[Tile, ...]:
+    """The tiles after a step: active ones by their loss, then the eliminated ones, the latest first."""
+    left = [tile for tile in tiles if tile.eliminated_at is None]
+    active, fresh = list[Tile](), count(len(tiles))
+    for hypothesis in step.hypotheses:
+        tile = min(left, key=lambda tile: _angle(tile, hypothesis), default=None)
+        if tile is None or _angle(tile, hypothesis) > _MAX_STEP:
+            tile = Tile(next(fresh), hypothesis)
+        else:
+            left.remove(tile)
+        active.append(replace(tile, hypothesis=hypothesis))
+    eliminated = [replace(tile, eliminated_at=step.seconds) for tile in left]
+    return (*active, *eliminated, *(tile for tile in tiles if tile.eliminated_at is not None))
+
+
+def _angle(tile: Tile, hypothesis: Hypothesis) -> float:
+    """Degrees by which the farthest camera has moved; infinite for hypotheses of different origins or photos."""
+    before, now = tile.hypothesis, hypothesis
+    if before.origin != now.origin or len(before.cameras) != len(now.cameras):
+        return math.inf
+    return max(map(_angle_between, before.cameras, now.cameras))
+
+
+def _angle_between(first: Camera, second: Camera) -> float:
+    """Degrees between the directions of two cameras; cheap, as it is called many times a frame."""
+    cosine = math.sin(first.elevation) * math.sin(second.elevation) + math.cos(first.elevation) * math.cos(
+        second.elevation
+    ) * math.cos(first.azimuth - second.azimuth)
+    return math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
+
+
+class Candidates:
+    """The tiles of the fit under way, or of the last one, rendered anew one by one while it runs."""
+
+    def __init__(self, jobs: Jobs, model: Model) -> None:
+        self._jobs, self._model = jobs, model
+        self.tiles: tuple[Tile, ...] = ()
+        self._over = True
+
+    def close(self) -> None:
+        """Render no more."""
+        self._jobs.cancel("candidates")
+
+    def reset(self, tiles: tuple[Tile, ...] = ()) -> None:
+        """Another fit."""
+        self.close()
+        self.tiles = tiles
+
+    def update(self, step: FitStep) -> None:
+        """The fit has made a step."""
+        self.tiles, self._over = update_tiles(self.tiles, step), False
+        self._start()
+
+    def finish(self) -> None:
+        """The fit has ended: the tiles stay, and those that were eliminated without a thumbnail get theirs now."""
+        self._over = True
+        self._start()
+
+    def _start(self) -> None:
+        if self.tiles and not self._jobs.busy("candidates"):
+            ended = self._jobs.reporting("Cannot render the candidates")
+            self._jobs.submit(Job("candidates", self._render, self._keep, ended, share=_SHARE))
+
+    def _render(self) -> Iterator[tuple[int, Frame]]:
+        """Every other thumbnail is the best candidate's; between them comes whoever was rendered the longest ago.
+        After the fit come those that have no thumbnail yet.
+        """
+        turns, rendered = count(), dict[int, int]()
+        while waiting := [tile for tile in self.tiles if self._is_due(tile, rendered)]:
+            turn = next(turns)
+            tile = waiting[0] if turn % 2 else min(waiting, key=lambda tile: rendered.get(tile.number, -1))
+            rendered[tile.number] = turn
+            yield tile.number, _thumbnail(self._model, tile.hypothesis)
+
+    def _is_due(self, tile: Tile, rendered: Container[int]) -> bool:
+        if self._over:
+            return tile.frame is None and tile.number not in rendered
+        return tile.eliminated_at is None
+
+    def _keep(self, rendered: tuple[int, Frame]) -> None:
+        number, frame = rendered
+        self.tiles = tuple(replace(tile, frame=frame) if tile.number == number else tile for tile in self.tiles)
+
+
+def _thumbnail(model: Model, hypothesis: Hypothesis) -> Frame:
+    """A hypothesis from its camera, coarse. In each step it has another shape, for which the fast renderer would look
+    up the occupied cells first; for so few pixels the reference takes half the time.
+    """
+    camera = hypothesis.cameras[0].resized(_SIZE, _SIZE)
+    with torch.inference_mode(), autocast(model.device):
+        rendered = render_exact(model, hypothesis.codes, replace(camera, focal=_CLOSER * camera.focal), _SAMPLES)
+    image = (rendered.colour.float().clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+    depth, opacity = rendered.depth.float().cpu().numpy(), rendered.opacity.float().cpu().numpy()
+    return Frame(image, depth, opacity, 0, 1, _SAMPLES, 0.0)

@@ -1,0 +1,222 @@
+"""The timeline being made: its keyframes, the playhead, and playing it in the view."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from core.export.keyframes import Timeline, View
+from core.models.scene import Scene
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.activities.viewport import Viewport
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+from viewer.values import orbit
+
+_GESTURE = "play"
+"""of playing and scrubbing, so that either is one step of undo"""
+_RATE = 12.0
+"""frames per second while it plays: on two cores about as many as can be rendered of shapes that change"""
+_DETAIL = 128
+"""px along the shorter side"""
+_SETTINGS = RenderSettings(samples=96, divisors=(1,))
+_MAX_FRAMES = 720
+"""kept: a minute"""
+
+
+class Player:
+    """Edits the timeline, and shows in the view what it holds at a time.
+
+    While it plays, its frames are rendered ahead and kept, so that it runs smoothly from the second time round.
+    """
+
+    def __init__(
+        self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
+        self.seconds = 0.0
+        """where the playhead is"""
+        self._began: float | None = None
+        """s on the clock when the playhead was at 0, while it plays"""
+        self._last_scene: Scene | None = None
+        self._last_timeline: Timeline | None = None
+        """what it showed while it plays; another scene or timeline is another edit"""
+        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}
+        """by their number, of :attr:`_rendered_of`"""
+        self._rendered_of: tuple[Timeline, object] | None = None
+
+    @property
+    def timeline(self) -> Timeline:
+        """What is edited here."""
+        return self._editor.state.timeline
+
+    @property
+    def playing(self) -> bool:
+        """The playhead moves by itself."""
+        return self._began is not None
+
+    @property
+    def key(self) -> int | None:
+        """The keyframe at the playhead, if any."""
+        return self.timeline.nearest(self.seconds)
+
+    def close(self) -> None:
+        """Play no more."""
+        self._began = None
+        self._jobs.cancel("timeline")
+
+    def toggle(self) -> None:
+        """Play, or pause."""
+        self.pause() if self.playing else self.play()
+
+    def play(self) -> None:
+        """Play from the playhead; from the beginning if that is the end."""
+        if not self.timeline.keys:
+            return
+        if not self.timeline.loop and self.seconds >= self.timeline.length - 1e-3:
+            self.seconds = 0.0
+        self._editor.end_gesture()
+        self._began = self._clock() - self.seconds
+        self._viewport.hold("timeline")
+        self._show()
+        self._render_ahead()
+
+    def pause(self) -> None:
+        """Stay at the playhead."""
+        if self.playing:
+            self._stop()
+            self._editor.end_gesture()
+
+    def seek(self, seconds: float) -> None:
+        """Move the playhead, and show that time; to be ended by :meth:`Editor.end_gesture`."""
+        self._stop()
+        self.seconds = max(0.0, min(self.timeline.length, seconds))
+        if self.timeline.keys:
+            self._show()
+
+    def tick(self) -> None:
+        """Once a frame: advance, if it plays. Any other edit stops it."""
+        if self._began is None:
+            return
+        if self._editor.scene is not self._last_scene or self.timeline is not self._last_timeline:
+            self._stop()
+            return
+        if self._rendered_of != (self.timeline, self._layout):
+            self._render_ahead()
+        length = self.timeline.length
+        passed = self._clock() - self._began
+        self.seconds = passed % length if self.timeline.loop else min(passed, length)
+        self._show()
+        if newest := self._newest_frame():
+            self._viewport.display(*newest, "timeline")
+        if passed >= length and not self.timeline.loop:
+            self.pause()
+        self._jobs.worker.wake()
+
+    # Edits of the timeline
+
+    def add_key(self) -> None:
+        """What is shown becomes a keyframe at this time, in place of one that is there."""
+        self.pause()
+        here = self.key
+        if here is None:
+            self._editor.set_timeline(self.timeline.added(self.seconds, self._shown))
+            self.seconds = min(self.seconds, self.timeline.keys[-1].seconds)  # a loop has no key at its very end
+        else:
+            self.replace_key(here)
+
+    def replace_key(self, index: int) -> None:
+        """What is shown takes the place of a keyframe."""
+        self.pause()
+        self._editor.set_timeline(self.timeline.replaced(index, self._shown))
+
+    def remove_key(self, index: int) -> None:
+        """Take a keyframe out."""
+        self.pause()
+        self._editor.set_timeline(self.timeline.removed(index))
+
+    def move_key(self, index: int, seconds: float) -> None:
+        """Give a keyframe another time; to be ended by :meth:`Editor.end_gesture`."""
+        moved = self.timeline.moved(index, seconds)
+        self._stop()
+        self.seconds = moved.keys[index].seconds
+        self._editor.set_timeline(moved, f"key {index}")
+
+    def go_to_key(self, index: int) -> None:
+        """Move the playhead to a keyframe and show it."""
+        self.seek(self.timeline.keys[index].seconds)
+        self._editor.end_gesture()
+
+    def stretch(self, length: float) -> None:
+        """Make it last longer or shorter; to be ended by :meth:`Editor.end_gesture`."""
+        share = self.seconds / self.timeline.length
+        stretched = self.timeline.stretched(length)
+        self._stop()
+        self.seconds = share * stretched.length
+        self._editor.set_timeline(stretched, "timeline length")
+
+    def set_loop(self, loop: bool) -> None:
+        """Continue from the last keyframe to the first, or end."""
+        self.pause()
+        self._editor.set_timeline(self.timeline.looped(loop))
+
+    def set_turns(self, turns: int) -> None:
+        """Let the camera go round so many times more."""
+        self.pause()
+        self._editor.set_timeline(replace(self.timeline, turns=turns))
+
+    def set_smooth(self, smooth: bool) -> None:
+        """Go through the keyframes without corners, or straight from one to the next."""
+        self.pause()
+        self._editor.set_timeline(replace(self.timeline, smooth=smooth))
+
+    def _stop(self) -> None:
+        if self._began is not None:
+            self._began = None
+            self._jobs.cancel("timeline")
+            self._viewport.release("timeline")
+
+    def _newest_frame(self) -> tuple[Frame, orbit.PanelCrop] | None:
+        """The newest frame that is there, of this moment or before."""
+        now = int(self.seconds * _RATE)
+        return next((self._frames[index] for index in range(now, -1, -1) if index in self._frames), None)
+
+    def _render_ahead(self) -> None:
+        """Render the frames that are not there, from this moment on and once round."""
+        timeline, model, layout = self.timeline, self._editor.model, self._layout
+        if self._rendered_of != (timeline, layout):
+            self._rendered_of = timeline, layout
+            self._frames.clear()
+        count, now = timeline.frame_count(_RATE), int(self.seconds * _RATE)
+        if count > _MAX_FRAMES:  # too long to keep all of it: only what comes next
+            self._frames.clear()
+        order = [index for index in (*range(now, count), *range(now)) if index not in self._frames][:_MAX_FRAMES]
+
+        def render() -> Iterator[tuple[int, Frame, orbit.PanelCrop] | None]:
+            for index in order:
+                view = timeline.at(index / _RATE)
+                crop = orbit.fit_to_panel(view.camera, *layout)
+                for frame in self._jobs.backend.frames(model, RenderJob(view.codes, crop.camera, _SETTINGS)):
+                    yield (index, replace(frame, stage_count=2), crop) if frame else None  # a preview
+
+        ended = self._jobs.reporting("Cannot render the timeline")
+        self._jobs.submit(Job("timeline", render, self._keep, ended))
+
+    def _keep(self, rendered: tuple[int, Frame, orbit.PanelCrop]) -> None:
+        index, frame, crop = rendered
+        self._frames[index] = frame, crop
+
+    @property
+    def _layout(self) -> tuple[int, int, int, tuple[float, float]]:
+        """How frames lie in the view: what :func:`~viewer.values.orbit.fit_to_panel` takes."""
+        settings = self._viewport.settings
+        return *settings.panel, _DETAIL, settings.pan
+
+    @property
+    def _shown(self) -> View:
+        return View(self._editor.scene.codes, self._editor.scene.camera)
+
+    def _show(self) -> None:
+        view = self.timeline.at(self.seconds)
+        self._editor.show(view.codes, view.camera, gesture=_GESTURE)
+        self._last_scene, self._last_timeline = self._editor.scene, self.timeline

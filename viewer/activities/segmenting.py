@@ -1,0 +1,152 @@
+"""A photo whose object a person points out: a box, strokes, and the place in the frame, segmented while they change."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+from PIL import Image
+
+from core.models.model import Model
+from core.photos.decode import read_rgba
+from core.photos.photo import Crop, prepare_photo
+from core.photos.segmentation import CutOut, Hints, cut_out
+from viewer.services.jobs import Jobs
+from viewer.services.messages import error_text
+from viewer.services.worker import Job
+from viewer.values.fit_history import PhotoSource
+
+_SHOWN = 640
+"""px: the longer side of what is shown"""
+_DIMMED = 0.25
+"""what is left of the background's light"""
+
+
+@dataclass(frozen=True, eq=False)
+class Segmentation:
+    """What hints and crop have come to."""
+
+    hints: Hints
+    found: CutOut
+    shown: UInt8[np.ndarray, "height width 3"]
+    """the photo with its background darkened"""
+    framed: UInt8[np.ndarray, "size size 3"] | None = None
+    """as it will be fitted; None until that is known"""
+
+
+class Segmenting:
+    """At most one photo at a time. The newest segmentation wins, and every one that is begun is shown."""
+
+    def __init__(self, jobs: Jobs, model: Model, fit: Callable[..., bool]) -> None:
+        """``fit`` takes photo sources, and returns whether the fit of these has begun."""
+        self._jobs, self._model, self._fit = jobs, model, fit
+        self.close()
+
+    def close(self) -> None:
+        """Leave everything as it was."""
+        self._jobs.cancel("segmentation")
+        self.active = False
+        self.sources: tuple[PhotoSource, ...] = ()
+        self.index = 0
+        self.plain: np.ndarray | None = None
+        """the photo as it is, on white; None until it has been read"""
+        self.hints, self.crop = Hints(), Crop()
+        self.past: tuple[Hints, ...] = ()
+        """what :meth:`undo` goes back to"""
+        self.result: Segmentation | None = None
+        """the newest; None where there is none"""
+        self.problem = ""
+        """why there is none"""
+        self._image: Image.Image | None = None
+
+    def open(self, sources: tuple[PhotoSource, ...], index: int) -> None:
+        """Begin with one of the photos of an object, and with what was pointed out in it before."""
+        self.close()
+        source = sources[index]
+        self.active, self.sources, self.index = True, sources, index
+        self.hints, self.crop = source.hints or Hints(), source.crop or Crop()
+
+        def read(image: Image.Image) -> None:
+            self._image, self.plain = image, _on_white(image)
+            self._start()
+
+        def ended(error: Exception | None) -> None:
+            if error:
+                self.close()
+                self._jobs.report("Cannot open this image", error)
+
+        self._jobs.submit(Job("segmentation", lambda: (read_rgba(source.path),), read, ended))
+
+    def begin_change(self) -> None:
+        """What follows, up to the next call, is one step for :meth:`undo`."""
+        if not self.past or self.past[-1] != self.hints:
+            self.past = (*self.past, self.hints)
+
+    def set_hints(self, hints: Hints) -> None:
+        """Point out where the object is."""
+        if hints != self.hints:
+            self.hints = hints
+            self._start()
+
+    def undo(self) -> None:
+        """Back to before the last box or stroke."""
+        while self.past:
+            before, self.past = self.past[-1], self.past[:-1]
+            if before != self.hints:
+                self.set_hints(before)
+                return
+
+    def set_crop(self, crop: Crop) -> None:
+        """Move and scale the object in its frame."""
+        if crop != self.crop:
+            self.crop = crop
+            self._start()
+
+    def fit(self) -> None:
+        """Fit the photos, this one as it was segmented; stays open while another fit runs."""
+        source = self.sources[self.index]._replace(hints=self.hints or None, crop=self.crop)
+        if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :]):
+            self.close()
+
+    def _start(self) -> None:
+        image, hints, crop, known = self._image, self.hints, self.crop, self.result
+        if image is None:
+            return
+
+        def stream() -> Iterator[Segmentation | None]:
+            result = known if known and known.hints == hints else _segment(image, hints)
+            waiting: Segmentation | None = result
+            for _ in self._jobs.backend.view_bank(self._model):  # crop needs it, and it may take seconds
+                yield waiting
+                waiting = None
+            yield _framed(result, self._model, crop)
+
+        def keep(result: Segmentation) -> None:
+            self.result, self.problem = result, ""
+
+        def ended(error: Exception | None) -> None:
+            if isinstance(error, ValueError):
+                self.result, self.problem = None, error_text(error)
+            elif error:
+                self._jobs.report("Cannot segment the photo", error)
+
+        self._jobs.submit(Job("segmentation", stream, keep, ended, urgent=True))
+
+
+def _segment(image: Image.Image, hints: Hints) -> Segmentation:
+    found, shown = cut_out(image, hints), _on_white(image)
+    mask = np.asarray(Image.fromarray(found.mask).resize(shown.shape[1::-1]))
+    return Segmentation(hints, found, (shown * np.where(mask[..., None], 1, _DIMMED)).astype(np.uint8))
+
+
+def _framed(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
+    photo = prepare_photo(result.found, model, crop=crop)
+    return replace(result, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+
+
+def _on_white(image: Image.Image) -> UInt8[np.ndarray, "height width 3"]:
+    """As it is shown."""
+    small = image.copy()
+    small.thumbnail((_SHOWN, _SHOWN))
+    return np.asarray(Image.alpha_composite(Image.new("RGBA", small.size, "white"), small).convert("RGB"))

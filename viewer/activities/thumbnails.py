@@ -1,0 +1,96 @@
+"""Small renders of any codes from any camera, made beside everything else and kept for a while: the one queue."""
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+from viewer.values import orbit
+
+SIZE = 64
+"""px, of most thumbnails"""
+_SAMPLES = 40
+"""intervals along the longest side of the scene's box"""
+_MAX_KEPT = 1000
+"""thumbnails: of 64 px they take 60 kB each"""
+_BATCH = 6
+"""thumbnails rendered before the queue is read again"""
+_SHARE = 0.3
+"""of the worker's time"""
+
+
+class _Key(NamedTuple):
+    """Codes by their numbers, so that equal ones share a thumbnail."""
+
+    shape: bytes
+    texture: bytes
+    camera: Camera
+    samples: int
+
+
+class Thumbnails:
+    """What panels want in a frame is rendered by the worker; what they want no more, and is not begun, is not."""
+
+    def __init__(self, jobs: Jobs, model: Model) -> None:
+        self._jobs, self._model = jobs, model
+        self._home = orbit.home(model)
+        self._frames: OrderedDict[_Key, Frame] = OrderedDict()
+        self._queue: dict[_Key, RenderJob] = {}
+        self._failed: set[_Key] = set()
+        """which are not tried again"""
+
+    @property
+    def count(self) -> int:
+        """Thumbnails that are kept."""
+        return len(self._frames)
+
+    def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
+        """An object from where the model is first seen; see :meth:`get`."""
+        return self.get(codes, self._home.resized(size, size), samples=samples)
+
+    def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
+        """The thumbnail at the camera's size; None until it is rendered. To be called in every frame that shows it.
+
+        Args:
+            soon: before the others, as someone waits for it.
+        """
+        key = _Key(codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes(), camera, samples)
+        if key in self._frames:
+            self._frames.move_to_end(key)
+            return self._frames[key]
+        if key not in self._failed:
+            wanted = {key: RenderJob(codes, camera, RenderSettings(samples, divisors=(1,)))}
+            self._queue = wanted | self._queue if soon else self._queue | wanted
+        return None
+
+    def tick(self) -> None:
+        """Once a frame: begin with what panels wanted since the last one."""
+        batch, self._queue = list(self._queue.items())[:_BATCH], {}
+        if not batch or self._jobs.busy("thumbnails"):
+            return
+
+        def ended(error: Exception | None) -> None:
+            if error:
+                self._failed.update(key for key, _ in batch if key not in self._frames)
+                self._jobs.report("Cannot render the thumbnails", error)
+
+        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=_SHARE))
+
+    def close(self) -> None:
+        """Render no more."""
+        self._jobs.cancel("thumbnails")
+
+    def _render(self, batch: list[tuple[_Key, RenderJob]]) -> Iterator[tuple[_Key, Frame] | None]:
+        for key, job in batch:
+            for frame in self._jobs.backend.frames(self._model, job):
+                yield (key, frame) if frame else None
+
+    def _keep(self, rendered: tuple[_Key, Frame]) -> None:
+        self._frames[rendered[0]] = rendered[1]
+        while len(self._frames) > _MAX_KEPT:
+            self._frames.popitem(last=False)

@@ -1,0 +1,117 @@
+"""The view: how its image is rendered, how large and how fine, and what is on screen."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from core.rendering.frame_budget import FrameBudget
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+from viewer.values import orbit
+from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
+
+Source = Literal["scene", "timeline", "fit"]
+_SUPERSAMPLING = 2
+"""Pixels rendered across each pixel of the finished image."""
+
+
+@dataclass(eq=False)
+class ViewSettings:
+    """How the object is seen, whichever model is open."""
+
+    panel: tuple[int, int] = (512, 512)
+    """px, the size of the view"""
+    pan: tuple[float, float] = (0.0, 0.0)
+    """how far the object is moved right and down in the view, in shares of its shorter side"""
+    quality: Quality = QUALITIES[DEFAULT_QUALITY]
+    budget: FrameBudget = field(default_factory=FrameBudget)
+
+
+class Viewport:
+    """Renders the edited scene, coarse to fine, unless the timeline or a fit displays its own. Nothing is an edit."""
+
+    def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
+        self._jobs, self._editor, self.settings = jobs, editor, settings
+        self.source: Source = "scene"
+        """what displays its frames here"""
+        self.frame: Frame | None = None
+        """the newest frame, as the panel shows it"""
+        self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None
+        """the whole frame, and what of it is shown"""
+        self.times: tuple[tuple[tuple[int, int], float], ...] = ()
+        """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
+        editor.scene_changed = self._scene_changed
+
+    def close(self) -> None:
+        """Render no more."""
+        self._jobs.cancel("view")
+
+    def resize(self, width: int, height: int) -> None:
+        """The view has another size."""
+        if (width, height) != self.settings.panel and min(width, height) > 0:
+            self.settings.panel = width, height
+            self.render()
+
+    def pan_by(self, across: float, down: float) -> None:
+        """Move the object in the view."""
+        self.settings.pan = orbit.panned(self.settings.pan, across, down)
+        self.render()
+
+    def reset_view(self) -> None:
+        """Back to where a model is first seen from."""
+        if self.settings.pan != (0.0, 0.0):
+            self.settings.pan = 0.0, 0.0
+            self.render()
+        self._editor.set_camera(orbit.home(self._editor.model))
+
+    def set_quality(self, quality: Quality) -> None:
+        """Render coarser or finer."""
+        self.settings.quality = quality
+        self.render()
+
+    def render(self) -> None:
+        """Render the scene, in place of a render under way; not while the timeline plays or a fit is followed."""
+        if self.source != "scene":
+            return
+        quality, scene, budget = self.settings.quality, self._editor.scene, self.settings.budget
+        crop = orbit.fit_to_panel(scene.camera, *self.settings.panel, quality.detail, self.settings.pan)
+        stages = budget.divisors
+        settings = RenderSettings(quality.samples, stages, supersampling=_SUPERSAMPLING)
+        job = RenderJob(scene.codes, crop.camera, settings)
+
+        def rendered(frame: Frame) -> None:
+            earlier = self.times if self.full_frame and self.full_frame[1] is crop else ()
+            self.times = (*earlier, (frame.resolution, frame.seconds))
+            self._show(frame, crop)
+            if frame.stage == 0:
+                budget.observe(stages[0], frame.seconds)
+
+        frames, model = self._jobs.backend.frames, self._editor.model
+        ended = self._jobs.reporting("Cannot render the object")
+        self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent=True))
+
+    def hold(self, source: Source) -> None:
+        """Render no scene until :meth:`release`: this source will display frames of its own."""
+        self.source = source
+        self._jobs.cancel("view")
+
+    def display(self, frame: Frame, crop: orbit.PanelCrop, source: Source) -> None:
+        """Show a frame of the timeline or of a fit, until the scene is edited or :meth:`release` is called."""
+        self.hold(source)
+        self._show(frame, crop)
+
+    def release(self, source: Source) -> None:
+        """Go back to the scene, if the view shows this source."""
+        if self.source == source:
+            self.source = "scene"
+            self.render()
+
+    def _scene_changed(self) -> None:
+        """The timeline edits the scene while it plays; any other edit ends following a fit."""
+        if self.source == "fit":
+            self.source = "scene"
+        self.render()
+
+    def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
+        self.full_frame, self.frame = (frame, crop), crop.cropped(frame)

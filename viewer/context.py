@@ -1,0 +1,208 @@
+"""What panels are handed: the open workspace, and the window's own things around it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from imgui_bundle import ImVec2, imgui
+
+from core.export import mesh, video
+from core.models.scene import embedded_scene
+from core.photos.decode import IMAGE_SUFFIXES
+from viewer.activities.exporting import Exporting
+from viewer.activities.fitting import Fitting
+from viewer.activities.grid import Grid
+from viewer.activities.player import Player
+from viewer.activities.segmenting import Segmenting
+from viewer.activities.thumbnails import Thumbnails
+from viewer.activities.viewport import Viewport
+from viewer.autosave import Autosave
+from viewer.editor import Editor
+from viewer.screen.canvas import Canvas, Images
+from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
+from viewer.screen.theme import DARK, LIGHT, Palette
+from viewer.services.clipboard import Clipboard
+from viewer.services.worker import Job
+from viewer.session import Session
+from viewer.values.preferences import Preferences
+from viewer.values.view_modes import MODES
+from viewer.workspace import Workspace
+
+VIDEOS = tuple(video.FORMATS)
+SCENES = (".json", ".png")
+MESHES = tuple(mesh.FORMATS)
+
+
+@dataclass(eq=False)
+class PanelContext:
+    """Handed to every panel. Canvas and images are there once the window is, the workspace once a model is open."""
+
+    session: Session
+    files: FileDialog
+    preferences: Preferences = field(default_factory=Preferences)
+    help_open: bool = False
+    canvas: Canvas | None = None
+    images: Images | None = None
+    focus: str = "Sliders"
+    """the panel to bring to the front"""
+    focus_other_dock: str = ""
+    """another one, of another dock"""
+    dragged: str = ""
+    """the object that is dragged to a slot"""
+    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
+    """two corners of the view on screen"""
+    view_mode: str = "colour"
+    """one of :data:`viewer.values.view_modes.MODES`"""
+    quit: Callable[[], None] = lambda: None
+    reset_layout: Callable[[], None] = lambda: None
+    autosave: Autosave | None = None
+    """None where nothing is kept"""
+    clipboard: Clipboard = field(default_factory=Clipboard)
+    _fit_ran: bool = False
+
+    # What belongs to the open model; panels are drawn only once there is one
+
+    @property
+    def ready(self) -> bool:
+        """A model is open."""
+        return self.session.workspace is not None
+
+    @property
+    def workspace(self) -> Workspace:
+        """Everything around the open model."""
+        assert self.session.workspace is not None, "no model yet"
+        return self.session.workspace
+
+    @property
+    def editor(self) -> Editor:
+        """What is edited."""
+        return self.workspace.editor
+
+    @property
+    def viewport(self) -> Viewport:
+        """The view."""
+        return self.workspace.viewport
+
+    @property
+    def thumbnails(self) -> Thumbnails:
+        """Small renders."""
+        return self.workspace.thumbnails
+
+    @property
+    def grid(self) -> Grid:
+        """Shapes crossed with textures."""
+        return self.workspace.grid
+
+    @property
+    def player(self) -> Player:
+        """The timeline."""
+        return self.workspace.player
+
+    @property
+    def fitting(self) -> Fitting:
+        """The fit under way, or the last one."""
+        return self.workspace.fitting
+
+    @property
+    def segmenting(self) -> Segmenting:
+        """The photo whose object is pointed out."""
+        return self.workspace.segmenting
+
+    @property
+    def exporting(self) -> Exporting:
+        """Files on their way."""
+        return self.workspace.exporting
+
+    # Preferences
+
+    @property
+    def palette(self) -> Palette:
+        """The colours of the theme."""
+        return DARK if self.preferences.dark else LIGHT
+
+    def set_preference(self, **values: Any) -> None:
+        """Change preferences by their names."""
+        self.preferences = replace(self.preferences, **values)
+
+    def resize_text(self, steps: int) -> None:
+        """A larger text, or a smaller one."""
+        self.preferences = self.preferences.with_text_size(self.preferences.text * 1.1**steps)
+
+    def next_view_mode(self) -> None:
+        """Show the next of the view's modes."""
+        modes = list(MODES)
+        self.view_mode = modes[(modes.index(self.view_mode) + 1) % len(modes)]
+
+    # Files
+
+    def fit_image(self) -> None:
+        """Ask for an image, and fit it."""
+        self.files.ask(FileRequest("Image to fit", self.fit, IMAGE_SUFFIXES))
+
+    def fit(self, *paths: Path) -> None:
+        """Fit images of one object and show how it goes."""
+        self.focus = "Fit"
+        for path in paths:
+            if path.suffix.lower() in IMAGE_SUFFIXES:
+                self._remember(path)
+        self.session.fit_photos(*paths)
+
+    def paste(self) -> None:
+        """Fit the images in the clipboard."""
+        jobs, images = self.session.jobs, partial(self.clipboard.images, imgui.get_clipboard_text())
+        ended = jobs.reporting("Cannot paste")
+        jobs.submit(Job("paste", images, lambda paths: self.session.fit_photos(*paths), ended))
+
+    def open_scene(self) -> None:
+        """Ask for a scene, or an image that holds one, and open it."""
+        self.files.ask(FileRequest("Scene to open", self.load_scene, SCENES))
+
+    def load_scene(self, path: Path) -> None:
+        """Open a scene, or an image that holds one."""
+        self._remember(path)
+        self.session.open_scene(path)
+
+    def save_scene(self) -> None:
+        """Ask where to, and save the scene."""
+        self.files.ask(FileRequest("Save the scene as", self.exporting.scene, (".json",), True, "scene.json"))
+
+    def drop(self, paths: list[str]) -> None:
+        """Take files dropped on the window: scenes, and images that hold one, are opened; all others are photos of one
+        object, which is fitted.
+        """
+        if self.ready:
+            self.segmenting.close()
+        others = []
+        for path in map(Path, paths):
+            if path.suffix.lower() == ".json" or embedded_scene(path):
+                self.load_scene(path)
+            else:
+                others.append(path)
+        if others:
+            self.fit(*others)
+
+    def follow_fit(self) -> None:
+        """Bring the candidates to the front when a fit begins, and the objects, which the result joins, at its end."""
+        if self._fit_ran != self.session.fitting_runs:
+            self._fit_ran = self.session.fitting_runs
+            self.focus_other_dock = "Candidates" if self._fit_ran else "Objects"
+
+    def _remember(self, path: Path) -> None:
+        if is_there(path):
+            self.preferences = self.preferences.with_recent(path)
+
+
+@runtime_checkable
+class Panel(Protocol):
+    """A dockable window, one subject each."""
+
+    title: str
+    dock: str
+    """View, Top, Upper, Lower or Strip"""
+    waiting: str
+    """what it says until a model is open; empty: it draws itself from the start"""
+
+    def draw(self, context: PanelContext) -> None:
+        """Draw it; called once a frame, between imgui's begin and end."""

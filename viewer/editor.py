@@ -1,0 +1,225 @@
+"""What is being edited: an object's codes, its camera and the timeline, of one model. Every edit can be undone."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from core.export.keyframes import Timeline
+from core.geometry.camera import Camera
+from core.models.codes import Codes, CodeSpace
+from core.models.model import Model
+from core.models.scene import Scene
+from viewer.values import orbit
+from viewer.values.history import PARTS, History, Mix, Pair, Part, State
+from viewer.values.objects import EditableObject, ObjectLibrary
+from viewer.values.saved_session import SavedSession
+
+
+class Editor:
+    """Each edit is one step of undo, or joins the drag (``gesture``) that it belongs to until :meth:`end_gesture`."""
+
+    def __init__(self, model: Model, generator: torch.Generator) -> None:
+        self.model = model
+        self.objects = ObjectLibrary(model)
+        self.locked: frozenset[Part] = frozenset()
+        """what no edit of codes changes; opening a scene or a fit does, and undo"""
+        first, second = self.objects.names[0], self.objects.names[min(1, len(self.objects.names) - 1)]
+        scene = Scene(model.fingerprint, self.objects[first].codes, orbit.home(model))
+        self.history = History(State(scene, Mix(Pair(first, first), second)))
+        self.scene_changed: Callable[[], None] = lambda: None
+        """called after every change of the scene, undo included"""
+        self._generator = generator
+        self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
+        """for each part the code that was looked up last, and the answer"""
+
+    # What there is
+
+    @property
+    def state(self) -> State:
+        """All that undo restores."""
+        return self.history.now
+
+    @property
+    def scene(self) -> Scene:
+        """The scene on screen."""
+        return self.state.scene
+
+    def space(self, part: Part) -> CodeSpace:
+        """The distribution of the trained codes of one part."""
+        codes = self.model.codes
+        return codes.shape_space if part == "shape" else codes.texture_space
+
+    def code(self, part: Part) -> Tensor:
+        """The current code of one part."""
+        return getattr(self.scene.codes, part)
+
+    def pair(self, pair: Pair) -> Codes:
+        """The shape of one object in the texture of another."""
+        return Codes(self.objects[pair.shape].codes.shape, self.objects[pair.texture].codes.texture)
+
+    def distance(self, part: Part) -> float:
+        """From the current code to the mean of the trained ones, in standard deviations; a trained one has about 1."""
+        return float(self.space(part).distance(self.code(part)))
+
+    def nearest(self, part: Part) -> tuple[str, float] | None:
+        """The trained object whose code of one part is nearest, and how far it is (standard deviations)."""
+        book = self.model.codes
+        if not book.valid:
+            return None
+        code, known = self.code(part), self._nearest.get(part)
+        if known is None or known[0] is not code:  # panels call this in every frame, and an edit makes another tensor
+            index = book.nearest_shape(code) if part == "shape" else book.nearest_texture(code)
+            distance = float(self.space(part).distance(code, getattr(book[index], part)))
+            known = self._nearest[part] = (code, (book.objects[index].name, distance))
+        return known[1]
+
+    # The camera
+
+    def set_camera(self, camera: Camera, gesture: str = "") -> None:
+        """See the object from another place."""
+        self._edit(replace(self.scene, camera=camera), gesture=gesture)
+
+    # One code
+
+    def set_code(self, part: Part, code: Tensor, gesture: str = "") -> None:
+        """Give the object another shape, or another texture."""
+        self._set_codes(replace(self.scene.codes, **{part: code}), self.state.mix, gesture)
+
+    def set_coordinate(self, part: Part, direction: int, to: float, gesture: str = "") -> None:
+        """Set one coordinate of a code, in standard deviations along a principal direction."""
+        self.set_code(part, self.space(part).with_coordinate(self.code(part), direction, to), gesture)
+
+    def scale_to_distance(self, part: Part, to: float, gesture: str = "") -> None:
+        """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
+        mean, distance = self.space(part).mean, self.distance(part)
+        if distance > 0:
+            self.set_code(part, mean + (self.code(part) - mean) * (to / distance), gesture)
+
+    def set_to_mean(self, part: Part) -> None:
+        """The mean of the trained codes."""
+        self.set_code(part, self.space(part).mean)
+
+    def reset_to_object(self, part: Part) -> None:
+        """Back to the code of object A."""
+        self.set_code(part, getattr(self.pair(self.state.mix.a), part))
+
+    def sample(self, part: Part) -> None:
+        """A code sampled from the distribution of the trained ones, taken as normal."""
+        self.set_code(part, getattr(self.model.codes.sample(self._generator), part))
+
+    def sample_all(self) -> None:
+        """Shape and texture sampled; what is locked stays."""
+        self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
+
+    # Objects A and B
+
+    def show_object(self, name: str) -> None:
+        """Make an object current; it becomes A, and both sliders go to A."""
+        self.show_pair(Pair(name, name))
+
+    def show_pair(self, pair: Pair) -> None:
+        """Make current the shape of one object in the texture of another; the pair becomes A."""
+        self._set_codes(self.pair(pair), Mix(pair, self.state.mix.b))
+
+    def take(self, part: Part, name: str) -> None:
+        """Take only the shape, or only the texture, of an object; its slider goes to A."""
+        mix = self.state.mix
+        mix = replace(mix, a=mix.a._replace(**{part: name})).with_amount(part, 0.0)
+        codes = replace(self.scene.codes, **{part: getattr(self.objects[name].codes, part)})
+        self._set_codes(codes, mix)
+
+    def swap(self) -> None:
+        """A's shape from where its texture was taken, and the other way round; the sliders stay where they are."""
+        mix = self.state.mix
+        self._mix(replace(mix, a=Pair(mix.a.texture, mix.a.shape)), PARTS)
+
+    def set_b(self, name: str) -> None:
+        """Choose where the sliders lead. What they have already mixed in is taken from the new object."""
+        mix = replace(self.state.mix, b=self.objects[name].name)
+        self._mix(mix, tuple(part for part in PARTS if getattr(mix, part) > 0))
+
+    def mix(self, part: Part, amount: float, gesture: str = "") -> None:
+        """Slide the shape, or the texture, from A (0) to B (1). The other stays as it is."""
+        self._mix(self.state.mix.with_amount(part, amount), (part,), gesture)
+
+    def mix_both(self, shape: float, texture: float, gesture: str = "") -> None:
+        """Slide both at once, each from A (0) to B (1)."""
+        self._mix(replace(self.state.mix, shape=shape, texture=texture), PARTS, gesture)
+
+    # The whole scene, and the timeline
+
+    def add_and_show(self, added: EditableObject, camera: Camera) -> None:
+        """Add an object to the library and make it current, as A, seen from a camera."""
+        name = self.objects.add(added)
+        self._edit(replace(self.scene, codes=added.codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
+
+    def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
+        """Show codes and the camera they belong to, such as a step of a fit, or a time of the timeline."""
+        self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
+
+    def set_timeline(self, timeline: Timeline, gesture: str = "") -> None:
+        """Change the timeline; what is shown stays."""
+        self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
+
+    def restore(self, saved: SavedSession) -> None:
+        """Show what a saved session held. Raises ``ValueError`` where that cannot be, and changes nothing then."""
+        state, objects = saved.restored(self.model)
+        here = {*self.objects.names, *(one.name for one in objects)}
+        if not here.issuperset((*state.mix.a, state.mix.b)):
+            raise ValueError("it mixes objects that are not here")
+        names = {name: name for name in self.objects.names}
+        for one in objects:
+            if one.name not in names or self.objects[one.name].codes != one.codes:
+                names[one.name] = self.objects.add(one)
+        mix = replace(state.mix, a=Pair(*(names[name] for name in state.mix.a)), b=names[state.mix.b])
+        self._go(self.history.changed(replace(state, mix=mix)))
+
+    # Undo
+
+    def end_gesture(self) -> None:
+        """The drag has ended: the next edit is a step of its own."""
+        if self.history.gesture:
+            self.history = self.history.without_gesture()
+
+    def undo(self) -> None:
+        """One edit back."""
+        self._go(self.history.undone())
+
+    def redo(self) -> None:
+        """One edit forward again."""
+        self._go(self.history.redone())
+
+    def go_to(self, index: int) -> None:
+        """Back, or forward, to one of the states that undo remembers."""
+        self._go(self.history.at(index))
+
+    # No edit
+
+    def lock(self, part: Part, locked: bool) -> None:
+        """Keep the shape, or the texture, from being changed; or let it go again."""
+        self.locked = self.locked | {part} if locked else self.locked - {part}
+
+    def _mix(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:
+        mixed = self.pair(mix.a).mixed(self.objects[mix.b].codes, mix.shape, mix.texture)
+        codes = replace(self.scene.codes, **{part: getattr(mixed, part) for part in parts})
+        self._set_codes(codes, mix, gesture)
+
+    def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
+        """An edit of codes. What is locked stays as it is: its code, where it is from, and its slider."""
+        now = self.state
+        for part in self.locked:
+            codes = replace(codes, **{part: getattr(now.scene.codes, part)})
+            a = mix.a._replace(**{part: getattr(now.mix.a, part)})
+            mix = replace(mix, a=a).with_amount(part, getattr(now.mix, part))
+        self._edit(replace(now.scene, codes=codes), mix, gesture)
+
+    def _edit(self, scene: Scene, mix: Mix | None = None, gesture: str = "") -> None:
+        self._go(self.history.changed(replace(self.state, scene=scene, mix=mix or self.state.mix), gesture))
+
+    def _go(self, history: History) -> None:
+        shown = self.scene
+        self.history = history
+        if history.now.scene != shown:
+            self.scene_changed()

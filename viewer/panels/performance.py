@@ -1,0 +1,64 @@
+"""How long the frame on screen took, and what it was rendered with."""
+
+from imgui_bundle import imgui
+
+from core.models.precision import matmul_dtype
+from core.rendering.progressive import Frame
+from viewer.context import PanelContext
+from viewer.widgets.controls import tooltip
+
+_FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg
+
+
+class PerformancePanel:
+    """The stages of the frame on the left, the machine on the right."""
+
+    title = "Performance"
+    dock = "Strip"
+    waiting = "The numbers come with the first render"
+
+    def draw(self, context: PanelContext) -> None:
+        """Two tables."""
+        viewport = context.viewport
+        frame, times = viewport.frame, viewport.times
+        if frame is None:
+            imgui.text_disabled("The numbers come with the first render")
+            return
+        if imgui.begin_table("stages", 4, _FLAGS, (imgui.get_content_region_avail().x * 0.55, 0)):
+            for head in ("Stage", "Rendered", "Done after", "Rays a second"):
+                imgui.table_setup_column(head)
+            imgui.table_headers_row()
+            started = 0.0
+            for number, (size, seconds) in enumerate(times, 1):
+                across = frame.supersampling if frame.final and number == len(times) else 1
+                rate = size[0] * size[1] * across**2 / max(seconds - started, 1e-6)
+                started = seconds
+                _row(str(number), f"{size[0]} x {size[1]} px", f"{1000 * seconds:.0f} ms", f"{rate:,.0f}")
+            imgui.end_table()
+        tooltip(
+            "Of the frame on screen; the first stage has what is needed for all of them, such as a new shape's cells"
+        )
+        imgui.same_line()
+        if imgui.begin_table("machine", 2, _FLAGS):
+            for what, value in _machine(context, frame):
+                _row(what, value)
+            imgui.end_table()
+
+
+def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
+    budget, device = context.viewport.settings.budget, context.editor.model.device
+    evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
+    return [
+        ("Samples a ray", f"{frame.samples}{evaluated}"),
+        ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.budget:.0f} ms"),
+        ("Number format", str(matmul_dtype(device.type)).removeprefix("torch.")),
+        ("Device", device.type if device.type == "cpu" else str(device)),
+        ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
+    ]
+
+
+def _row(*cells: str) -> None:
+    imgui.table_next_row()
+    for cell in cells:
+        imgui.table_next_column()
+        imgui.text(cell)

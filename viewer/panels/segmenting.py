@@ -1,0 +1,166 @@
+"""The object pointed out in its photo: a box, strokes that add or remove, and where it stands in the frame."""
+
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+
+from core.photos.photo import Crop
+from core.photos.segmentation import Hints, Stroke
+from viewer.actions import chord
+from viewer.activities.segmenting import Segmenting
+from viewer.context import PanelContext
+from viewer.screen.theme import WARM, packed
+from viewer.widgets.controls import button, tooltip
+
+_TITLE = "Segment###segment"
+_TOOLS = ("Box", "Add", "Remove")
+_TIPS = (
+    "Drag a box around the whole object; everything outside is background",
+    "Paint over what belongs to the object and was left out",
+    "Paint over what does not belong to the object",
+)
+_COLUMN = 14.5
+"""em, of tools and preview"""
+_WITHIN = imgui.SliderFlags_.always_clamp
+"""also where numbers are typed"""
+_LEAST = 0.01
+"""of the photo: a smaller box is a slip"""
+
+
+class SegmentingDialog:
+    """Open while there is a photo to be segmented. Everything is live; nothing is fitted until Fit is pressed."""
+
+    def __init__(self) -> None:
+        self._tool = "Box"
+        self._brush = 0.03
+        """of the photo's longer side"""
+        self._before = Hints()
+        """where the drag under way began"""
+        self._start = (0.0, 0.0)
+        self._line: tuple[tuple[float, float], ...] = ()
+
+    def draw(self, context: PanelContext) -> None:
+        """To be called once a frame."""
+        segmenting, viewport = context.segmenting, imgui.get_main_viewport()
+        if segmenting.active and not imgui.is_popup_open(_TITLE):
+            imgui.open_popup(_TITLE)
+        if not imgui.is_popup_open(_TITLE):
+            return
+        imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.always, (0.5, 0.5))
+        imgui.set_next_window_size(viewport.work_size * 0.92)
+        flags = imgui.WindowFlags_.no_saved_settings | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_resize
+        if not imgui.begin_popup_modal(_TITLE, None, flags)[0]:
+            return
+        if segmenting.active:
+            self._draw_inside(context, segmenting)
+        if not segmenting.active:
+            imgui.close_current_popup()
+        imgui.end_popup()
+
+    def _draw_inside(self, context: PanelContext, segmenting: Segmenting) -> None:
+        width = imgui.get_content_region_avail().x - hello_imgui.em_size(_COLUMN) - imgui.get_style().item_spacing.x
+        if imgui.begin_child("photo", (width, 0)):
+            self._draw_photo(context, segmenting)
+        imgui.end_child()
+        imgui.same_line()
+        if imgui.begin_child("tools", (0, 0)):
+            self._draw_tools(segmenting)
+            _draw_frame(context, segmenting)
+            _draw_end(context, segmenting)
+        imgui.end_child()
+
+    def _draw_photo(self, context: PanelContext, segmenting: Segmenting) -> None:
+        if segmenting.plain is None or context.images is None:
+            imgui.text_disabled("Reading the photo …")
+            return
+        room, (height, width) = imgui.get_content_region_avail(), segmenting.plain.shape[:2]
+        scale = min(room.x / width, room.y / height)
+        size, corner = ImVec2(width * scale, height * scale), imgui.get_cursor_screen_pos()
+        corner += ImVec2((room.x - size.x) / 2, 0)
+        imgui.set_cursor_screen_pos(corner)
+        imgui.invisible_button("canvas", size)
+        self._react(segmenting, corner, size)
+        shown = segmenting.result.shown if segmenting.result else segmenting.plain
+        draw = imgui.get_window_draw_list()
+        draw.add_image(context.images.texture(shown, context.palette), corner, corner + size)
+        if segmenting.hints.box:
+            left, top, right, bottom = segmenting.hints.box
+            low, high = ImVec2(left * size.x, top * size.y), ImVec2(right * size.x, bottom * size.y)
+            draw.add_rect(corner + low, corner + high, packed(WARM), thickness=2.0)
+        if imgui.is_item_hovered() and self._tool != "Box":
+            radius = self._brush * max(size.x, size.y)
+            colour = context.palette.accent if self._tool == "Add" else context.palette.error
+            draw.add_circle(imgui.get_mouse_pos(), radius, packed(colour), thickness=2.0)
+
+    def _react(self, segmenting: Segmenting, corner: ImVec2, size: ImVec2) -> None:
+        """A drag over the photo makes a box or a stroke."""
+        mouse = imgui.get_mouse_pos() - corner
+        at = min(1.0, max(0.0, mouse.x / size.x)), min(1.0, max(0.0, mouse.y / size.y))
+        if imgui.is_item_activated():
+            segmenting.begin_change()
+            self._before, self._start, self._line = segmenting.hints, at, ()
+        if not imgui.is_item_active():
+            return
+        if self._tool == "Box":
+            (left, right), (top, bottom) = (sorted(pair) for pair in zip(self._start, at, strict=True))
+            if min(right - left, bottom - top) > _LEAST:
+                segmenting.set_hints(replace(self._before, box=(left, top, right, bottom)))
+        elif not self._line or at != self._line[-1]:
+            self._line = (*self._line, at)
+            stroke = Stroke(self._line, self._brush, self._tool == "Add")
+            segmenting.set_hints(replace(self._before, strokes=(*self._before.strokes, stroke)))
+
+    def _draw_tools(self, segmenting: Segmenting) -> None:
+        for number, (tool, text) in enumerate(zip(_TOOLS, _TIPS, strict=True)):
+            if number:
+                imgui.same_line(0, 0.3 * hello_imgui.em_size())
+            if imgui.radio_button(tool, self._tool == tool):
+                self._tool = tool
+            tooltip(text)
+        imgui.set_next_item_width(-1)
+        _, share = imgui.slider_float("##brush", 100 * self._brush, 0.5, 15, "Brush %.1f %%", _WITHIN)
+        self._brush = share / 100
+        if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last box or stroke back (Ctrl+Z)"):
+            segmenting.undo()
+        if imgui.is_key_chord_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
+            segmenting.undo()
+        imgui.same_line()
+        if button("Clear###clear hints", "No box, no strokes: what is found by itself", enabled=bool(segmenting.hints)):
+            segmenting.begin_change()
+            segmenting.set_hints(Hints())
+
+
+def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
+    """The photo as it will be fitted, and where the object stands in it."""
+    side, corner = hello_imgui.em_size(_COLUMN - 2), imgui.get_cursor_screen_pos()
+    imgui.dummy((side, side))
+    draw = imgui.get_window_draw_list()
+    draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(context.palette.raised))
+    if segmenting.result and segmenting.result.framed is not None and context.images:
+        texture = context.images.texture(segmenting.result.framed, context.palette)
+        draw.add_image(texture, corner, corner + ImVec2(side, side))
+    else:
+        label = "Crop …" if segmenting.result else f"{segmenting.problem[:1].upper()}{segmenting.problem[1:]}"
+        pad = 0.6 * hello_imgui.em_size()
+        font, colour = imgui.get_font(), packed(context.palette.text)
+        draw.add_text(font, imgui.get_font_size(), corner + ImVec2(pad, pad), colour, label, wrap_width=side - 2 * pad)
+    tooltip("As it will be fitted")
+    crop, width = segmenting.crop, -1.0
+    imgui.set_next_item_width(width)
+    scale = imgui.slider_float("##scale", crop.scale, 0.5, 1.5, "Size %.2f", _WITHIN)[1]
+    imgui.set_next_item_width(width)
+    across = imgui.slider_float("##across", crop.right, -0.3, 0.3, "Across %.2f", _WITHIN)[1]
+    imgui.set_next_item_width(width)
+    down = imgui.slider_float("##down", crop.down, -0.3, 0.3, "Down %.2f", _WITHIN)[1]
+    segmenting.set_crop(Crop(scale, across, down))
+
+
+def _draw_end(context: PanelContext, segmenting: Segmenting) -> None:
+    if button("Fit###fit segmentation", "Find this object", 6, segmenting.result is not None):
+        context.focus = "Fit"
+        segmenting.fit()
+        return
+    imgui.same_line()
+    cancelled = button("Cancel###cancel segmentation", "Leave everything as it was", 6)
+    if cancelled or imgui.is_key_pressed(imgui.Key.escape):
+        segmenting.close()

@@ -1,0 +1,138 @@
+"""From arrays to textures: the frame of the scene on its background, and small images."""
+
+import math
+from typing import Any
+
+import moderngl
+import numpy as np
+from imgui_bundle import imgui
+
+from core.rendering.progressive import Frame
+from viewer.screen.theme import Palette, mixed
+
+_SPARE = 2_000_000
+"""px of textures kept although out of sight"""
+_VERTEX = """
+#version 330
+out vec2 uv;
+void main() {
+    uv = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+    gl_Position = vec4(4.0 * uv - 1.0, 0.0, 1.0);
+    uv *= 2.0;
+}
+"""
+_FRAGMENT = """
+#version 330
+uniform sampler2D image;  // on white; alpha is how much of a pixel the object covers
+uniform vec3 top, bottom;
+in vec2 uv;
+out vec4 colour;
+void main() {
+    vec4 pixel = texture(image, uv);
+    vec3 background = mix(top, bottom, smoothstep(0.25, 1.0, uv.y));
+    colour = vec4(pixel.rgb - (1.0 - pixel.a) * (1.0 - background), 1.0);
+}
+"""
+
+
+class Canvas:
+    """The newest frame of the scene, enlarged to the view, crisp or smooth, the white replaced by a background."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        self._pass = context.vertex_array(self._program, [])
+        self._image: moderngl.Texture | None = None
+        self._target: moderngl.Framebuffer | None = None
+        self._shown: tuple[Any, ...] = ()
+
+    def draw(self, frame: Frame, size: tuple[int, int], palette: Palette, smooth: bool) -> imgui.ImTextureRef:
+        """A texture of this size (px); rendered again only where something has changed."""
+        wanted = (frame, size, palette, smooth)
+        if wanted != self._shown:
+            self._upload(frame, smooth)
+            self._fill(size, palette)
+            self._shown = wanted
+        assert self._target is not None
+        return imgui.ImTextureRef(self._target.color_attachments[0].glo)
+
+    def release(self) -> None:
+        """Give the GL objects back."""
+        for resource in (self._image, self._target, self._pass, self._program):
+            if resource is not None:
+                resource.release()
+
+    def _upload(self, frame: Frame, smooth: bool) -> None:
+        rgba = with_alpha(frame)
+        if self._image is None or self._image.size != frame.resolution:
+            if self._image:
+                self._image.release()
+            self._image = self._context.texture(frame.resolution, 4)
+            self._image.repeat_x = self._image.repeat_y = False
+        self._image.write(rgba.tobytes())
+        kind = moderngl.LINEAR if smooth else moderngl.NEAREST
+        self._image.filter = kind, kind
+
+    def _fill(self, size: tuple[int, int], palette: Palette) -> None:
+        if self._target is None or self._target.size != size:
+            if self._target:
+                self._target.color_attachments[0].release()
+                self._target.release()
+            self._target = self._context.framebuffer([self._context.texture(size, 4)])
+        assert self._image is not None
+        self._target.use()
+        self._context.viewport = (0, 0, *size)
+        self._image.use(0)
+        self._program["top"], self._program["bottom"] = palette.background
+        # ImGui leaves its own state behind, blending and scissors included.
+        self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+        self._context.scissor = None
+        self._pass.render(moderngl.TRIANGLES, vertices=3)
+        self._context.screen.use()
+
+
+class Images:
+    """Small images as textures, uploaded once each; those long out of sight are released by :meth:`sweep`."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._textures: dict[tuple[int, int], tuple[object, moderngl.Texture]] = {}
+        self._used: set[tuple[int, int]] = set()
+
+    def texture(self, image: Frame | np.ndarray, palette: Palette) -> imgui.ImTextureRef:
+        """The texture of a frame, on the theme's background, or of an image (height, width, 3), uint8."""
+        key = id(image), id(palette)
+        self._used.add(key)
+        if key not in self._textures:
+            pixels = over_background(image, palette) if isinstance(image, Frame) else image
+            rgba = np.dstack((pixels, np.full(pixels.shape[:2], 255, np.uint8)))
+            # The image is kept, so that its id stays its own.
+            self._textures[key] = image, self._context.texture(rgba.shape[1::-1], 4, rgba.tobytes())
+        return imgui.ImTextureRef(self._textures[key][1].glo)
+
+    def sweep(self) -> None:
+        """To be called once a frame: release what is not in use, once there is a lot of it."""
+        idle = set(self._textures) - self._used
+        if sum(math.prod(self._textures[key][1].size) for key in idle) > _SPARE:
+            for key in idle:
+                self._textures.pop(key)[1].release()
+        self._used.clear()
+
+    def release(self) -> None:
+        """Give all textures back."""
+        for _, texture in self._textures.values():
+            texture.release()
+        self._textures.clear()
+
+
+def with_alpha(frame: Frame) -> np.ndarray:
+    """A frame as RGBA, still on white, opacity in the fourth channel."""
+    opacity = (frame.opacity.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+    return np.dstack((frame.image, opacity))
+
+
+def over_background(frame: Frame, palette: Palette) -> np.ndarray:
+    """A frame as RGB with the white replaced by the middle of the theme's background, as on the canvas."""
+    background = np.array(mixed(*palette.background, 0.35))
+    left = (1 - frame.opacity.clip(0, 1))[..., None]
+    return (frame.image - 255 * left * (1 - background) + 0.5).clip(0, 255).astype(np.uint8)

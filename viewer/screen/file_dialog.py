@@ -1,0 +1,148 @@
+"""Asking for a file: the system's own dialog where there is one, else a line to type in."""
+
+import shutil
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from imgui_bundle import hello_imgui, imgui
+from imgui_bundle import portable_file_dialogs as dialogs
+
+_TITLE = "Choose a file###ask"
+
+
+@runtime_checkable
+class NativeDialog(Protocol):
+    """A file dialog of the system, which is open until it is ready."""
+
+    def ready(self, timeout: int = ...) -> bool:
+        """Whether it has been answered; waits so many ms."""
+
+    def result(self) -> str | list[str]:
+        """The answer, empty if it was cancelled."""
+
+
+@dataclass(frozen=True, eq=False)
+class FileRequest:
+    """A file to be chosen."""
+
+    title: str
+    answer: Callable[[Path], None]
+    suffixes: tuple[str, ...]
+    save: bool = False
+    name: str = ""
+    """proposed"""
+
+    def path(self, typed: str) -> Path:
+        """Where an answer leads; a file to save that has no ending gets the proposed one's."""
+        path = Path(typed.strip())
+        with suppress(RuntimeError):  # a home of nobody
+            path = path.expanduser()
+        return Path(f"{path}{Path(self.name).suffix}") if self.save and not path.suffix else path
+
+
+def is_there(path: Path) -> bool:
+    """Whether a file is there and can be seen to be."""
+    with suppress(OSError, ValueError):
+        return path.is_file()
+    return False
+
+
+def has_native() -> bool:
+    """Whether the system has a file dialog that can be started."""
+    return sys.platform != "linux" or any(map(shutil.which, ("zenity", "kdialog", "matedialog", "qarma")))
+
+
+class FileDialog:
+    """One question at a time; nothing waits for the answer."""
+
+    def __init__(self, native: bool | None = None, open_native: Callable[..., NativeDialog] | None = None) -> None:
+        """``native`` and ``open_native`` stand in for what the system has."""
+        self._native = has_native() if native is None else native
+        self._open_native = open_native or _open_native
+        self._request: FileRequest | None = None
+        self._dialog: NativeDialog | None = None
+        self._text = ""
+        self._fresh = False
+        self.folder = Path.home()
+        """where the last answer was"""
+
+    @property
+    def asking(self) -> bool:
+        """A question is open."""
+        return self._request is not None
+
+    def ask(self, request: FileRequest) -> None:
+        """Put a question, unless one is open."""
+        if self._request:
+            return
+        self._request = request
+        if self._native:
+            self._dialog = self._open_native(request, self.folder)
+        else:
+            self._text, self._fresh = str(self.folder / request.name), True
+
+    def draw(self) -> None:
+        """Look for the native answer, or draw the line to type in; to be called once a frame."""
+        if self._request is None:
+            return
+        if self._dialog is None:
+            self._draw_line(self._request)
+        elif self._dialog.ready(0):
+            result = self._dialog.result()
+            self._answered(self._request, result if isinstance(result, str) else next(iter(result), ""))
+
+    def _answered(self, request: FileRequest, answer: str) -> None:
+        """The system has asked about the name that was typed, not about the one that an ending makes of it."""
+        path = request.path(answer)
+        if request.save and answer and path != Path(answer) and is_there(path):
+            self._dialog = self._open_native(replace(request, name=path.name), path.parent)
+        else:
+            self._close(answer)
+
+    def _draw_line(self, request: FileRequest) -> None:
+        if self._fresh:
+            imgui.open_popup(_TITLE)
+        imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
+        imgui.set_next_window_size((hello_imgui.em_size(36), 0))
+        if not imgui.begin_popup_modal(_TITLE, None, imgui.WindowFlags_.no_saved_settings)[0]:
+            return
+        imgui.text(request.title)
+        if self._fresh:
+            imgui.set_keyboard_focus_here()
+            self._fresh = False
+        imgui.set_next_item_width(-1)
+        entered, self._text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
+        imgui.text_disabled(self._verdict(request))
+        size = hello_imgui.em_to_vec2(6, 0)
+        chosen = imgui.button("Save###choose" if request.save else "Open###choose", size) or entered
+        imgui.same_line()
+        cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)
+        if chosen or cancelled:
+            imgui.close_current_popup()
+        imgui.end_popup()
+        if chosen or cancelled:
+            self._close(self._text.strip() if chosen else "")
+
+    def _verdict(self, request: FileRequest) -> str:
+        path = request.path(self._text)
+        if request.save:
+            return "The file is there and will be replaced" if is_there(path) else " / ".join(request.suffixes)
+        return " / ".join(request.suffixes) if is_there(path) else "Type the path of a file"
+
+    def _close(self, answer: str) -> None:
+        request, self._request, self._dialog = self._request, None, None
+        if request and answer:
+            path = request.path(answer)
+            self.folder = path.parent
+            request.answer(path)
+
+
+def _open_native(request: FileRequest, folder: Path) -> NativeDialog:
+    filters = [request.title, " ".join(f"*{suffix}" for suffix in request.suffixes), "All files", "*"]
+    if request.save:
+        return dialogs.save_file(request.title, str(folder / request.name), filters)
+    return dialogs.open_file(request.title, str(folder), filters)

@@ -1,0 +1,117 @@
+"""Colours, spacing and font, dark and light."""
+
+from dataclasses import dataclass
+
+from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui, implot
+
+Colour = tuple[float, float, float]
+FONT = "fonts/Roboto/Roboto-Regular.ttf"
+"""Comes with imgui-bundle."""
+
+
+WARM: Colour = (0.93, 0.63, 0.27)
+"""of B, where A has the accent"""
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The few colours everything else is derived from."""
+
+    back: Colour
+    panel: Colour
+    raised: Colour
+    line: Colour
+    text: Colour
+    accent: Colour
+    error: Colour
+    background: tuple[Colour, Colour]
+    """behind the object: at the top and at the bottom of the view"""
+
+
+DARK = Palette(
+    back=(0.075, 0.082, 0.094),
+    panel=(0.115, 0.124, 0.14),
+    raised=(0.185, 0.2, 0.225),
+    line=(0.2, 0.215, 0.24),
+    text=(0.89, 0.9, 0.915),
+    accent=(0.33, 0.64, 0.88),
+    error=(0.9, 0.38, 0.36),
+    background=((0.93, 0.94, 0.95), (0.68, 0.7, 0.73)),
+)
+LIGHT = Palette(
+    back=(0.86, 0.87, 0.885),
+    panel=(0.955, 0.96, 0.968),
+    raised=(0.885, 0.895, 0.91),
+    line=(0.8, 0.81, 0.83),
+    text=(0.12, 0.13, 0.15),
+    accent=(0.16, 0.45, 0.76),
+    error=(0.78, 0.2, 0.2),
+    background=((0.99, 0.99, 1.0), (0.84, 0.85, 0.87)),
+)
+
+
+def mixed(first: Colour, second: Colour, share: float) -> Colour:
+    """A colour between two."""
+    red, green, blue = (a + (b - a) * share for a, b in zip(first, second, strict=True))
+    return red, green, blue
+
+
+def packed(colour: Colour, opacity: float = 1.0) -> int:
+    """A colour as draw lists take it."""
+    return imgui.color_convert_float4_to_u32(ImVec4(*colour, opacity))
+
+
+def apply(palette: Palette) -> None:
+    """Colour every widget."""
+    style = imgui.get_style()
+    base = imgui.style_colors_dark if sum(palette.panel) < 1.5 else imgui.style_colors_light
+    base()
+    for name, colour in _colours(palette).items():
+        style.set_color_(getattr(imgui.Col_, name), ImVec4(*colour, 1.0))
+    style.set_color_(imgui.Col_.modal_window_dim_bg, ImVec4(*palette.back, 0.55))
+    style.set_color_(imgui.Col_.text_selected_bg, ImVec4(*palette.accent, 0.35))
+    style.set_color_(imgui.Col_.docking_preview, ImVec4(*palette.accent, 0.4))
+    plots = implot.get_style()
+    plots.plot_padding, plots.plot_border_size = ImVec2(6, 6), 0.0
+    implot.style_colors_auto()
+
+
+def _colours(p: Palette) -> dict[str, Colour]:
+    quiet, lit = mixed(p.raised, p.panel, 0.35), mixed(p.raised, p.text, 0.1)
+    strong = mixed(p.raised, p.accent, 0.45)
+    return {
+        "text": p.text, "text_disabled": mixed(p.text, p.panel, 0.42),
+        "window_bg": p.panel, "popup_bg": mixed(p.panel, p.raised, 0.4), "menu_bar_bg": p.back,
+        "border": p.line, "separator": p.line, "separator_hovered": p.accent, "separator_active": p.accent,
+        "frame_bg": quiet, "frame_bg_hovered": lit, "frame_bg_active": strong,
+        "title_bg": p.back, "title_bg_active": p.back, "title_bg_collapsed": p.back,
+        "button": p.raised, "button_hovered": mixed(p.raised, p.accent, 0.3), "button_active": strong,
+        "header": mixed(p.raised, p.accent, 0.2), "header_hovered": mixed(p.raised, p.accent, 0.3),
+        "header_active": strong, "check_mark": p.accent, "slider_grab": mixed(p.accent, p.panel, 0.45),
+        "slider_grab_active": mixed(p.accent, p.panel, 0.3),
+        "tab": p.back, "tab_hovered": p.raised, "tab_selected": p.panel,
+        "tab_selected_overline": p.accent, "tab_dimmed": p.back, "tab_dimmed_selected": p.panel,
+        "scrollbar_bg": p.panel, "scrollbar_grab": p.raised, "scrollbar_grab_hovered": lit,
+        "plot_histogram": p.accent, "plot_lines": p.accent, "docking_empty_bg": p.back,
+        "resize_grip": p.raised, "resize_grip_hovered": p.accent, "nav_cursor": p.accent,
+    }  # fmt: skip
+
+
+def set_spacing() -> None:
+    """Roundings and paddings; the runner scales them to the screen."""
+    style = imgui.get_style()
+    style.window_padding, style.frame_padding = ImVec2(12, 10), ImVec2(9, 5)
+    style.item_spacing, style.item_inner_spacing = ImVec2(8, 7), ImVec2(6, 4)
+    style.window_rounding, style.frame_rounding, style.popup_rounding = 6, 5, 6
+    style.grab_rounding, style.tab_rounding, style.child_rounding = 4, 5, 6
+    style.scrollbar_rounding, style.scrollbar_size, style.grab_min_size = 6, 11, 11
+    style.window_border_size, style.frame_border_size, style.popup_border_size = 0, 0, 1
+    style.tab_min_width_shrink = 44  # all tabs of a narrow panel are seen, if abbreviated
+    style.tab_bar_border_size, style.docking_separator_size = 0, 3
+    style.window_menu_button_position = imgui.Dir.none
+    style.separator_text_border_size = 1
+
+
+def load_fonts() -> None:
+    """One font, with the icons that buttons carry."""
+    hello_imgui.load_font_ttf_with_font_awesome_icons(FONT, 16.0)

@@ -1,0 +1,138 @@
+"""The operating system's window: whether there can be one, and how it is run."""
+
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from imgui_bundle import glfw_utils, hello_imgui, immapp  # before glfw, so that both use the same library
+
+import glfw  # isort: skip
+import moderngl
+
+NAME = "CodeNeRF Viewer"
+_RENAMED_PANELS = {
+    "Codes": "Sliders",
+    "Plausible": "Realism",
+    "Race": "Candidates",
+    "Sheet": "Grid",
+    "Speed": "Performance",
+    "Visited": "History",
+}
+"""as layouts of older versions have them, and as they are called now"""
+
+
+class NoDisplayError(RuntimeError):
+    """There is nowhere to open a window, or no OpenGL to draw with."""
+
+
+def prepare(headless: bool) -> None:
+    """Make ready to open a window, one that nobody sees if ``headless``; needed before every run.
+
+    Raises :class:`NoDisplayError`, one line that says what to do.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", glfw.GLFWError)
+        if headless:
+            glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_NULL)
+        if not glfw.init():
+            raise NoDisplayError(
+                "no display to open a window on: run it on a desktop (or under ssh -X), or take an image of the "
+                "window with --screenshot out.png"
+            )
+        if headless:
+            glfw.window_hint(glfw.CONTEXT_CREATION_API, glfw.EGL_CONTEXT_API)
+        _try_opengl()
+
+
+def _try_opengl() -> None:
+    hints = {
+        glfw.VISIBLE: glfw.FALSE,
+        glfw.CONTEXT_VERSION_MAJOR: 3,
+        glfw.CONTEXT_VERSION_MINOR: 3,
+        glfw.OPENGL_PROFILE: glfw.OPENGL_CORE_PROFILE,
+        glfw.OPENGL_FORWARD_COMPAT: glfw.TRUE,
+    }
+    for hint, value in hints.items():
+        glfw.window_hint(hint, value)
+    probe = glfw.create_window(64, 64, NAME, None, None)
+    glfw.window_hint(glfw.VISIBLE, glfw.TRUE)
+    if not probe:
+        raise NoDisplayError("OpenGL 3.3 is not to be had: install a graphics driver (Debian, Ubuntu: libegl1 libgl1)")
+    glfw.destroy_window(probe)
+
+
+def config_folder() -> Path:
+    """Where this system keeps what programs remember."""
+    return Path(hello_imgui.ini_folder_location(hello_imgui.IniFolderType.app_user_config_folder)) / "codenerf-viewer"
+
+
+def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.RunnerParams:
+    """How the window is run.
+
+    Args:
+        size: (width, height) in px of a 96 ppi screen.
+        folder: where the layout is kept for the next time; None keeps nothing.
+    """
+    params = hello_imgui.RunnerParams()
+    params.app_window_params.window_title = NAME
+    params.app_window_params.window_geometry.size = size
+    params.app_window_params.restore_previous_geometry = folder is not None
+    params.ini_disable = folder is None
+    if folder:
+        folder.mkdir(parents=True, exist_ok=True)
+        _rename_panels(folder / "window.ini")
+        params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
+        params.ini_filename = str(folder / "window.ini")
+    # The default, 8 samples, costs more than half the frame rate where OpenGL is done in software.
+    params.renderer_backend_options.open_gl_options = hello_imgui.OpenGlOptions(anti_aliasing_samples=0)
+    params.fps_idling.fps_idle = 1.0
+    params.fps_idling.time_active_after_last_event = 0.5
+    params.fps_idling.fps_max = 60.0
+    params.imgui_window_params.default_imgui_window_type = (
+        hello_imgui.DefaultImGuiWindowType.provide_full_screen_dock_space
+    )
+    return params
+
+
+def _rename_panels(layout: Path) -> None:
+    """Let a layout that an older version wrote hold for the panels as they are called now."""
+    with suppress(OSError, ValueError):
+        text = before = layout.read_text()
+        for old, new in _RENAMED_PANELS.items():
+            text = text.replace(f"[Window][{old}]", f"[Window][{new}]")
+        if text != before:
+            layout.write_text(text)
+
+
+def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) -> None:
+    """Draw without pause, and finish every frame: with no display nothing else holds the queue back."""
+    params.fps_idling.enable_idling = False
+    params.fps_idling.fps_max = 0.0
+    params.callbacks.after_swap = finish
+
+
+def run(params: hello_imgui.RunnerParams) -> None:
+    """Open the window and return when it is closed."""
+    immapp.run(params, add_ons())
+
+
+def add_ons() -> immapp.AddOnsParams:
+    """What panels use beside imgui itself."""
+    return immapp.AddOnsParams(with_implot=True)
+
+
+def on_drop(dropped: Callable[[list[str]], None]) -> None:
+    """Call ``dropped`` with the paths of files that are dropped on the window."""
+    window = glfw_utils.glfw_window_hello_imgui()
+    glfw.set_drop_callback(window, lambda _, paths: dropped(list(paths)))  # type: ignore[arg-type, misc]
+
+
+def resize(width: int, height: int) -> None:
+    """Give the window a size, be it larger than the screen."""
+    glfw.set_window_size(glfw_utils.glfw_window_hello_imgui(), width, height)
+
+
+def in_software(context: moderngl.Context) -> bool:
+    """OpenGL runs on the processor, which it then shares with the worker."""
+    return any(name in context.info["GL_RENDERER"].lower() for name in ("llvmpipe", "softpipe", "swrast"))

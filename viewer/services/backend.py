@@ -1,0 +1,26 @@
+"""Where values come from: core's streams, or a test's stand-ins."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from core.export.mesh import export_mesh
+from core.export.video import write_video
+from core.fitting.fit import FitJob, FitStep, fit
+from core.models.library import load_model
+from core.models.model import Model
+from core.photos.photo import Photo, load_photo
+from core.photos.view_bank import build_view_bank
+from core.rendering.progressive import Frame, RenderJob, render_progressively
+
+
+@dataclass(frozen=True)
+class Backend:
+    """One function for each kind of value; all but the first two are streams."""
+
+    load_model: Callable[[str], Model] = load_model
+    load_photo: Callable[..., Photo] = load_photo
+    frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
+    fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
+    view_bank: Callable[[Model], Iterator[None]] = build_view_bank
+    video: Callable[..., Iterator[int]] = write_video
+    mesh: Callable[..., Iterator[float]] = export_mesh

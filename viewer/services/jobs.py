@@ -1,0 +1,36 @@
+"""What everything that takes longer than a frame needs: the worker, the backend, and a way to say how it went."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from viewer.services.backend import Backend
+from viewer.services.worker import Job, Worker
+
+
+@dataclass(eq=False)
+class Jobs:
+    """Handed to every activity in place of the session."""
+
+    worker: Worker
+    backend: Backend
+    notify: Callable[[str], None]
+    """shows a line of information"""
+    report: Callable[[str, Exception], None]
+    """shows what could not be done, and why"""
+
+    def submit(self, job: Job) -> None:
+        """Start a job, in place of an older one of its name."""
+        self.worker.submit(job)
+
+    def cancel(self, *names: str) -> None:
+        """Ask the jobs of these names for nothing more."""
+        for name in names:
+            self.worker.cancel(name)
+
+    def busy(self, *names: str) -> bool:
+        """Whether a job (one of these names) is under way or has something to deliver."""
+        return self.worker.busy(*names)
+
+    def reporting(self, what: str) -> Callable[[Exception | None], None]:
+        """For the end of a job: reports what went wrong, if anything did."""
+        return lambda error: self.report(what, error) if error else None

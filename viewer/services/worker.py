@@ -1,0 +1,161 @@
+"""One thread that does the slow work, a step at a time, so that the window never waits."""
+
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Job(Generic[T]):
+    """A stream that the worker steps. Its callbacks run in :meth:`Worker.deliver`, on the window's thread."""
+
+    name: str
+    """a newer job of the same name takes the place of an older one"""
+    start: Callable[[], Iterable[T | None]]
+    """makes the stream, on the worker; None says only that time has passed"""
+    value: Callable[[T], None]
+    end: Callable[[Exception | None], None] = lambda error: None
+    """called once, with what went wrong; not for a job that was cancelled or replaced"""
+    urgent: bool = False
+    """goes before all others until its first value, and is not replaced before it"""
+    share: float = 1.0
+    """of the worker's time, against other jobs'"""
+
+
+@dataclass(eq=False)
+class _Running:
+    job: Job
+    spent: float
+    """seconds over the job's share"""
+    stream: Iterator | None = None
+    shown: bool = False
+    over: bool = False
+    """to be stepped no more"""
+    muted: bool = False
+    """what it still has to deliver is dropped"""
+
+
+class Worker:
+    """Steps streams in turn. To stop a stream is not to step it any more, so a cancel waits for one step at most."""
+
+    def __init__(self, wake: Callable[[], None] = lambda: None) -> None:
+        """``wake`` is called from the worker's thread whenever there is something to deliver."""
+        self.wake = wake
+        self._running: list[_Running] = []
+        self._next: dict[str, Job] = {}
+        self._delivery: deque[tuple[_Running, Callable[[], None]]] = deque()
+        self._changed = threading.Condition()
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name="worker")
+        self._thread.start()
+
+    def submit(self, job: Job) -> None:
+        """Start a job, in place of an older one of its name."""
+        with self._changed:
+            current = self._find(job.name)
+            if current and job.urgent and not current.shown:
+                self._next[job.name] = job
+            else:
+                self._begin(job, current)
+            self._changed.notify()
+
+    def cancel(self, name: str) -> None:
+        """Ask the job of this name for nothing more; nothing of it is delivered from now on."""
+        with self._changed:
+            self._next.pop(name, None)
+            for entry in (*self._running, *(entry for entry, _ in self._delivery)):
+                if entry.job.name == name:
+                    entry.over = entry.muted = True
+            self._changed.notify()
+
+    def busy(self, *names: str) -> bool:
+        """Whether a job (one of these names) is under way or has something to deliver."""
+        with self._changed:
+            due = [entry for entry, _ in self._delivery if not entry.muted]
+            alive = [entry for entry in self._running if not entry.over]
+            return any(not names or entry.job.name in names for entry in due + alive)
+
+    def deliver(self) -> None:
+        """Call the callbacks that are due; to be called once a frame."""
+        for _ in range(len(self._delivery)):
+            entry, callback = self._delivery.popleft()
+            if not entry.muted:
+                callback()
+
+    def close(self) -> None:
+        """End after the step under way and wait for that; streams are closed, so that they clean up."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join()
+        self._delivery.clear()
+
+    def _find(self, name: str) -> _Running | None:
+        return next((entry for entry in self._running if entry.job.name == name and not entry.over), None)
+
+    def _begin(self, job: Job, old: _Running | None) -> None:
+        if old:  # a frame that is on its way is still worth seeing, anything else would mislead
+            old.over, old.muted = True, not old.job.urgent
+        least = min((entry.spent for entry in self._running if not entry.over), default=0.0)
+        self._running.append(_Running(job, least))
+
+    def _run(self) -> None:
+        if sys.platform == "linux":  # the window stays at its frame rate beside torch on few cores
+            os.nice(10)  # of this thread alone
+        while (entry := self._pick()) is not None:
+            began = time.perf_counter()
+            self._step(entry)
+            entry.spent += (time.perf_counter() - began) / entry.job.share
+        for left in self._running:
+            _close(left.stream)
+
+    def _pick(self) -> _Running | None:
+        """What to step next: an urgent job that has shown nothing, else the one that had the least time."""
+        while not self._closing:
+            with self._changed:
+                ended = [entry for entry in self._running if entry.over]
+                self._running = [entry for entry in self._running if not entry.over]
+                if not (self._running or ended or self._closing):
+                    self._changed.wait()
+                order = sorted(self._running, key=lambda it: (it.shown or not it.job.urgent, it.spent))
+            for entry in ended:
+                _close(entry.stream)
+            if order:
+                return order[0]
+        return None
+
+    def _step(self, entry: _Running) -> None:
+        try:
+            if entry.stream is None:
+                entry.stream = iter(entry.job.start())
+            value = next(entry.stream)
+        except StopIteration:
+            self._post(entry, lambda: entry.job.end(None), over=True)
+        except Exception as error:  # whatever goes wrong in a job is shown in the window, and only there
+            self._post(entry, partial(entry.job.end, error), over=True)
+        else:
+            if value is not None:
+                self._post(entry, lambda: entry.job.value(value))
+
+    def _post(self, entry: _Running, callback: Callable[[], None], over: bool = False) -> None:
+        with self._changed:
+            self._delivery.append((entry, callback))
+            entry.shown, entry.over = True, entry.over or over
+            if newer := self._next.pop(entry.job.name, None):
+                self._begin(newer, entry)
+        self.wake()
+
+
+def _close(stream: Iterator | None) -> None:
+    if isinstance(stream, Generator):
+        with suppress(Exception):  # the job was given up: nobody waits for its errors
+            stream.close()

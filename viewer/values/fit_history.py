@@ -1,0 +1,115 @@
+"""What a fit is made of and how it has gone so far: photos, steps, and which of them is shown. All frozen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from core.fitting.fit import FitStep
+from core.photos.photo import Crop, Photo
+from core.photos.segmentation import Hints
+from core.rendering.progressive import Frame
+
+MAX_STEPS = 800
+"""kept; of more, every other one is forgotten"""
+
+
+class PhotoSource(NamedTuple):
+    """Where a photo comes from."""
+
+    path: Path
+    pose: Path | None = None
+    """its camera, where that is known: an SRN pose file"""
+    hints: Hints | None = None
+    """where the object is, where a person pointed it out"""
+    crop: Crop | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FittedPhoto:
+    """A photo that is fitted."""
+
+    source: PhotoSource
+    photo: Photo
+    pixels: UInt8[np.ndarray, "height width 3"]
+
+    @classmethod
+    def of(cls, source: PhotoSource, photo: Photo) -> FittedPhoto:
+        """With its pixels as bytes."""
+        return cls(source, photo, (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+
+
+@dataclass(frozen=True, eq=False)
+class FitHistory:
+    """How a fit has gone so far."""
+
+    sources: tuple[PhotoSource, ...] = ()
+    photos: tuple[FittedPhoto, ...] = ()
+    """as many of the sources as have been read"""
+    steps: tuple[FitStep, ...] = ()
+    selected: int | None = None
+    """the step that is shown; None: the newest"""
+    photo_index: int = 0
+    """the photo that is shown"""
+    frame: Frame | None = None
+    """the newest render of that step, from the photo's camera"""
+    difference: UInt8[np.ndarray, "height width 3"] | None = None
+    """between the photo and that render, doubled; black where they agree"""
+
+    @property
+    def name(self) -> str:
+        """Of the object: that of its first photo."""
+        return self.sources[0].path.stem if self.sources else ""
+
+    @property
+    def photo(self) -> FittedPhoto | None:
+        """The photo that is shown, once it has been read."""
+        return self.photos[self.photo_index] if self.photo_index < len(self.photos) else None
+
+    @property
+    def image(self) -> UInt8[np.ndarray, "height width 3"] | None:
+        """The newest render on white, as the photo is."""
+        return self.frame.image if self.frame else None
+
+    @property
+    def last(self) -> FitStep | None:
+        """The newest step: the result, once the fit is over."""
+        return self.steps[-1] if self.steps else None
+
+    @property
+    def step(self) -> FitStep | None:
+        """The step that is shown."""
+        return self.steps[self.selected] if self.selected is not None else self.last
+
+    @property
+    def progress(self) -> float:
+        """0..1"""
+        return min(1.0, self.last.step / max(1, self.last.steps)) if self.last else 0.0
+
+    def with_step(self, step: FitStep) -> FitHistory:
+        """With a step more; where there are too many, only every other one is kept, and the newest."""
+        steps, selected = (*self.steps, step), self.selected
+        if len(steps) > MAX_STEPS:
+            steps, selected = (*steps[:-1:2], step), selected and selected // 2
+        return replace(self, steps=steps, selected=selected)
+
+    def up_to_selected(self) -> FitHistory:
+        """Without the steps after the one that is shown."""
+        kept = len(self.steps) if self.selected is None else self.selected + 1
+        return replace(self, steps=self.steps[:kept], selected=None)
+
+
+def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:
+    """Images with the pose files that have their names. Raises ``ValueError`` for a pose without its image."""
+    poses = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
+    images = [path for path in paths if path.suffix.lower() != ".txt"]
+    sources = tuple(PhotoSource(path, poses.pop(path.stem, None)) for path in images)
+    if poses:
+        raise ValueError(f"{next(iter(poses.values())).name}: there is no image of this name beside the pose")
+    return sources

@@ -1,0 +1,90 @@
+"""What undo remembers: states before and after this one, a drag counted once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple
+
+from core.export.keyframes import Timeline
+from core.models.scene import Scene
+
+Part = Literal["shape", "texture"]
+"""one of the two codes of an object"""
+PARTS: tuple[Part, Part] = ("shape", "texture")
+_DEPTH = 500
+"""States kept; a state is a few hundred numbers."""
+
+
+class Pair(NamedTuple):
+    """An object put together: whose shape, and whose texture."""
+
+    shape: str
+    texture: str
+
+
+@dataclass(frozen=True)
+class Mix:
+    """Between which objects the two sliders run, and where they stand (0 is A, 1 is B)."""
+
+    a: Pair
+    b: str
+    shape: float = 0.0
+    texture: float = 0.0
+
+    def with_amount(self, part: str, amount: float) -> Mix:
+        """With the slider of one part moved."""
+        return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
+
+
+@dataclass(frozen=True)
+class State:
+    """What a person edits: the scene, where the mixing sliders stand, and the timeline."""
+
+    scene: Scene
+    mix: Mix
+    timeline: Timeline = field(default_factory=Timeline)
+
+
+@dataclass(frozen=True)
+class History:
+    """The state of now between two tuples of states. Every edit makes a new history."""
+
+    now: State
+    past: tuple[State, ...] = ()
+    future: tuple[State, ...] = ()
+    gesture: str = ""
+    """the drag under way, whose edits change the state that it began"""
+
+    def changed(self, state: State, gesture: str = "") -> History:
+        """Edited. Edits of one gesture, until :meth:`without_gesture`, are one step."""
+        if state == self.now:
+            return self
+        same = bool(gesture) and gesture == self.gesture
+        past = self.past if same else (*self.past, self.now)[-_DEPTH:]
+        return History(state, past, (), gesture)
+
+    def without_gesture(self) -> History:
+        """The drag has ended: the next edit is a step of its own."""
+        return replace(self, gesture="")
+
+    def undone(self) -> History:
+        """One step back, or the same where there is none."""
+        if not self.past:
+            return self
+        return History(self.past[-1], self.past[:-1], (self.now, *self.future))
+
+    def redone(self) -> History:
+        """One step forward again, or the same where there is none."""
+        if not self.future:
+            return self
+        return History(self.future[0], (*self.past, self.now), self.future[1:])
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """All there are, the oldest first; that of now has the index ``len(past)``."""
+        return (*self.past, self.now, *self.future)
+
+    def at(self, index: int) -> History:
+        """At another of the states; the others stay, before and after it."""
+        states = self.states
+        return History(states[index], states[:index], states[index + 1 :])

@@ -1,0 +1,115 @@
+"""From the hand to a new camera: drag, wheel, keys. Pure."""
+
+import math
+from dataclasses import dataclass, replace
+
+from core.geometry.camera import FRONT_AZIMUTH, Camera
+from core.models.model import Model
+from core.rendering.progressive import Frame
+
+HIGHEST = math.radians(89.0)
+"""Short of the pole, where the image would spin."""
+_ZOOM_STEP = 1.1
+REACH = 0.4, 3.0
+"""Nearest and farthest, in shares of the distance the model was trained at."""
+VIEWS = {"front": (FRONT_AZIMUTH, 0.0), "side": (FRONT_AZIMUTH - math.pi / 2, 0.0), "top": (FRONT_AZIMUTH, HIGHEST)}
+"""Azimuth and elevation (rad) of the usual views."""
+_MAX_PAN = 1.0
+"""How far the object can be panned, in shares of the view's shorter side."""
+
+
+def home(model: Model) -> Camera:
+    """Where a model is first seen from: the front, a little from the side and above, near enough to fill the view."""
+    half_view = math.atan(model.image_size / 2 / model.focal)
+    # Four fifths: the box's corners are empty, so a little less than all of it fills the view.
+    filling_it = 0.8 * math.hypot(*model.extent) / math.sin(half_view)
+    return model.camera(math.radians(60), math.radians(20), min(model.distance, filling_it))
+
+
+def dragged(camera: Camera, across: float, down: float) -> Camera:
+    """The object turns with the hand: half a turn for a drag across the whole view.
+
+    Args:
+        across, down: how far the hand moved, in shares of the view's size.
+    """
+    return turned(camera, -math.pi * across, math.pi * down)
+
+
+def turned(camera: Camera, azimuth: float, elevation: float) -> Camera:
+    """The camera moved by these angles (rad), kept off the poles."""
+    around = math.remainder(camera.azimuth + azimuth, 2 * math.pi)
+    up = max(-HIGHEST, min(HIGHEST, camera.elevation + elevation))
+    return replace(camera, azimuth=around, elevation=up)
+
+
+def reach(camera: Camera, model: Model) -> tuple[float, float]:
+    """The least and the largest distance of a camera; a longer focal length sees objects from further away."""
+    longer = max(1.0, camera.focal / camera.height / (model.focal / model.image_size))
+    return REACH[0] * model.distance, REACH[1] * longer * model.distance
+
+
+def zoomed(camera: Camera, steps: float, model: Model) -> Camera:
+    """Nearer by so many clicks of the wheel, neither into the object nor out of sight."""
+    nearest, farthest = reach(camera, model)
+    return replace(camera, distance=max(nearest, min(farthest, camera.distance * _ZOOM_STEP**-steps)))
+
+
+def seen_from(camera: Camera, view: str) -> Camera:
+    """One of :data:`VIEWS`, from as far away as now."""
+    azimuth, elevation = VIEWS[view]
+    return replace(camera, azimuth=azimuth, elevation=elevation)
+
+
+def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
+    """The object moved in the view, with the hand; shares of the view's shorter side."""
+    x, y = (max(-_MAX_PAN, min(_MAX_PAN, value)) for value in (pan[0] + across, pan[1] + down))
+    return x, y
+
+
+@dataclass(frozen=True)
+class PanelCrop:
+    """An image to be rendered, and what of it a panel shows: a camera looks at the middle of the object only."""
+
+    camera: Camera
+    width: int
+    height: int
+    """px that are shown"""
+    left: int = 0
+    top: int = 0
+    """px before them"""
+
+    def middle(self, camera: Camera) -> "PanelCrop":
+        """What a camera of fewer pixels sees of it, from the same place."""
+        left, top = (self.camera.width - camera.width) // 2, (self.camera.height - camera.height) // 2
+        return PanelCrop(self.camera, camera.width, camera.height, left, top)
+
+    def cropped(self, frame: Frame) -> Frame:
+        """What is shown of the frame, at the size of any of its stages."""
+        if (self.width, self.height) == (self.camera.width, self.camera.height):
+            return frame
+        scale = frame.image.shape[0] / self.camera.height
+        height, width = (max(1, round(scale * size)) for size in (self.height, self.width))
+        top = min(round(scale * self.top), frame.image.shape[0] - height)
+        left = min(round(scale * self.left), frame.image.shape[1] - width)
+        rows, columns = slice(top, top + height), slice(left, left + width)
+        image, depth, opacity = (part[rows, columns] for part in (frame.image, frame.depth, frame.opacity))
+        evaluations = None if frame.evaluations is None else frame.evaluations[rows, columns]
+        return replace(frame, image=image, depth=depth, opacity=opacity, evaluations=evaluations)
+
+
+def fit_to_panel(
+    camera: Camera, width: int, height: int, detail: int, pan: tuple[float, float] = (0.0, 0.0)
+) -> PanelCrop:
+    """The view for a panel of any shape: its shorter side shows what the camera's height shows.
+
+    Args:
+        width, height: of the panel, px.
+        detail: px along the shorter side of what is shown.
+        pan: how far the object is moved right and down, in shares of the shorter side.
+    """
+    shorter = max(1, min(width, height))
+    across, down = (max(1, round(detail * side / shorter)) for side in (width, height))
+    right, below = (round(detail * share) for share in pan)
+    full = across + 2 * abs(right), down + 2 * abs(below)
+    full_camera = replace(camera, focal=camera.focal * detail / camera.height, width=full[0], height=full[1])
+    return PanelCrop(full_camera, across, down, abs(right) - right, abs(below) - below)

@@ -1,0 +1,106 @@
+"""What of a frame is shown: its colours, or depth, normals, opacity and samples. Pure."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+
+from core.geometry.camera import Camera, camera_rotation
+from core.rendering.progressive import Frame
+
+_OPAQUE = 0.5
+"""opacity from which a pixel counts as the object's"""
+_COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])
+"""from nothing to the most"""
+
+
+def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
+    """The frame with another image in it, one of :data:`MODES`; as it is where that is not known.
+
+    Args:
+        camera: with which it was rendered, at any size.
+    """
+    image = MODES[mode](frame, camera)
+    if image is None:
+        return frame
+    return replace(
+        frame, image=image, opacity=np.ones_like(frame.opacity) if mode in _WITHOUT_BACKGROUND else frame.opacity
+    )
+
+
+def colour_map(values: Float[np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape 3"]:
+    """Numbers 0..1 as colours from dark to bright."""
+    steps = np.linspace(0, 1, len(_COLOUR_MAP))
+    channels = [np.interp(values, steps, _COLOUR_MAP[:, channel]) for channel in range(3)]
+    return (np.stack(channels, -1) + 0.5).astype(np.uint8)
+
+
+def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]:
+    """Unit normals of the surface that depth describes, in the world's axes; 0 off the object and at its edges.
+
+    They are found by differences between neighbouring pixels, so they are as coarse as the frame.
+    """
+    height, width = frame.depth.shape
+    view = camera.resized(width, height)
+    y, x = np.mgrid[0:height, 0:width] + 0.5
+    rays = np.stack(((x - width / 2) / view.focal, (height / 2 - y) / view.focal, -np.ones_like(x)), -1)
+    points = frame.depth[..., None] * rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    there = frame.opacity > _OPAQUE
+    inner = there.copy()
+    inner[1:-1, 1:-1] &= there[:-2, 1:-1] & there[2:, 1:-1] & there[1:-1, :-2] & there[1:-1, 2:]
+    inner[[0, -1]] = inner[:, [0, -1]] = False
+    across, down = np.zeros_like(points), np.zeros_like(points)
+    across[:, 1:-1], down[1:-1] = points[:, 2:] - points[:, :-2], points[2:] - points[:-2]
+    facing = np.cross(down, across)
+    length = np.linalg.norm(facing, axis=-1, keepdims=True)
+    angles = torch.tensor([camera.azimuth, camera.elevation], dtype=torch.float64)
+    to_camera = camera_rotation(angles[0], angles[1]).numpy()
+    return np.where(inner[..., None], facing / np.maximum(length, 1e-12), 0.0) @ to_camera
+
+
+def _depth(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
+    """Bright is near, within what the object spans."""
+    there = frame.opacity > _OPAQUE
+    if not there.any():
+        return np.full_like(frame.image, 255)
+    near, far = frame.depth[there].min(), frame.depth[there].max()
+    nearness = 1 - (frame.depth - near).clip(0, far - near) / max(far - near, 1e-6)
+    return _on_white(frame, colour_map(0.1 + 0.9 * nearness.astype(float)))
+
+
+def _opacity(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
+    """White is solid, black is clear."""
+    grey = (255 * frame.opacity.clip(0, 1) + 0.5).astype(np.uint8)
+    return np.repeat(grey[..., None], 3, -1)
+
+
+def _normal(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
+    """The axes of the world as red, green and blue."""
+    found = normals(frame, camera)
+    colours = np.where(found.any(-1, keepdims=True), 127.5 * (found + 1) + 0.5, 255.0)
+    return _on_white(frame, colours.clip(0, 255).astype(np.uint8))
+
+
+def _samples(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"] | None:
+    """How many samples of each ray were evaluated, against the most of any."""
+    if frame.evaluations is None:
+        return None
+    return colour_map(frame.evaluations / max(1, int(frame.evaluations.max())))
+
+
+def _on_white(frame: Frame, colours: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
+    opacity = frame.opacity.clip(0, 1)[..., None]
+    return (opacity * colours + 255 * (1 - opacity) + 0.5).astype(np.uint8)
+
+
+MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
+    "colour": lambda frame, camera: None,
+    "depth": _depth,
+    "normals": _normal,
+    "opacity": _opacity,
+    "samples": _samples,
+}
+_WITHOUT_BACKGROUND = ("opacity", "samples")
+"""Modes whose images have no background to shine through."""

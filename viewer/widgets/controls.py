@@ -1,0 +1,69 @@
+"""Small controls that panels are made of: buttons with tooltips, drop-down lists, progress."""
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+from imgui_bundle import hello_imgui, imgui
+
+from viewer.actions import ACTIONS
+from viewer.activities.exporting import Kind
+from viewer.context import PanelContext
+
+T = TypeVar("T")
+
+
+def tooltip(text: str) -> None:
+    """A tooltip for the last item."""
+    imgui.set_item_tooltip(text)
+
+
+def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> bool:
+    """A button (width in em, 0 fits the label) with a tooltip."""
+    imgui.begin_disabled(not enabled)
+    pressed = imgui.button(label, (hello_imgui.em_size(width) if width else 0, 0))
+    imgui.end_disabled()
+    tooltip(text)
+    return pressed
+
+
+def action_button(context: PanelContext, action: str, label: str = "", width: float = 0.0) -> None:
+    """A button for an action of the table, by its id, which is also the button's id; its words are the label."""
+    found = ACTIONS[action]
+    hint = found.hint()
+    text = f"{label or found.words}###{action}"
+    if button(text, hint[:1].upper() + hint[1:], width, found.enabled(context)):
+        found.run(context)
+
+
+def flow(label: str) -> None:
+    """Continue in this line where a button of this label has room, else in the next."""
+    width = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
+    imgui.same_line()
+    if imgui.get_content_region_avail().x < width:
+        imgui.new_line()
+
+
+def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:
+    """A drop-down list of few values (width in em)."""
+    imgui.set_next_item_width(hello_imgui.em_size(width))
+    if imgui.begin_combo(f"##{name}", choices.get(chosen, str(chosen))):
+        for value, label in choices.items():
+            if imgui.selectable(label, value == chosen)[0]:
+                chosen = value
+        imgui.end_combo()
+    tooltip(text)
+    return chosen
+
+
+def draw_progress(context: PanelContext, kind: Kind) -> bool:
+    """How far the file under way is, where it is of this kind."""
+    exporting = context.exporting
+    if exporting.path is None or exporting.kind != kind:
+        return False
+    left = exporting.remaining
+    label = f"{exporting.path.name}   {exporting.progress:.0%}" + (f"   {left:.0f} s left" if left is not None else "")
+    imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), label)
+    imgui.same_line()
+    if button("Cancel###cancel export", "Give it up; no half-written file stays"):
+        exporting.cancel()
+    return True

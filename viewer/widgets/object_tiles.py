@@ -1,0 +1,58 @@
+"""An object, small: its thumbnail, a coloured frame, a letter in its corner."""
+
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+
+from core.rendering.progressive import Frame
+from viewer.context import PanelContext
+from viewer.screen.theme import Colour, packed
+from viewer.values.history import Part
+
+DRAGGED = "object"
+"""the kind of payload that is dragged to a slot"""
+ICONS: dict[Part, str] = {
+    "shape": icons_fontawesome_4.ICON_FA_CUBE,
+    "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,
+}
+
+
+def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
+    """An object's thumbnail, or an empty square until it is rendered."""
+    paint_frame(context, context.thumbnails.of_object(context.editor.objects[name].codes), corner, side)
+
+
+def paint_frame(context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float) -> None:
+    """A small frame with round corners; None is an empty square."""
+    draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
+    if thumbnail is None or context.images is None:
+        draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
+        return
+    texture = context.images.texture(thumbnail, context.palette)
+    draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
+
+
+def outline(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:
+    """A border, so many px within the square."""
+    low, high = corner + ImVec2(inset, inset), corner + ImVec2(side - inset, side - inset)
+    imgui.get_window_draw_list().add_rect(low, high, packed(colour), rounding(), thickness=2.0)
+
+
+def mark(corner: ImVec2, label: str, colour: Colour) -> None:
+    """A letter or an icon on a coloured square."""
+    draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
+    draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
+    place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
+    draw.add_text(place, packed((0.06, 0.07, 0.08)), label)
+
+
+def dropped(context: PanelContext) -> str:
+    """The object that was dropped on the last item, if any."""
+    if not imgui.begin_drag_drop_target():
+        return ""
+    payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
+    imgui.end_drag_drop_target()
+    return context.dragged if payload else ""
+
+
+def rounding() -> float:
+    """px, of every corner."""
+    return 0.3 * hello_imgui.em_size()
