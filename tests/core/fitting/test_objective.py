@@ -82,7 +82,7 @@ def test_residuals_of_cameras_have_the_gradient_of_their_value(elevation: float)
 @pytest.mark.parametrize("robust_scale", ROBUST)
 def test_gauss_newton_sees_the_objective_and_its_gradient(tiny: Model, robust_scale: float, elevation: float):
     """With two samples a ray, all of them are differentiated by both."""
-    objective, stage = Objective(1e-4, robust_scale=robust_scale), Stage(3, 1, 96, 2, 100, robust_scale, 0.3)
+    objective, stage = Objective(1e-4, robust_scale=robust_scale), Stage(3, 1, 96, 2, robust_scale, 0.3)
     at = Parameters(*(part.requires_grad_() for part in parameters_of(elevation=elevation)))
     pixels = pixels_of(tiny)
     with use_dtype(torch.float32):
@@ -178,7 +178,7 @@ def test_the_true_hypothesis_is_the_best(tiny: Model):
 @pytest.mark.parametrize("part", Parameters._fields)
 def test_whatever_number_is_not_finite_the_objective_says_so(tiny: Model, part: str, wrong: float):
     """Rectifiers forget a NaN: it must show beside the field too."""
-    at, pixels, stage = parameters_of(), pixels_of(tiny), Stage(3, 4, 96, 24, 100, math.inf, 0.3)
+    at, pixels, stage = parameters_of(), pixels_of(tiny), Stage(3, 4, 96, 24, math.inf, 0.3)
     getattr(at, part)[1] = wrong
     with torch.no_grad():
         for found in (
