@@ -8,14 +8,15 @@ from core.models.model import Model
 from viewer.activities.candidates import update_tiles
 
 
-def step(model: Model, seconds: float, *racing: tuple[int, float, float]) -> FitStep:
+def step(model: Model, seconds: float, *active: tuple[int, float, float]) -> FitStep:
     """Of hypotheses as start, azimuth and loss."""
     codes = model.codes.mean
-    race = tuple(
+    hypotheses = tuple(
         Hypothesis(start, loss, (model.camera(azimuth, 0.3),), codes, torch.zeros(1, 2))
-        for start, azimuth, loss in racing
+        for start, azimuth, loss in active
     )
-    return FitStep(1, 9, race[0].origin, race[0].loss, 20.0, seconds, race[0].cameras, codes, hypotheses=race)
+    best = hypotheses[0]
+    return FitStep(1, 9, best.origin, best.loss, 20.0, seconds, best.cameras, codes, hypotheses=hypotheses)
 
 
 def test_tiles_follow_their_hypotheses_and_are_ranked(model: Model) -> None:
@@ -38,7 +39,7 @@ def test_a_twin_of_the_same_start_is_a_tile_of_its_own(model: Model) -> None:
     assert [tile.number for tile in crossed] == [2, 0, 1]
 
 
-def test_a_race_of_other_pictures_has_other_tiles(model: Model) -> None:
+def test_a_fit_of_other_photos_has_other_tiles(model: Model) -> None:
     first = step(model, 0.0, (0, 0.0, 0.1))
     both = replace(first.hypotheses[0], cameras=first.cameras * 2, codes=Codes(first.codes.shape, first.codes.texture))
     tiles = update_tiles(update_tiles((), first), replace(first, hypotheses=(both,)))

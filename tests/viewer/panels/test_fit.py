@@ -172,7 +172,7 @@ def test_a_fit_that_knows_of_no_other_viewpoint_offers_none(drive: Drive, backen
         assert not window.exists("Fit/###other viewpoint")
 
     def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-        return (replace(step, alternative=None, margin=None) for step in quick_fit(model, job))
+        return (replace(step, runner_up=None, margin=None) for step in quick_fit(model, job))
 
     drive(act, replace(backend, fit=lone_fit))
 
