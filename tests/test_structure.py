@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 _PRIVATE = re.compile(r"([A-Za-z_]\w*\.)*_(?!_)\w+")
 """A name with one leading underscore, or a dotted path that ends in one."""
-_REPLACING = {"setattr", "delattr", "setitem", "delitem", "patch", "object", "multiple", "Change"}
+_REPLACING = {"setattr", "delattr", "setitem", "delitem", "patch", "object", "multiple"}
 """The last words of calls that replace something: of pytest's monkeypatch, of ``unittest.mock``, of the builtins."""
 
 

@@ -52,14 +52,8 @@ def ball(monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr(module.FoldedField, "first_layer", lambda self, points: points)
         monkeypatch.setattr(module.FoldedField, "density", density)
         monkeypatch.setattr(module.FoldedField, "colour", lambda self, y, towards: (y > 0).float())
-        monkeypatch.setattr("core.rendering.occupancy._corner_activations", _corners)
 
     return make
-
-
-def _corners(model: Model, dtype: torch.dtype) -> torch.Tensor:
-    axes = [torch.linspace(-half, half, 65) for half in model.extent]
-    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
 
 @pytest.mark.parametrize("resolution", [40, 64, 97])

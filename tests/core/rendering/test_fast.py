@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn import functional
 
-from core.benchmarks.patched import Change, changed
 from core.geometry.camera import _world_to_camera as placing
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
@@ -36,11 +35,9 @@ def test_folding_is_exact(seed: int, spread: float):
     codes, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
     points = torch.rand(40, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
-    exactly = (
-        Change(folding, "matmul_dtype", lambda device: torch.float32),
-        Change(AxisLookup, "__call__", AxisLookup.evaluate),
-    )
-    with changed(exactly):
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(folding, "matmul_dtype", lambda device: torch.float32)
+        monkeypatch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
         folded = FoldedField(MODEL, codes)
         density, y = folded.density(folded.first_layer(points))
         colour = folded.colour(y, folded.direction_bias(directions))
@@ -94,7 +91,7 @@ def test_chunks_do_not_show(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
     whole = render(MODEL, MODEL.codes[0], camera, 96)
     marching.clear_views()
-    monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
+    monkeypatch.setattr(marching, "CHUNK_RAYS", 37)
     pieces = render(MODEL, MODEL.codes[0], camera, 96)
     assert psnr(pieces.colour, whole.colour) > 50
 

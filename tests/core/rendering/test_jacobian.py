@@ -79,7 +79,7 @@ def test_few_samples_tell_most(model: Model) -> None:
 
 def test_chunks_do_not_matter(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     _, _, whole = traced(model)
-    monkeypatch.setattr(slopes, "_CHUNK_POINTS", 50)
+    monkeypatch.setattr(slopes, "CHUNK_POINTS", 50)
     _, _, parts = traced(model)
     for one, other in zip(whole, parts, strict=True):
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
