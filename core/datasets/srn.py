@@ -5,7 +5,6 @@ Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.pn
 """
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import torch
 from jaxtyping import Bool, UInt8
 from PIL import Image
 
+from core.files import atomic_folder, write_json
 from core.geometry.camera import Camera
 
 _WHITE_LEVEL = 253
@@ -121,21 +121,19 @@ def write_object(folder: Path | str, views: ObjectViews) -> None:
 
     A folder of that name appears only once it is whole, so a stopped job can resume.
     """
-    target = Path(folder) / views.name
-    partial = target.with_name(f".{views.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    for part in ("rgb", "pose", "mask"):
-        (partial / part).mkdir(parents=True)
-    for i, (image, mask, camera) in enumerate(zip(views.images, views.masks, views.cameras, strict=True)):
-        Image.fromarray(image).save(partial / f"rgb/{i:06d}.png", compress_level=4)
-        Image.fromarray(mask.astype(np.uint8) * 255).save(partial / f"mask/{i:06d}.png", compress_level=4)
-        numbers = " ".join(f"{value:.12g}" for value in camera.pose().flatten().tolist())
-        (partial / f"pose/{i:06d}.txt").write_text(numbers + "\n")
-    camera = views.cameras[0]
-    intrinsics = f"{camera.focal:.9g} {camera.width / 2:.9g} {camera.height / 2:.9g} 0."
-    (partial / "intrinsics.txt").write_text(f"{intrinsics}\n0. 0. 0.\n1.\n{camera.height} {camera.width}\n")
-    shutil.rmtree(target, ignore_errors=True)
-    partial.rename(target)
+    place = Path(folder) / views.name
+    place.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_folder(place, replace=True) as partial:
+        for part in ("rgb", "pose", "mask"):
+            (partial / part).mkdir()
+        for i, (image, mask, camera) in enumerate(zip(views.images, views.masks, views.cameras, strict=True)):
+            Image.fromarray(image).save(partial / f"rgb/{i:06d}.png", compress_level=4)
+            Image.fromarray(mask.astype(np.uint8) * 255).save(partial / f"mask/{i:06d}.png", compress_level=4)
+            numbers = " ".join(f"{value:.12g}" for value in camera.pose().flatten().tolist())
+            (partial / f"pose/{i:06d}.txt").write_text(numbers + "\n")
+        camera = views.cameras[0]
+        intrinsics = f"{camera.focal:.9g} {camera.width / 2:.9g} {camera.height / 2:.9g} 0."
+        (partial / "intrinsics.txt").write_text(f"{intrinsics}\n0. 0. 0.\n1.\n{camera.height} {camera.width}\n")
 
 
 def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
@@ -145,8 +143,7 @@ def write_manifest(folder: Path | str, category: str, identities: Mapping[str, t
     """
     objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
     Path(folder).mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"category": category, "objects": objects}, indent=1)
-    (Path(folder) / "manifest.json").write_text(text + "\n")
+    write_json(Path(folder) / "manifest.json", {"category": category, "objects": objects})
 
 
 def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import Dataset
-from core.geometry.camera import camera_rotation
+from core.geometry.camera import FRONT_AZIMUTH, camera_rotation
 from core.models.viewpoint import ViewpointClassifier, crop_to_object, direction_weights, directions
 
 _BATCH_SIZE = 96
@@ -82,7 +82,7 @@ def augment(
 ) -> tuple[Float[Tensor, "images 4 side side"], Float[Tensor, "images"]]:
     """The images in other colours, sizes and places, half of them mirrored; and their azimuths (rad) after that.
 
-    A mirrored object is one seen from the other side of its front (azimuth 90 degrees).
+    A mirrored object is one seen from the other side of its front.
     """
     count = len(images)
 
@@ -104,7 +104,7 @@ def augment(
     affine[:, :, 2] = normal(_SHIFT_STD, 2)
     grid = functional.affine_grid(affine, list(seen.shape), align_corners=False)
     seen = functional.grid_sample(seen, grid, align_corners=False)
-    return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, math.pi - azimuth, azimuth)
+    return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, 2 * FRONT_AZIMUTH - azimuth, azimuth)
 
 
 def accuracy_within(classifier: ViewpointClassifier, dataset: ViewpointDataset, within: float) -> float:
