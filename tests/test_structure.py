@@ -28,7 +28,7 @@ def test_no_module_imports_itself_through_others(package: str):
         pytest.fail("import cycle: " + " <- ".join(error.args[1]))
 
 
-def test_the_pipeline_of_core_is_told_in_ten_rows():
+def test_the_layers_of_core_are_at_most_ten():
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     (core,) = (
         contract for contract in contracts if contract["type"] == "layers" and contract["containers"] == ["core"]

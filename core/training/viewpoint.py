@@ -26,7 +26,7 @@ _SCALE_STD, _ASPECT_STD, _SHIFT_STD = 0.06, 0.08, 0.04
 
 
 class ViewpointDataset(NamedTuple):
-    """Images as the network sees them, and the directions they are seen from."""
+    """Images as the network takes them, and the directions they are seen from."""
 
     images: Float[Tensor, "images 4 side side"]
     azimuth: Float[Tensor, "images"]
@@ -60,7 +60,7 @@ def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
 def train_viewpoint(
     classifier: ViewpointClassifier, dataset: ViewpointDataset, steps: int, seed: int = 0
 ) -> Iterator[ViewpointStep]:
-    """Train a network in place, yielding each step; to stop, ask for no more."""
+    """Train a network in place, yielding each step; to stop, take no more values."""
     generator = torch.Generator().manual_seed(seed)
     optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
     classifier.requires_grad_(True).train()

@@ -95,7 +95,7 @@ def test_the_mesh_stands_where_the_picture_shows_the_object(tiny: Model):
     covered[rows, columns] = True
     opaque = drawn.opacity > 0.5
     assert (covered & opaque).sum() / (covered | opaque).sum() > 0.75
-    # The vertices nearest to the camera have the colours of the picture there.
+    # The vertices nearest to the camera have the colours of the image there.
     facing = found.normals @ camera.pose()[:3, 3].numpy() > 1.0
     shown = drawn.image[rows[facing], columns[facing]] / 255
     assert np.median(np.abs(found.colours[facing] - shown)) < 0.08
