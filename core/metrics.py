@@ -51,13 +51,13 @@ def rotation_error(camera: Camera, truth: Camera) -> float:
 
 
 def direction_error(camera: Camera, truth: Camera) -> float:
-    """Degrees between the directions in which the two cameras stand, seen from the origin."""
+    """Degrees between the directions from the origin to the two cameras."""
     apart = camera_direction(camera) - camera_direction(truth)
     return math.degrees(2 * math.asin(min(1.0, float(apart.norm()) / 2)))
 
 
 def translation_error(camera: Camera, truth: Camera) -> float:
-    """How far the camera stands from its true place, as a share of the true distance."""
+    """How far the camera is from its true position, as a share of the true distance."""
     return float((camera.pose()[:3, 3] - truth.pose()[:3, 3]).norm()) / truth.distance
 
 
