@@ -26,7 +26,7 @@ def psnr_from_mse(squared_error: float) -> float:
     """The PSNR in dB of a mean squared error per channel, at most :data:`MAX_PSNR`.
 
     Example:
-        >>> psnr_of(0.01)
+        >>> psnr_from_mse(0.01)
         20.0
     """
     return MAX_PSNR if squared_error <= 10 ** (-MAX_PSNR / 10) else -10 * math.log10(squared_error)
