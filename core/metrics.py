@@ -1,4 +1,4 @@
-"""Image and camera errors: PSNR, SSIM, rotation, direction, translation and distance."""
+"""Image and camera errors: PSNR, SSIM, rotation and translation."""
 
 import math
 
@@ -50,25 +50,9 @@ def rotation_error(camera: Camera, truth: Camera) -> float:
     return math.degrees(2 * math.asin(min(1.0, half)))
 
 
-def direction_error(camera: Camera, truth: Camera) -> float:
-    """Degrees between the directions in which the two cameras stand, seen from the origin."""
-    apart = camera_direction(camera) - camera_direction(truth)
-    return math.degrees(2 * math.asin(min(1.0, float(apart.norm()) / 2)))
-
-
 def translation_error(camera: Camera, truth: Camera) -> float:
     """How far the camera stands from its true place, as a share of the true distance."""
     return float((camera.pose()[:3, 3] - truth.pose()[:3, 3]).norm()) / truth.distance
-
-
-def distance_error(camera: Camera, truth: Camera) -> float:
-    """How far the distance is from the true one, as a share of it."""
-    return abs(camera.distance - truth.distance) / truth.distance
-
-
-def camera_direction(camera: Camera) -> Float[Tensor, "3"]:
-    """The unit vector from the origin to the camera, float64."""
-    return torch.nn.functional.normalize(camera.pose()[:3, 3], dim=0)
 
 
 def _arrays(image: Image, truth: Image) -> tuple[np.ndarray, np.ndarray]:
