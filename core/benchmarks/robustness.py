@@ -99,8 +99,8 @@ def run(
                 truth = stressor.camera(camera, level)
                 image = _corrupted(model, codes, truth, stressor, level, seed + number)
                 for preset, settings in presets.items():
-                    told = stressor.init if isinstance(settings, PaperSettings) else None
-                    init = told(truth, level) if told else None
+                    perturb = stressor.init if isinstance(settings, PaperSettings) else None
+                    init = perturb(truth, level) if perturb else None
                     attempt = _Attempt(image, codes, truth, settings, seed + number, init, stressor.no_object)
                     trial, failure = _fit(model, attempt, Trial(name, level, preset, object_name))
                     trials.append(trial)

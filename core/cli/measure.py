@@ -20,7 +20,7 @@ from core.models.library import load_model
 from core.models.model import Model
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
-_Thing = TypeVar("_Thing")
+_Item = TypeVar("_Item")
 _Found = TypeVar("_Found")
 
 
@@ -33,15 +33,15 @@ def evaluate(chosen: argparse.Namespace) -> None:
             "no --input-views, --pose, --preset or --view-stride"
         )
     model = load_model(chosen.model, chosen.device)
-    places = _places(model, chosen.datasets)
+    entries = _category_entries(model, chosen.datasets)
     if chosen.report:
         require_writable(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
     if chosen.disentanglement:
-        _evaluate_swap(chosen, model, places, about)
+        _evaluate_disentanglement(chosen, model, entries, about)
         return
-    places = _spread(places, chosen.objects)
-    scores = _collected(scored(model, (place.read() for place in places), protocol), len(places))
+    entries = _evenly_spaced(entries, chosen.objects)
+    scores = _collected(scored(model, (entry.read() for entry in entries), protocol), len(entries))
     print(format_table(scores, protocol), flush=True)
     if chosen.report:
         write_report(chosen.report, scores, protocol, about)
@@ -92,7 +92,7 @@ def bench_model_size(chosen: argparse.Namespace) -> None:
     charts.prepare(chosen.out)
     if not chosen.models.is_dir():
         raise ValueError(f"there is no folder {chosen.models}")
-    tests = _spread(index_objects(chosen.tests)[1], chosen.objects)
+    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
     found = _last_value(model_sizes.run(chosen.datasets, tests, chosen.steps, chosen.models))
     charts.write_model_sizes(found, chosen.out)
     print(tables.model_sizes_table(found), flush=True)
@@ -122,8 +122,8 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
     generator = torch.Generator().manual_seed(chosen.seed)
     if not chosen.dataset:
         return model, tuple(training_object_views(model, chosen.objects, generator))
-    places = _spread(_places(model, chosen.dataset), chosen.objects)
-    return model, tuple(dataset_views(model, places, generator))
+    entries = _evenly_spaced(_category_entries(model, chosen.dataset), chosen.objects)
+    return model, tuple(dataset_views(model, entries, generator))
 
 
 def _last_value(stream: Iterator[str | _Found]) -> _Found:
@@ -136,24 +136,24 @@ def _last_value(stream: Iterator[str | _Found]) -> _Found:
     raise ValueError("the benchmark found nothing")
 
 
-def _evaluate_swap(
-    chosen: argparse.Namespace, model: Model, places: tuple[ObjectEntry, ...], about: dict[str, str]
+def _evaluate_disentanglement(
+    chosen: argparse.Namespace, model: Model, entries: tuple[ObjectEntry, ...], about: dict[str, str]
 ) -> None:
-    found = pairs(model, places)
+    found = pairs(model, entries)
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
-    some = [pair for kind in kinds for pair in _spread(tuple(kind), chosen.objects)]
+    some = [pair for kind in kinds for pair in _evenly_spaced(tuple(kind), chosen.objects)]
     scores = _collected(score_pairs(model, some, chosen.seed), len(some))
     print(format_disentanglement(scores), flush=True)
     if chosen.report:
         write_disentanglement_report(chosen.report, scores, about)
 
 
-def _places(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
+def _category_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
     """The objects of datasets, which must be of the model's category."""
-    category, places = index_objects(datasets)
+    category, entries = index_objects(datasets)
     if category and model.category not in ("", category):
         raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
-    return places
+    return entries
 
 
 def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
@@ -167,8 +167,8 @@ def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
     return found
 
 
-def _spread(things: tuple[_Thing, ...], count: int | None) -> tuple[_Thing, ...]:
+def _evenly_spaced(items: tuple[_Item, ...], count: int | None) -> tuple[_Item, ...]:
     """So many of them, evenly spread."""
-    if count is None or count >= len(things):
-        return things
-    return tuple(things[index * len(things) // count] for index in range(count))
+    if count is None or count >= len(items):
+        return items
+    return tuple(items[index * len(items) // count] for index in range(count))
