@@ -26,18 +26,19 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside ``path`` to write to, as :func:`atomic_file`; what is at ``path`` is never replaced.
+def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
+    """A new folder beside ``path`` to write to, as :func:`atomic_file`.
 
-    Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already.
+    Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already and not to be replaced.
     """
     partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-    if path.exists():
+    if path.exists() and not replace:
         raise ValueError(f"cannot write {path}: it is there already")
     try:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
         yield partial
+        shutil.rmtree(path, ignore_errors=True)
         partial.rename(path)
     except OSError as error:
         raise ValueError(f"cannot write {path}: {error.strerror or error}") from None

@@ -51,7 +51,7 @@ def rotation_error(camera: Camera, truth: Camera) -> float:
 
 
 def translation_error(camera: Camera, truth: Camera) -> float:
-    """How far the camera stands from its true place, as a share of the true distance."""
+    """How far the camera is from its true position, as a share of the true distance."""
     return float((camera.pose()[:3, 3] - truth.pose()[:3, 3]).norm()) / truth.distance
 
 

@@ -45,17 +45,17 @@ def shared() -> Path:
 
 
 def no_opengl(error: Exception) -> NoReturn:
-    """Ends a test that cannot draw: skipped, or failed where CI says that drawing should be possible."""
-    said = f"no OpenGL to draw with: {error}"
+    """Ends a test that cannot render: skipped, or failed where CI says that rendering should be possible."""
+    said = f"no OpenGL to render with: {error}"
     if os.environ.get("CI", "").lower() == "true":
         pytest.fail(said)
     pytest.skip(said)
 
 
-def picture_size(path: Path) -> tuple[int, int]:
-    """Width and height in px of a picture file, which is closed again."""
-    with Image.open(path) as picture:
-        return picture.size
+def image_size(path: Path) -> tuple[int, int]:
+    """Width and height in px of an image file, which is closed again."""
+    with Image.open(path) as image:
+        return image.size
 
 
 def random_model(seed: int = 0, white_from_network: bool = False) -> Model:

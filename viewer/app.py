@@ -45,7 +45,7 @@ class App:
         Args:
             folder: where layout and preferences are kept for the next time; None keeps nothing.
             headless: draw a window that nobody sees.
-            native_dialogs: None asks the system whether it has them.
+            native_dialogs: None: as the system has them.
         """
         window.prepare(headless)
         self.session = session
@@ -228,6 +228,6 @@ class App:
 
 
 def _leave_a_core() -> Iterator[None]:
-    """Beside a window that the processor draws, threads that wait for each other are slower than one thread less."""
+    """Beside a window that the processor renders, threads that wait for each other are slower than one thread less."""
     torch.set_num_threads(max(1, torch.get_num_threads() - 1))
     yield None

@@ -73,7 +73,7 @@ class Autosave:
 
 
 def _runs(path: Path) -> bool:
-    """Whether the program that writes this file is still there. Windows cannot be asked."""
+    """Whether the program that writes this file is still there. On Windows this cannot be found out."""
     number = path.stem.removeprefix("session-").partition("-")[0]
     if not number.isdigit() or sys.platform == "win32" or int(number) == os.getpid():
         return False  # an earlier run had this one's number

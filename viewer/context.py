@@ -1,4 +1,4 @@
-"""What panels are handed: the open workspace, and the window's own things around it."""
+"""What panels are given: the open workspace, and the window's own things around it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -37,7 +37,7 @@ MESHES = tuple(mesh.FORMATS)
 
 @dataclass(eq=False)
 class PanelContext:
-    """Handed to every panel. Canvas and images are there once the window is, the workspace once a model is open."""
+    """Given to every panel. Canvas and images are there once the window is, the workspace once a model is open."""
 
     session: Session
     files: FileDialog

@@ -11,7 +11,7 @@ from viewer.app import App
 _RATE = 12.0
 """Frames per second: the processor is the worker's."""
 _SETTLED = 5
-"""Frames after which the layout stands still."""
+"""Frames after which the layout is stable."""
 _FOR_THUMBNAILS = 20.0
 """s that are waited for thumbnails, of which a model may have hundreds"""
 

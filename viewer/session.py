@@ -1,4 +1,4 @@
-"""A run of the program: the model that is open, and what stays when another is opened. Knows no window."""
+"""A run of the program: the model that is open, and what stays when another is opened. No window here."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -44,7 +44,7 @@ class Session:
         return self.workspace is not None and self.workspace.fitting.running
 
     def tick(self) -> None:
-        """Once a frame: what came from the worker, and what advances by itself."""
+        """Once a frame: what came from the worker, and what advances with time."""
         self.jobs.worker.deliver()
         if self.workspace:
             self.workspace.tick()

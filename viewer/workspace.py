@@ -43,7 +43,7 @@ class Workspace:
         self._jobs.submit(Job("view bank", lambda: view_bank(self.model), lambda _: None, share=_VIEW_BANK_SHARE))
 
     def tick(self) -> None:
-        """Once a frame: what advances by itself."""
+        """Once a frame: what advances with time."""
         self.player.tick()
         self.thumbnails.tick()
 

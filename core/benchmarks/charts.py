@@ -227,8 +227,8 @@ def _failures_sheet(failures: Sequence[Failure]) -> Image.Image:
                 sheet.paste(Image.fromarray(pixels).resize((side, side)), (left + index * (side + 2), top))
         draw.rectangle((left - 1, top - 1, left + 2 * side + 2, top + side), outline="lightgrey")
         draw.text((left, top + side + 2), f"{trial.stressor} {trial.level:g}", "black")
-        trust = "" if trial.confidence is None else f", confidence {trial.confidence:.2f}"
-        draw.text((left, top + side + 2 + line), f"{trial.outcome}"[:18] + trust, "dimgrey")
+        confidence = "" if trial.confidence is None else f", confidence {trial.confidence:.2f}"
+        draw.text((left, top + side + 2 + line), f"{trial.outcome}"[:18] + confidence, "dimgrey")
     return sheet
 
 

@@ -57,7 +57,7 @@ class Trial:
     rotation_curve: tuple[float, ...]
     """degrees, error at :data:`TIMES`"""
     symmetric: bool
-    """far off, and yet the object looks as from its true camera, as far as the model knows it"""
+    """far off, and yet a render from this camera is nearly the one from the true camera"""
 
     @property
     def effective_rotation(self) -> float:
@@ -140,9 +140,9 @@ def fit_view(
     views, index = target.views, target.index
     steps = list(fit(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
-    rest = [other for other in range(len(views.cameras)) if other != index]
-    compared = rest[:: max(1, len(rest) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
-    held_out = [score_view(model, last.codes, views, other)[0] for other in compared]
+    remaining = [other for other in range(len(views.cameras)) if other != index]
+    others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
+    held_out = [score_view(model, last.codes, views, other)[0] for other in others]
     symmetric = errors[-1] > _FAR and is_symmetric_view(
         model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
     )

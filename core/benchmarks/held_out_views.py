@@ -35,7 +35,7 @@ class HeldOutView:
     index: int
     """of the fitted view"""
     codes: Codes
-    """the object's own; or, for an object the model does not know, fitted to a few views with their cameras"""
+    """the object's own; or, for an object the model was not trained on, fitted to a few views with their cameras"""
 
     @property
     def camera(self) -> Camera:
@@ -53,10 +53,10 @@ def training_object_views(model: Model, count: int, generator: torch.Generator) 
         yield HeldOutView(ObjectViews(name, name, name, images, masks, cameras), 0, codes)
 
 
-def dataset_views(model: Model, places: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
+def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
     """One random view of every object of a dataset."""
-    for place in places:
-        views = place.read()
+    for entry in entries:
+        views = entry.read()
         stride = -(-len(views.cameras) // HELD_OUT_VIEWS)
         photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
         *_, last = fit(model, FitJob(photos, PRESETS["draft"]))

@@ -1,4 +1,5 @@
-"""Quality against speed by size of the network and the codes: models trained alike, each differing in one number.
+"""Quality against speed by size of the network and the codes: models trained the same way, each differing in one
+number.
 
 From a baseline one axis is swept at a time; last comes the size of the default recipe. All are trained on the same
 objects with the same steps and the same random rays. The scores of each model are kept beside it, so that a run resumes
@@ -72,7 +73,7 @@ class ModelSize:
     """median of these blind fits"""
     field_ms: float
     """to evaluate density and colour at 100,000 points: what a frame costs depends besides on how clean the object is,
-    and so little training leaves all of them hazy"""
+    and after so little training all of them are hazy"""
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def run(
         folders: of the dataset to train on, which is read as a whole only where a model is missing.
         kept: where models and their scores are kept; what is there already is not done again.
     """
-    category, places = index_objects(folders)
+    category, entries = index_objects(folders)
     training = cache(lambda: hold_out(read_dataset(list(folders)))[0])
     chosen = sweep()
     paths = [kept / f"{category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
@@ -134,12 +135,12 @@ def run(
             yield from _train(training(), config, steps, path)
         models.append(Model.load(path))
     training.cache_clear()
-    views = _new_views(places, category, models[0])
+    views = _new_views(entries, category, models[0])
     for path, model in zip(paths, models, strict=True):
         scores.append((yield from _score_model(model, views, tests, path.with_suffix(".json"))))
     yield "speed"
     sizes = [_size(*row, first=scores[0]) for row in zip(chosen, models, paths, scores, _field_ms(models), strict=True)]
-    yield ModelSizeResults(describe_machine(models[0].device), len(places), len(tests), steps, tuple(sizes))
+    yield ModelSizeResults(describe_machine(models[0].device), len(entries), len(tests), steps, tuple(sizes))
 
 
 def _train(training: Dataset, config: FieldConfig, steps: int, path: Path) -> Iterator[str]:
@@ -150,9 +151,9 @@ def _train(training: Dataset, config: FieldConfig, steps: int, path: Path) -> It
     trainer.model().save(path)
 
 
-def _new_views(places: Sequence[ObjectEntry], category: str, model: Model) -> Dataset:
+def _new_views(entries: Sequence[ObjectEntry], category: str, model: Model) -> Dataset:
     """Of some training objects the view that no model was trained on."""
-    some = tuple(place.read() for place in places[:: max(1, len(places) // _NEW_VIEWS)][:_NEW_VIEWS])
+    some = tuple(entry.read() for entry in entries[:: max(1, len(entries) // _NEW_VIEWS)][:_NEW_VIEWS])
     return hold_out(Dataset(some, category, model.image_size, model.focal), _NEW_VIEWS)[1]
 
 
@@ -160,7 +161,7 @@ def _score_model(
     model: Model, views: Dataset, tests: Sequence[ObjectEntry], path: Path
 ) -> Generator[str, None, _Scores]:
     """Yields what is being done; returns the model's scores, from ``path`` where they are known."""
-    names = [place.name for place in tests]
+    names = [entry.name for entry in tests]
     if path.exists():
         kept = json.loads(path.read_text())
         kept["new_views"] = kept.pop("own", kept.get("new_views"))  # the key of earlier versions
@@ -170,10 +171,10 @@ def _score_model(
     new_views = held_out_psnr(model, views)
     view_bank(model)  # built before the first fit is timed
     psnrs, trials = list[float](), list[Trial]()
-    for number, place in enumerate(tests):
-        yield f"fits, {path.stem}, {place.name}"
-        psnrs += [score.psnr for score in evaluate(model, [place.read()], Protocol(every=_VIEW_STRIDE))]
-        (target,) = dataset_views(model, [place], torch.Generator().manual_seed(number))
+    for number, entry in enumerate(tests):
+        yield f"fits, {path.stem}, {entry.name}"
+        psnrs += [score.psnr for score in evaluate(model, [entry.read()], Protocol(every=_VIEW_STRIDE))]
+        (target,) = dataset_views(model, [entry], torch.Generator().manual_seed(number))
         trials.append(fit_view(model, target, "normal", PRESETS["normal"], number))
     found = [float(trial.effective_rotation <= RIGHT_DEGREES) for trial in trials]
     scores = _Scores(model.fingerprint, names, new_views, psnrs, found, [trial.seconds for trial in trials])

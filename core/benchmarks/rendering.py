@@ -1,7 +1,7 @@
 """Milliseconds against decibels: the naive renderer, the fast one, and the fast one without each of its parts.
 
 PSNR is against the exact renderer with 256 samples a ray in float32. Times are the median of several rounds in which
-all settings take turns, so that other load on the machine affects all alike: read them as ratios.
+all settings take turns, so that other load on the machine affects all of them: read them as ratios.
 """
 
 import math
@@ -131,7 +131,7 @@ def run(model: Model, views: int = 3) -> Iterator[str | RenderingResults]:
 
 
 def _views(model: Model, count: int) -> list[_View]:
-    """Objects evenly spaced over the model, from cameras spread over the upper hemisphere."""
+    """Objects evenly spaced over the model, from cameras evenly over the upper hemisphere."""
     some = evenly_spaced_objects(model, count)
     directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (len(some) + 0.9))) for index in range(len(some))]
     return [_View(codes, model.camera(*angles)) for (_, codes), angles in zip(some, directions, strict=True)]
@@ -197,7 +197,7 @@ def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
 
 
 def _ablations(samples: int) -> dict[str, Tolerances]:
-    """The fast renderer, and without each of what it leaves out of a ray."""
+    """The fast renderer, and without each of its shortcuts."""
     cutoff = tolerances(samples)
     return {
         FULL: cutoff,

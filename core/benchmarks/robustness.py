@@ -99,8 +99,8 @@ def run(
                 truth = stressor.camera(camera, level)
                 image = _corrupted(model, codes, truth, stressor, level, seed + number)
                 for preset, settings in presets.items():
-                    perturb = stressor.init if isinstance(settings, PaperSettings) else None
-                    init = perturb(truth, level) if perturb else None
+                    initial_camera = stressor.init if isinstance(settings, PaperSettings) else None
+                    init = initial_camera(truth, level) if initial_camera else None
                     attempt = _Attempt(image, codes, truth, settings, seed + number, init, stressor.no_object)
                     trial, failure = _fit(model, attempt, Trial(name, level, preset, object_name))
                     trials.append(trial)
@@ -130,10 +130,10 @@ class _Attempt(NamedTuple):
 
     def job(self, model: Model) -> FitJob:
         """The fit, from the mean codes where there is an initial camera."""
-        photo, begin = photo_from_array(self.image, model), None
+        photo, initial = photo_from_array(self.image, model), None
         if self.init:
-            begin = Hypothesis(0, math.inf, (self.init,), model.codes.mean, torch.zeros(1, 2))
-        return FitJob((photo,), self.settings, self.seed, begin)
+            initial = Hypothesis(0, math.inf, (self.init,), model.codes.mean, torch.zeros(1, 2))
+        return FitJob((photo,), self.settings, self.seed, initial)
 
 
 def _fit(model: Model, attempt: _Attempt, trial: Trial) -> tuple[Trial, Failure | None]:

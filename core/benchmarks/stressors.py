@@ -33,7 +33,7 @@ class Stressor(NamedTuple):
     init: Callable[[Camera, float], Camera] | None = None
     """from the true camera, the initial camera of the paper's recipe; our presets are given none"""
     no_object: bool = False
-    """The image shows nothing that the model knows: it should be refused or doubted."""
+    """The image shows no object of the model's category: it should be refused or doubted."""
     other_category: bool = False
     """It shows an object of another shipped category."""
 
@@ -67,8 +67,8 @@ def _add_noise(cutout: Cutout, sigma: float, generator: np.random.Generator) -> 
 
 
 def _scale_exposure(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
-    lit = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * factor, 1)
-    return np.concatenate((lit, cutout[..., 3:]), -1).clip(0, 1)
+    colours = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * factor, 1)
+    return np.concatenate((colours, cutout[..., 3:]), -1).clip(0, 1)
 
 
 def _downsample(cutout: Cutout, side: float, _: np.random.Generator) -> np.ndarray:
@@ -96,8 +96,8 @@ def _crop(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
 
 def _shift_white_balance(cutout: Cutout, factor: float, _: np.random.Generator) -> np.ndarray:
     """Warmer light on the object, or colder (below 1)."""
-    lit = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * np.array((factor, 1, 1 / factor), np.float32), 1)
-    return np.concatenate((lit, cutout[..., 3:]), -1).clip(0, 1)
+    colours = np.where(cutout[..., 3:] > 0.5, cutout[..., :3] * np.array((factor, 1, 1 / factor), np.float32), 1)
+    return np.concatenate((colours, cutout[..., 3:]), -1).clip(0, 1)
 
 
 def _fade_texture(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""``fit``: from pictures to a camera and codes."""
+"""``fit``: from images to a camera and codes."""
 
 import argparse
 import json
@@ -24,7 +24,7 @@ from core.photos.segmentation import Hints
 
 
 def fit(chosen: argparse.Namespace) -> None:
-    """``fit``: camera and codes of the object in the pictures; the last line on stdout is the result as JSON."""
+    """``fit``: camera and codes of the object in the images; the last line on stdout is the result as JSON."""
     if chosen.pose and len(chosen.pose) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
     if chosen.box and len(chosen.box) != len(chosen.images):
@@ -38,12 +38,12 @@ def fit(chosen: argparse.Namespace) -> None:
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
-    hints = map(_boxed, chosen.images, chosen.box or [None] * len(chosen.images))
+    hints = map(_box_hints, chosen.images, chosen.box or [None] * len(chosen.images))
     each = zip(chosen.images, poses, hints, strict=True)
     try:
         photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
     except NoBackgroundError as error:
-        raise ValueError(f"{error}; a box is told by --box X0,Y0,X1,Y1") from None
+        raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
         for last in fits.fit(model, FitJob(photos, settings, chosen.seed)):
@@ -61,8 +61,8 @@ def fit(chosen: argparse.Namespace) -> None:
     print(json.dumps(_to_dict(last)), flush=True)
 
 
-def _boxed(image: Path, box: tuple[float, ...] | None) -> Hints | None:
-    """A box in px of the upright picture, as far as it is inside."""
+def _box_hints(image: Path, box: tuple[float, ...] | None) -> Hints | None:
+    """A box in px of the upright image, as far as it is inside."""
     if box is None:
         return None
     width, height = upright_size(image)
@@ -98,11 +98,11 @@ def _camera_to_dict(camera: Camera) -> dict[str, float]:
 
 
 def _focal(camera: Camera) -> float:
-    """In heights of the picture."""
+    """In heights of the image."""
     return round(camera.focal / camera.height, 4)
 
 
-def _doubt(trust: float, other: RunnerUp) -> str:
+def _doubt(confidence: float, other: RunnerUp) -> str:
     camera = _camera_to_dict(other.cameras[0])
     where = f"azimuth {camera['azimuth']:.0f}, elevation {camera['elevation']:.0f}"
-    return f"the camera is doubtful (confidence {trust:.2f}): it may be {where}, or the object none of the model's kind"
+    return f"the camera is doubtful (confidence {confidence:.2f}): it may be {where}, or no object of this category"

@@ -33,7 +33,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
             "no --input-views, --pose, --preset or --view-stride"
         )
     model = load_model(chosen.model, chosen.device)
-    entries = _category_entries(model, chosen.datasets)
+    entries = _index_entries(model, chosen.datasets)
     if chosen.report:
         require_writable(chosen.report)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
@@ -122,7 +122,7 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
     generator = torch.Generator().manual_seed(chosen.seed)
     if not chosen.dataset:
         return model, tuple(training_object_views(model, chosen.objects, generator))
-    entries = _evenly_spaced(_category_entries(model, chosen.dataset), chosen.objects)
+    entries = _evenly_spaced(_index_entries(model, chosen.dataset), chosen.objects)
     return model, tuple(dataset_views(model, entries, generator))
 
 
@@ -148,11 +148,11 @@ def _evaluate_disentanglement(
         write_disentanglement_report(chosen.report, scores, about)
 
 
-def _category_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
+def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry, ...]:
     """The objects of datasets, which must be of the model's category."""
     category, entries = index_objects(datasets)
     if category and model.category not in ("", category):
-        raise ValueError(f"the dataset shows {category}, and the model knows {model.category}")
+        raise ValueError(f"the dataset shows {category}, and the model is of {model.category}")
     return entries
 
 
@@ -168,7 +168,7 @@ def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
 
 
 def _evenly_spaced(items: tuple[_Item, ...], count: int | None) -> tuple[_Item, ...]:
-    """So many of them, evenly spread."""
+    """So many of them, evenly spaced."""
     if count is None or count >= len(items):
         return items
     return tuple(items[index * len(items) // count] for index in range(count))

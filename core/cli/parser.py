@@ -268,7 +268,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--input-views", type=_views, default="64", metavar="V,V", help="the views that are fitted")
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
     _add_preset(command)
-    command.add_argument("--objects", type=_count, metavar="N", help="at most so many, evenly spread over the dataset")
+    command.add_argument("--objects", type=_count, metavar="N", help="at most so many, evenly spaced over the dataset")
     command.add_argument("--view-stride", type=_count, default=1, metavar="N", help="render every Nth other view only")
     command.add_argument(
         "--report", type=Path, metavar="R.json", help="the scores; a chart is written beside them as PNG"
@@ -300,7 +300,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     robustness = _command(
         kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
     )
-    robustness.add_argument("--objects", type=_count, default=2, metavar="N", help="training objects, evenly spread")
+    robustness.add_argument("--objects", type=_count, default=2, metavar="N", help="training objects, evenly spaced")
     _add_seed(robustness)
     size = _command(
         kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"

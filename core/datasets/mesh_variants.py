@@ -13,7 +13,7 @@ from core.datasets.procedural.paint import any_colour
 from core.datasets.rasteriser import Surface
 
 _COLOURS = 6
-"""At most as many groups of colour, which stand for the parts of a mesh."""
+"""At most as many groups of colour, taken as the parts of a mesh."""
 _STRETCH = 0.16
 """Largest logarithm of the factor by which an axis is stretched, and of that by which its two halves differ."""
 _TEXELS = 1024

@@ -40,7 +40,7 @@ vec3 display(vec3 c) { return mix(c * 12.92, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0
 void main() {
     vec4 texel = texture(albedo, coordinate);
     if (texel.a < 0.5) discard;
-    // Meshes disagree on which side is out: the side that is seen is the one that is lit.
+    // Meshes disagree on which side is out: the side that faces the camera is lit.
     vec3 flat_normal = normalize(cross(dFdx(world), dFdy(world)));
     flat_normal *= sign(dot(flat_normal, eye - world));
     vec3 n = length(facing) > 0.1 ? normalize(facing) : flat_normal;
@@ -79,7 +79,7 @@ class Surface:
     vertices: Float[np.ndarray, "vertices 3"]
     """world"""
     normals: Float[np.ndarray, "vertices 3"]
-    """world, either side; a zero normal asks for flat shading"""
+    """world, either side; a zero normal: flat shading"""
     faces: Int[np.ndarray, "faces 3"]
     colours: Float[np.ndarray, "vertices 3"]
     """sRGB, 0..1; multiplies the texture"""

@@ -50,9 +50,9 @@ def render_objects(
             yield task.name
 
 
-def _is_rendered(place: Path, views: int, size: int) -> bool:
+def _is_rendered(folder: Path, views: int, size: int) -> bool:
     """Whether an object's folder holds this many images of this size."""
-    paths = list((place / "rgb").glob("*.png"))
+    paths = list((folder / "rgb").glob("*.png"))
     if len(paths) != views:
         return False
     with Image.open(paths[0]) as opened:

@@ -5,7 +5,6 @@ Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.pn
 """
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -16,6 +15,7 @@ import torch
 from jaxtyping import Bool, UInt8
 from PIL import Image
 
+from core.files import atomic_folder, write_json
 from core.geometry.camera import Camera
 
 _WHITE_LEVEL = 253
@@ -24,7 +24,7 @@ _WHITE_LEVEL = 253
 
 @dataclass(frozen=True)
 class ObjectViews:
-    """One object's images and the cameras that took them. Raises ``ValueError`` where they do not belong together."""
+    """One object's images and their cameras. Raises ``ValueError`` where they do not belong together."""
 
     name: str
     shape_id: str
@@ -85,18 +85,18 @@ def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry
 
     Raises ``ValueError`` naming the folder where there are none, or where categories or names clash.
     """
-    categories, places = set[str](), list[ObjectEntry]()
+    categories, entries = set[str](), list[ObjectEntry]()
     for folder in map(Path, folders):
         category, found = _index_folder(folder)
         categories |= {category} - {""}
-        places += found
+        entries += found
     if len(categories) > 1:
         raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
-    names = [place.name for place in places]
+    names = [entry.name for entry in entries]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice:
         raise ValueError(f"{twice}: two folders hold an object of this name")
-    return "".join(categories), tuple(places)
+    return "".join(categories), tuple(entries)
 
 
 def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
@@ -122,20 +122,18 @@ def write_object(folder: Path | str, views: ObjectViews) -> None:
     A folder of that name appears only once it is whole, so a stopped job can resume.
     """
     target = Path(folder) / views.name
-    partial = target.with_name(f".{views.name}.partial")
-    shutil.rmtree(partial, ignore_errors=True)
-    for part in ("rgb", "pose", "mask"):
-        (partial / part).mkdir(parents=True)
-    for i, (image, mask, camera) in enumerate(zip(views.images, views.masks, views.cameras, strict=True)):
-        Image.fromarray(image).save(partial / f"rgb/{i:06d}.png", compress_level=4)
-        Image.fromarray(mask.astype(np.uint8) * 255).save(partial / f"mask/{i:06d}.png", compress_level=4)
-        numbers = " ".join(f"{value:.12g}" for value in camera.pose().flatten().tolist())
-        (partial / f"pose/{i:06d}.txt").write_text(numbers + "\n")
-    camera = views.cameras[0]
-    intrinsics = f"{camera.focal:.9g} {camera.width / 2:.9g} {camera.height / 2:.9g} 0."
-    (partial / "intrinsics.txt").write_text(f"{intrinsics}\n0. 0. 0.\n1.\n{camera.height} {camera.width}\n")
-    shutil.rmtree(target, ignore_errors=True)
-    partial.rename(target)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_folder(target, replace=True) as partial:
+        for part in ("rgb", "pose", "mask"):
+            (partial / part).mkdir()
+        for i, (image, mask, camera) in enumerate(zip(views.images, views.masks, views.cameras, strict=True)):
+            Image.fromarray(image).save(partial / f"rgb/{i:06d}.png", compress_level=4)
+            Image.fromarray(mask.astype(np.uint8) * 255).save(partial / f"mask/{i:06d}.png", compress_level=4)
+            numbers = " ".join(f"{value:.12g}" for value in camera.pose().flatten().tolist())
+            (partial / f"pose/{i:06d}.txt").write_text(numbers + "\n")
+        camera = views.cameras[0]
+        intrinsics = f"{camera.focal:.9g} {camera.width / 2:.9g} {camera.height / 2:.9g} 0."
+        (partial / "intrinsics.txt").write_text(f"{intrinsics}\n0. 0. 0.\n1.\n{camera.height} {camera.width}\n")
 
 
 def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
@@ -145,29 +143,29 @@ def write_manifest(folder: Path | str, category: str, identities: Mapping[str, t
     """
     objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
     Path(folder).mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"category": category, "objects": objects}, indent=1)
-    (Path(folder) / "manifest.json").write_text(text + "\n")
+    write_json(Path(folder) / "manifest.json", {"category": category, "objects": objects})
 
 
 def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
     """The category and the objects of one dataset folder."""
-    category, places = _index_folder(folder)
+    category, entries = _index_folder(folder)
     # Decoding a PNG releases the interpreter lock, so threads are enough.
     with ThreadPoolExecutor() as pool:
-        return category, list(pool.map(ObjectEntry.read, places))
+        return category, list(pool.map(ObjectEntry.read, entries))
 
 
 def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
-    """The category and the places of one dataset folder. Without a manifest, an object shares neither shape nor
-    texture (the paper's setting).
+    """The category and the objects of one dataset folder.
+
+    Without a manifest, an object shares neither shape nor texture (the paper's setting).
     """
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such dataset folder")
     category, identities = _read_manifest(folder / "manifest.json")
-    places = sorted(place for place in folder.iterdir() if place.is_dir() and not place.name.startswith("."))
-    if not places:
+    found = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    if not found:
         raise ValueError(f"{folder}: no object folders in it")
-    return category, [ObjectEntry(place, *identities.get(place.name, (place.name, place.name))) for place in places]
+    return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in found]
 
 
 def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
@@ -183,24 +181,24 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
         raise ValueError(f"{path}: not a manifest ({error!r})") from error
 
 
-def _read_object(place: Path, identity: tuple[str, str]) -> ObjectViews:
+def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
     """One object's folder."""
-    paths = sorted((place / "rgb").glob("*.png"))
+    paths = sorted((folder / "rgb").glob("*.png"))
     if not paths:
-        raise ValueError(f"{place / 'rgb'}: no images (*.png)")
+        raise ValueError(f"{folder / 'rgb'}: no images (*.png)")
     stems = [path.stem for path in paths]
-    poses = {pose.stem: pose for pose in (place / "pose").glob("*.txt")}
+    poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt")}
     if set(poses) != set(stems):
-        raise ValueError(f"{place / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
-    focal, made_for = _read_intrinsics(place / "intrinsics.txt")
-    images, masks = zip(*(_read_image(path, place / "mask" / path.name) for path in paths), strict=True)
+        raise ValueError(f"{folder / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
+    focal, made_for = _read_intrinsics(folder / "intrinsics.txt")
+    images, masks = zip(*(_read_image(path, folder / "mask" / path.name) for path in paths), strict=True)
     height, width = images[0].shape[:2]
     for path, image in zip(paths, images, strict=True):
         if image.shape != (height, width, 3):
             raise ValueError(f"{path}: its size is not the {width}x{height} of the object's other images")
     scaled = focal * height / made_for
     cameras = tuple(_read_pose(poses[stem], scaled, width, height) for stem in stems)
-    return ObjectViews(place.name, *identity, np.stack(images), np.stack(masks), cameras)
+    return ObjectViews(folder.name, *identity, np.stack(images), np.stack(masks), cameras)
 
 
 def _read_intrinsics(path: Path) -> tuple[float, int]:

@@ -1,7 +1,8 @@
 """Whether shape and texture are disentangled: codes recombined in pairs never trained together, and leaks.
 
-A factorial dataset says in its manifest which objects share a shape and which a texture. Objects that the model knows
-by name give the codes; an object it does not know, but whose shape and texture two of those have, is a held-out pair.
+A factorial dataset says in its manifest which objects share a shape and which a texture. Objects that the model
+was trained on, found by name, give the codes; any other object whose shape and texture two of those have is a held-out
+pair.
 """
 
 from collections.abc import Hashable, Iterator, Sequence
@@ -32,7 +33,7 @@ _EDIT_SAMPLES = 96
 
 @dataclass(frozen=True)
 class ShapeTexturePair:
-    """A combination of a shape and a texture, and the rows of the code book that stand for them."""
+    """A combination of a shape and a texture, and the rows of the code books that describe them."""
 
     entry: ObjectEntry
     shape: int
@@ -64,7 +65,7 @@ class PairScore:
 def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePair, ...]:
     """The pairs that the model has codes for. Raises ``ValueError`` where none of them is held out.
 
-    Objects whose training collapsed lend no codes.
+    The codes of objects whose training collapsed are not used.
     """
     book = model.codes
     known = {book.objects[index].name: book.objects[index] for index in book.valid}
@@ -78,7 +79,7 @@ def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePai
     )
     if all(pair.trained for pair in found):
         raise ValueError(
-            f"no held-out pair: the model knows {len(trained)} of the {len(entries)} objects by name, and no other "
+            f"no held-out pair: the model was trained on {len(trained)} of the {len(entries)} objects, and no other "
             "object has the shape of one of these and the texture of another"
         )
     return found
@@ -152,7 +153,7 @@ class Probe:
 def probe(codes: Float[Tensor, "pairs latent"], labels: Sequence[Hashable], groups: Sequence[Hashable]) -> Probe | None:
     """Accuracy of a nearest-centroid classifier that sees only pairs of other groups than the one it classifies.
 
-    To predict the texture, pairs of the same shape are a group: what a shape looks like in its other textures would
+    To predict the texture, pairs of the same shape are a group: the same shape in its other textures would
     otherwise count against the right one. Chance is one in as many labels as can be predicted. None where no label
     has a pair in another group.
     """

@@ -213,9 +213,9 @@ def summarise(scores: Sequence[ObjectScore]) -> Summary:
 
 
 def _summary(scores: Sequence[ObjectScore]) -> Summary:
-    ratio, alike, seconds = (mean_of([getattr(one, name) for one in scores]) for name in ("psnr", "ssim", "seconds"))
+    psnrs, ssims, seconds = (mean_of([getattr(one, name) for one in scores]) for name in ("psnr", "ssim", "seconds"))
     posed = [score for score in scores if score.poses]
-    return Summary(len(scores), ratio, alike, seconds, _pose_summary(posed) if posed else None)
+    return Summary(len(scores), psnrs, ssims, seconds, _pose_summary(posed) if posed else None)
 
 
 def _pose_summary(scores: Sequence[ObjectScore]) -> PoseSummary:

@@ -44,7 +44,7 @@ class Timeline:
     length: float = 4.0
     """s"""
     loop: bool = True
-    """after the last key it goes on to the first, which it meets at the end; else it rests on the last"""
+    """after the last keyframe it continues to the first, which it meets at the end; else it rests on the last"""
     turns: int = 0
     """of the camera around the object in the whole video, besides what the keys do"""
     smooth: bool = True
@@ -149,7 +149,7 @@ class Timeline:
     def loop_error(self, rate: float = 24.0) -> float:
         """The step from the last frame back to the first, relative to the longest step between any others.
 
-        Cameras are compared by where they stand and codes by their numbers; at most about 1 where a loop has no jump.
+        Cameras are compared by position and codes by value; at most about 1 where a loop has no jump.
         """
         rows = np.stack([_comparable_row(view) for view in self.views(rate)])
         longest = np.linalg.norm(np.diff(rows, axis=0), axis=1).max(initial=0.0)
@@ -218,6 +218,6 @@ def _row(view: View) -> Float64[np.ndarray, "numbers"]:
 
 
 def _comparable_row(view: View) -> Float64[np.ndarray, "numbers"]:
-    """A view as numbers that are alike where it looks alike: the azimuth as a point on the circle."""
+    """A view as numbers that are close where its renders are: the azimuth as a point on the circle."""
     row = _row(view)
     return np.concatenate([[math.cos(row[0]), math.sin(row[0])], row[1:]])

@@ -308,7 +308,7 @@ def _vertex_normals(
 def _vertex_colours(
     folded: FoldedField, vertices: np.ndarray, normals: np.ndarray, interval: float
 ) -> Generator[float, None, Float[np.ndarray, "vertices 3"]]:
-    """The paper's vertex colours: what is seen looking at the surface against its normal, from just outside."""
+    """The paper's vertex colours: what a ray sees that meets the surface against its normal, from just outside."""
     edges = torch.linspace(-1.0, 2.0, _COLOUR_SAMPLES + 1) * interval
     colours = []
     parts = [torch.from_numpy(array).split(_BLOCK // _COLOUR_SAMPLES) for array in (vertices, normals)]

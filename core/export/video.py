@@ -87,7 +87,7 @@ class _Mp4:
         import av  # the window lists the formats long before it needs the library
 
         self._av, self._container = av, av.open(str(path), "w")
-        # From nearly lossless (12) at 100 to blocks (40) at 1; 85 is what eyes do not tell from the original.
+        # From nearly lossless (12) at 100 to blocks (40) at 1; 85 cannot be told from the original by eye.
         crf = f"{40 - 0.28 * settings.quality:.0f}"
         self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
         # H.264 with 4:2:0 colour has even sizes only.

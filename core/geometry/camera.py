@@ -1,9 +1,9 @@
 """The orbit camera of the paper (section 3.2): azimuth, elevation and distance, always looking at the origin.
 
-This module alone knows axes, pixel centres and projection. The world is that of ShapeNet-SRN: z up, an object's
-front at +y (azimuth 90 degrees). Camera axes are x right, y up, looking along -z, as in the paper's R. Pose files
-(``pose/*.txt``) hold camera-to-world matrices with OpenCV axes: x right, y down, looking along +z. Image points are
-(x, y) in px from the top left corner, x right, y down; pixel (0, 0) has its centre at (0.5, 0.5).
+Axes, pixel centres and projection are defined here and nowhere else. The world is that of ShapeNet-SRN: z up, an
+object's front at +y (azimuth 90 degrees). Camera axes are x right, y up, looking along -z, as in the paper's R. Pose
+files (``pose/*.txt``) hold camera-to-world matrices with OpenCV axes: x right, y down, looking along +z. Image points
+are (x, y) in px from the top left corner, x right, y down; pixel (0, 0) has its centre at (0.5, 0.5).
 """
 
 import math
@@ -29,7 +29,7 @@ class Camera:
     azimuth: float
     """rad, from +x towards +y; the front of an object is seen from pi / 2."""
     elevation: float
-    """rad above the ground plane, within [-pi / 2, pi / 2]."""
+    """rad above the horizontal plane, within [-pi / 2, pi / 2]."""
     distance: float
     """scene units from the origin; an object's bounding box has a diagonal of 1."""
     focal: float
@@ -105,7 +105,7 @@ class Camera:
         x, y, z = (float(value) for value in matrix[:3, 3])
         distance = math.sqrt(x * x + y * y + z * z)
         if distance < 1e-6:
-            raise ValueError("a pose must stand away from the origin")
+            raise ValueError("the camera of a pose must not be at the origin")
         # At the pole the position has no azimuth; the camera's right axis (-sin, cos, 0) still does.
         right_x, right_y = float(matrix[0, 0]), float(matrix[1, 0])
         azimuth = math.atan2(-right_x, right_y)

@@ -43,7 +43,7 @@ def cast_rays(
         size: (width, height) in px; the optical axis passes through the middle.
         extent: half the size of the scene's box along each world axis.
 
-    Where a sample stands along its ray is no function of the camera: ``near`` and ``far`` carry no gradient.
+    Sample positions along a ray are no function of the camera: ``near`` and ``far`` carry no gradient.
     """
     rotation = camera_rotation(azimuth, elevation)
     directions = (camera_directions(pixels, focal, size)[..., None, :] @ rotation)[..., 0, :]

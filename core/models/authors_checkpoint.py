@@ -35,7 +35,7 @@ whole car 0.043."""
 def load_authors(path: Path, config: Path | None = None) -> Model:
     """A model from ``models.pth`` and ``hpam.json``; nothing in the files is executed.
 
-    Their network paints the white background itself (``white_from_network``) and leaves its colours unbounded. Objects
+    Their network paints the white background itself (``white_from_network``) and its colours are unbounded. Objects
     that collapsed in training are found by their emptiness (:attr:`core.models.codes.CodeBook.collapsed`). Raises
     ``ValueError`` naming the file where one of the two is missing or holds something else.
 

@@ -1,4 +1,4 @@
-"""Which number format the linear layers run in: measured on the machine at hand, never assumed."""
+"""Which number format the linear layers run in: measured on this machine, never assumed."""
 
 import time
 from collections.abc import Iterator
@@ -42,7 +42,7 @@ def use_dtype(dtype: torch.dtype) -> Iterator[None]:
 def _fastest_dtype(device_type: str) -> torch.dtype:
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
-    # Turn about, so that what else the machine does falls on both alike; the lower quartile of many, since the best of
+    # Turn about, so that what else the machine does falls on both; the lower quartile of many, since the best of
     # them is at times a stroke of luck that only one of the two has.
     rounds = [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_ROUNDS)]
     single, half = (sorted(column)[_ROUNDS // 4] for column in zip(*rounds, strict=True))

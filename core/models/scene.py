@@ -95,7 +95,7 @@ def embedded_scene(path: Path) -> str | None:
     """The scene's JSON that an image holds; None for any other file."""
     try:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
-            text = image.info.get(_KEY)  # ours stands before the pixels; `image.text` would decode them to look behind
+            text = image.info.get(_KEY)  # ours comes before the pixels; `image.text` would decode them to look behind
     except (OSError, SyntaxError, ValueError, EOFError, MemoryError):
         return None  # no whole PNG, and so none of ours
     return None if text is None else str(text)

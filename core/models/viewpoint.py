@@ -1,8 +1,8 @@
 """The viewpoint classifier: a small network that predicts from which direction an image shows an object.
 
-Silhouettes of a few prototypes, which is all that :mod:`core.photos.view_bank` knows, look alike from many sides where
-a new object looks like none of them. This network has seen every training image in many augmentations, and has learnt
-what a front is. It says nothing about codes: it is a prior on the camera's direction, on a grid.
+Silhouettes of a few prototypes, which is all that :mod:`core.photos.view_bank` has, are similar from many sides where
+a new object differs from all of them. This network is trained on every training image in many augmentations, and
+recognises a front. It says nothing about codes: it is a prior on the camera's direction, on a grid.
 """
 
 import math
@@ -18,10 +18,10 @@ from core.geometry.camera import camera_rotation
 
 AZIMUTHS = 24
 ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
-"""degrees. Near the pole the azimuth is the roll of the picture, so every elevation has all azimuths."""
+"""degrees. Near the pole the azimuth is the roll of the image, so every elevation has all azimuths."""
 _DIRECTIONS = AZIMUTHS * len(ELEVATIONS)
 _UNIFORM_MIX = 0.05
-"""Share of the uniform distribution in every prediction: how often the network is wrong and does not know it."""
+"""Share of the uniform distribution in every prediction: how often the network is confident and wrong."""
 SIDE = 48
 """px, of the input"""
 _CHANNELS = (20, 40, 64, 80)

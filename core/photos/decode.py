@@ -15,7 +15,7 @@ WORKING_SIDE = 1024
 _HEIF = (".heic", ".heif", ".hif")
 """what phones write"""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", *_HEIF, ".bmp", ".tif", ".tiff")
-"""of the files that a dialog offers; any other format that Pillow knows is read as well"""
+"""of the files that a dialog offers; any other format that Pillow reads is read as well"""
 _TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""
 
@@ -56,7 +56,7 @@ def upright_size(path: Path) -> tuple[int, int]:
 
 
 def _opened(path: Path) -> Image.Image:
-    """Opened without Pillow's own limit, for which ours stands in; only the header is read."""
+    """Opened without Pillow's own limit, which ours replaces; only the header is read."""
     if path.suffix.lower() in _HEIF:
         from pillow_heif import register_heif_opener  # costs 50 ms, and few images need it
 
@@ -80,7 +80,7 @@ def _small_rgba(image: Image.Image) -> Image.Image:
     if image.mode.startswith(("I", "F")):
         image = _eight_bits(image)
     if image.mode in ("P", "1", "PA") or "transparency" in image.info:
-        # A palette cannot be averaged, and opened out it takes four times the memory.
+        # A palette cannot be averaged, and expanded it takes four times the memory.
         image = _shrunk(image, 4 * WORKING_SIDE).convert("RGBA")
     factor = max(image.size) // (2 * WORKING_SIDE)
     orientation = image.getexif()

@@ -70,8 +70,8 @@ def load_photo(
     """Read an image in any usual format, cut its object out and crop it for a model.
 
     The object is separated from the background by the alpha channel, else by a plain background of any colour found
-    from the border. An image that looks like a training image stays as it is, since its size tells the distance; one
-    whose object has the right size but lies beside its place is moved; any other is cropped so that the object stands
+    from the border. An image framed as the training images are stays as it is, since its size gives the distance; one
+    whose object has the right size but is off its place is moved; any other is cropped so that the object is
     in the middle in the size usual in training. Where it reaches an edge of the image, what lies beyond is not known.
 
     Args:
@@ -96,7 +96,7 @@ def photo_from_array(
     model: Model,
     pose: Float[Tensor, "4 4"] | None = None,
 ) -> Photo:
-    """:func:`load_photo` for pixels at hand: 3 or 4 channels, bytes or numbers in [0, 1]."""
+    """:func:`load_photo` for pixels in memory: 3 or 4 channels, bytes or numbers in [0, 1]."""
     if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4):
         raise ValueError(f"an image has 3 or 4 channels, got an array of shape {pixels.shape}")
     if pixels.dtype != np.uint8:

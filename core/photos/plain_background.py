@@ -40,15 +40,15 @@ class PlainBackground(NamedTuple):
     white: bool
     """as in training images"""
     certain: bool
-    """The border is of one even colour, and the rest is one object that stands free of it."""
+    """The border is of one even colour, and the rest is one object that does not touch it."""
 
 
 def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground:
     """The plain background of an image (sRGB, 0..1). Raises :class:`NoBackgroundError` where the border shows none.
 
-    The background's colour may change slowly over the image (a lit wall). It spreads from the border over what is
-    alike, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the object's
-    unless they look like the background (the gaps in the back of a chair).
+    The background's colour may change slowly over the image (a wall lit from one side). It spreads from the border over
+    what is similar, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the
+    object's unless they are as the background is (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
     model, noise, share = _background_colour(lab)
@@ -66,7 +66,7 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
 
 
 def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
-    """Whether what is not background is one object that stands free of the border."""
+    """Whether what is not background is one object that does not touch the border."""
     border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
     pieces, _ = label(mask, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel())[1:]

@@ -1,4 +1,4 @@
-"""Which cameras promise most for a photo: the views of the view bank ranked by how well they match it."""
+"""Candidate cameras for a photo: the views of the view bank ranked by how well they match it."""
 
 import math
 from itertools import product
@@ -47,7 +47,7 @@ class CandidateCameras(NamedTuple):
     shift: Float[Tensor, "cameras 2"]
     """from where the prototype lies to where the image's object does; focal lengths"""
     prototype: Int[Tensor, "cameras"]
-    """the prototype of the view bank that looks most like the image from there"""
+    """the prototype of the view bank that matches the image best from there"""
 
 
 def rank_cameras(
@@ -57,7 +57,7 @@ def rank_cameras(
     viewpoint: Float[Tensor, "views"] | None = None,
     cropped: bool = False,
 ) -> CandidateCameras:
-    """The ``count`` most promising cameras for an image, or as many as there are so far apart, every second one seen
+    """The ``count`` best matching cameras for an image, or as many as there are so far apart, every second one seen
     from the opposite side of the one before.
 
     Args:
@@ -86,7 +86,7 @@ def rank_cameras(
 def shape_similarity(
     bank: ViewBank, image: ObjectImage, azimuth: float, elevation: float
 ) -> Float[Tensor, "prototypes"]:
-    """How much each prototype looks like an image of known camera (rad), from the bank's view nearest to it."""
+    """How well each prototype matches an image of known camera (rad), from the view bank's view nearest to it."""
     given = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
     nearest = (camera_rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
     masks, luminance = bank.masks[:, nearest], bank.luminance[:, nearest]
@@ -105,7 +105,7 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
 
 
 class _Template(NamedTuple):
-    """An image on the bank's grid, if the whole object fills some box in it."""
+    """An image on the view bank's grid, if the whole object fills some box in it."""
 
     mask: Float[Tensor, "side side"]
     luminance: Float[Tensor, "side side"]
@@ -135,7 +135,7 @@ def _template(image: ObjectImage, box: tuple[float, ...]) -> _Template:
     left, top, right, bottom = box
     height, width = image.mask.shape
     size = max(bottom - top, right - left)
-    # A grid over the square around the box, widened by the bank's margin of one pixel a side.
+    # A grid over the square around the box, widened by the view bank's margin of one pixel a side.
     reach = size * SIDE / (SIDE - 2)
     steps = (torch.arange(SIDE * 3) + 0.5) / (SIDE * 3) - 0.5
     y = ((top + bottom) / 2 + steps * reach) / height * 2 - 1

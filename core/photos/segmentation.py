@@ -16,7 +16,7 @@ MIN_SIDE = 8
 _MIN_OBJECT_PIXELS = 12
 """px of an object: with fewer it shows nothing to fit."""
 _MARGIN = 0.25
-"""of a box: so much around it is looked at to learn the background's colours"""
+"""of a box: so much around it is used to learn the background's colours"""
 _GRAB_SIDE = 320
 """px: the longer side at which GrabCut works, twice what a model sees"""
 _GRABCUT_ROUNDS = 4

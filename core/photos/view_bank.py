@@ -56,12 +56,12 @@ class ViewBank:
 
 
 class EmptyBankError(ValueError):
-    """A model shows nothing that a bank could hold."""
+    """A model renders nothing that a view bank could hold."""
 
 
 _banks: OrderedDict[str, ViewBank] = OrderedDict()
 _in_progress: dict[str, Generator[None, None, ViewBank]] = {}
-"""Begun and not finished: the next caller goes on from there."""
+"""Begun and not finished: the next caller continues from there."""
 
 
 def view_bank(model: Model) -> ViewBank:
@@ -164,10 +164,10 @@ def _build(model: Model) -> Generator[None, None, ViewBank]:
 
 
 def _prototypes(model: Model) -> list[Codes]:
-    """The mean object, and objects spread over the shapes: the ones nearest to the centres of k-means."""
+    """The mean object, and objects from all over the shapes: the ones nearest to the centres of k-means."""
     book = model.codes
-    sound = book.valid
-    coordinates = book.shape_space.coordinates(book.shapes[[book.objects[index].shape for index in sound]])
+    valid = book.valid
+    coordinates = book.shape_space.coordinates(book.shapes[[book.objects[index].shape for index in valid]])
     coordinates = coordinates * book.shape_space.std
     count = min(PROTOTYPES - 1, len(coordinates))
     generator = torch.Generator(coordinates.device).manual_seed(0)
@@ -178,7 +178,7 @@ def _prototypes(model: Model) -> list[Codes]:
             [coordinates[nearest == i].mean(0) if (nearest == i).any() else centres[i] for i in range(count)]
         )
     medoids = torch.cdist(centres, coordinates).argmin(1).unique()
-    return [book.mean] + [book[sound[index]] for index in medoids.tolist()]
+    return [book.mean] + [book[valid[index]] for index in medoids.tolist()]
 
 
 def _splat(

@@ -23,7 +23,7 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, Tolerances, tolerances
 from core.rendering.reference import Rendered
 
-_CHUNK_RAYS = 4096
+CHUNK_RAYS = 4096
 """Rays evaluated at a time, about 32k evaluations: what a newer job waits for."""
 _CACHED_VIEWS = 8
 """Views whose visible intervals are cached: as many as an image has stages."""
@@ -144,12 +144,12 @@ def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Generator[None,
         far = torch.minimum(rays.far, last.flatten().index_select(0, pixel))
         rays = replace(rays, near=near, far=torch.maximum(near, far))
         step = 2 * float(occupancy.extent.max()) / view.samples
-        beyond = view.cutoff or tolerances(view.samples)
+        limits = view.cutoff or tolerances(view.samples)
     chunks = []
-    for start in range(0, len(rays.near), _CHUNK_RAYS):
+    for start in range(0, len(rays.near), CHUNK_RAYS):
         with torch.inference_mode():
-            some = slice(start, start + _CHUNK_RAYS)
-            chunks.append(_chunk(folded, occupancy, pixel[some], rays[some], step, beyond))
+            some = slice(start, start + CHUNK_RAYS)
+            chunks.append(_chunk(folded, occupancy, pixel[some], rays[some], step, limits))
         yield None
     _visible_cache[view] = chunks
     while len(_visible_cache) > _CACHED_VIEWS:

@@ -4,7 +4,7 @@ Two foldings are exact. A code's part of a block is a bias (see :class:`core.mod
 does not depend on the codes. And the feature layer is linear with nothing between it and the two layers that follow, so
 it is multiplied into both.
 
-A third one is nearly so. An encoding treats each axis by itself, and a layer is linear in it: its output for a point,
+A third one is nearly so. An encoding treats each axis separately, and a layer is linear in it: its output for a point,
 or for a direction, is a function of x, plus one of y, plus one of z. These are lookup tables.
 """
 

@@ -3,7 +3,7 @@
 _DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)
 """What the image size is divided by for the first frame."""
 _HEADROOM = 0.7
-"""share of the budget: a first frame faster than this leaves room for a finer one"""
+"""share of the budget: a first frame faster than this allows a finer one"""
 _MAX_DROP = 2
 """levels at a time, at most: one disturbance must not spoil the image"""
 _PATIENCE, _MAX_PATIENCE = 3, 96

@@ -23,7 +23,7 @@ from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import batch_density, field_weights
 from core.rendering.reference import sample_intervals
 
-_CHUNK_POINTS = 8192
+CHUNK_POINTS = 8192
 """Points differentiated at a time: with fewer, calls cost more than leaving the cache does."""
 
 
@@ -246,7 +246,7 @@ def _along_axes(gradient: Tensor, encoded: Tensor) -> Tensor:
 
 def _chunks(objects: int, count: int) -> Iterator[tuple[slice, slice]]:
     """Some samples of some objects at a time."""
-    group = max(1, _CHUNK_POINTS // count)
+    group = max(1, CHUNK_POINTS // count)
     for first in range(0, objects, group):
-        for start in range(0, count, _CHUNK_POINTS):
-            yield slice(first, first + group), slice(start, start + _CHUNK_POINTS)
+        for start in range(0, count, CHUNK_POINTS):
+            yield slice(first, first + group), slice(start, start + CHUNK_POINTS)

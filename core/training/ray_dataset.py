@@ -9,6 +9,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import Dataset
+from core.geometry.camera import pixel_centres
 from core.geometry.rays import Rays, cast_rays
 from core.models.field import Field
 from core.models.precision import autocast
@@ -46,6 +47,7 @@ class RayDataset:
         cameras = [camera for views in objects for camera in views.cameras]
         self.size = (dataset.image_size, dataset.image_size)
         self.focal = dataset.focal
+        self.centres = pixel_centres(*self.size, device).flatten(0, 1)
         self.extent = torch.tensor(extent, device=device)
         angles = [(camera.azimuth, camera.elevation, camera.distance) for camera in cameras]
         self.angles = torch.tensor(angles, device=device)
@@ -66,10 +68,8 @@ class RayDataset:
     def sample(self, count: int, generator: torch.Generator) -> RayBatch:
         """Rays through random pixels."""
         view, pixel = self._sample_pixels(count, generator)
-        width = self.size[0]
-        centres = torch.stack((pixel % width, pixel // width), -1) + 0.5
         azimuth, elevation, distance = self.angles[view].unbind(-1)
-        rays = cast_rays(centres, azimuth, elevation, distance, self.focal, self.size, self.extent)
+        rays = cast_rays(self.centres[pixel], azimuth, elevation, distance, self.focal, self.size, self.extent)
         return RayBatch(rays, self.owner[view], self.images[view, pixel].float() / 255, self.mask_class[view, pixel])
 
     def _sample_pixels(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Int[Tensor, "rays"]]:

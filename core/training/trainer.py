@@ -102,8 +102,8 @@ class Trainer:
     def initialise_from(self, model: Model) -> None:
         """Start from a trained model: its network, and its codes of all objects that the dataset has too.
 
-        Shapes and textures that the model does not know start from its mean ones. Raises ``ValueError`` for a model of
-        another category or with another network.
+        Shapes and textures that the model was not trained on start from its mean ones. Raises ``ValueError`` for a
+        model of another category or with another network.
         """
         if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
             raise ValueError(f"training cannot start from a model of {model.category} with {model.field.config}")
@@ -119,7 +119,7 @@ class Trainer:
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
 
     def steps(self) -> Iterator[TrainStep]:
-        """Train to the end of the schedule, yielding each step; to stop, ask for no more.
+        """Train to the end of the schedule, yielding each step; to stop, take no more values.
 
         Raises ``ValueError`` where the loss is no longer finite.
         """
@@ -242,7 +242,7 @@ class Trainer:
     @torch.no_grad()
     def _reached_by_light(
         self, hit: Int[Tensor, "hits"], points: Tensor, edges: Tensor, shape_bias: Tensor
-    ) -> Int[Tensor, "lit"]:
+    ) -> Int[Tensor, "reached"]:
         """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
         density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(matmul_dtype(self.device.type))
         for part in hit.split(_CHUNK_POINTS):
@@ -283,7 +283,7 @@ class Trainer:
 
 
 def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
-    """The dataset without the last view of every object, and that view of a few objects spread over the dataset.
+    """The dataset without the last view of every object, and that view of a few objects, evenly over the dataset.
 
     Raises ``ValueError`` where an object has one view only.
     """

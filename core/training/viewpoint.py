@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import Dataset
-from core.geometry.camera import camera_rotation
+from core.geometry.camera import FRONT_AZIMUTH, camera_rotation
 from core.models.viewpoint import ViewpointClassifier, crop_to_object, direction_weights, directions
 
 _BATCH_SIZE = 96
@@ -26,7 +26,7 @@ _SCALE_STD, _ASPECT_STD, _SHIFT_STD = 0.06, 0.08, 0.04
 
 
 class ViewpointDataset(NamedTuple):
-    """Images as the network sees them, and the directions they are seen from."""
+    """Images as the network takes them, and the directions they are seen from."""
 
     images: Float[Tensor, "images 4 side side"]
     azimuth: Float[Tensor, "images"]
@@ -60,7 +60,7 @@ def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
 def train_viewpoint(
     classifier: ViewpointClassifier, dataset: ViewpointDataset, steps: int, seed: int = 0
 ) -> Iterator[ViewpointStep]:
-    """Train a network in place, yielding each step; to stop, ask for no more."""
+    """Train a network in place, yielding each step; to stop, take no more values."""
     generator = torch.Generator().manual_seed(seed)
     optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
     classifier.requires_grad_(True).train()
@@ -82,7 +82,7 @@ def augment(
 ) -> tuple[Float[Tensor, "images 4 side side"], Float[Tensor, "images"]]:
     """The images in other colours, sizes and places, half of them mirrored; and their azimuths (rad) after that.
 
-    A mirrored object is one seen from the other side of its front (azimuth 90 degrees).
+    A mirrored object is one seen from the other side of its front.
     """
     count = len(images)
 
@@ -104,7 +104,7 @@ def augment(
     affine[:, :, 2] = normal(_SHIFT_STD, 2)
     grid = functional.affine_grid(affine, list(seen.shape), align_corners=False)
     seen = functional.grid_sample(seen, grid, align_corners=False)
-    return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, math.pi - azimuth, azimuth)
+    return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, 2 * FRONT_AZIMUTH - azimuth, azimuth)
 
 
 def accuracy_within(classifier: ViewpointClassifier, dataset: ViewpointDataset, within: float) -> float:

@@ -1,4 +1,4 @@
-"""A tiny model to fit and draw with; drawing datasets needs OpenGL through EGL (Mesa's software one will do)."""
+"""A tiny model to fit and render; rendering datasets needs OpenGL through EGL (Mesa's software one will do)."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from tests.core.tiny import tiny_model
 
 @pytest.fixture(scope="module")
 def rasteriser() -> Iterator[Rasteriser]:
-    """A rasteriser for 64 px pictures."""
+    """A rasteriser for 64 px images."""
     try:
         made = Rasteriser(64)
     except RuntimeError as error:

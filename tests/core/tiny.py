@@ -70,6 +70,6 @@ def _box(offset: tuple[torch.Tensor, ...], half: tuple) -> torch.Tensor:
 
 
 def photo_of(model: Model, codes: Codes, camera: Camera) -> Photo:
-    """A picture of one of a model's objects, with its mask."""
+    """An image of one of a model's objects, with its mask."""
     seen = render_exact(model, codes, camera, 64)
     return Photo(seen.colour.clamp(0, 1), seen.opacity > 0.5)

@@ -33,7 +33,7 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
 
 
 def quick_photo(path: Path, model: Model, *more: Any) -> Photo:
-    """The real thing refuses what is no picture, but cannot frame a block for a model of mists."""
+    """The real thing refuses what is no image, but cannot frame a block for a model of mists."""
     if not path.stem.startswith("block"):
         return load_photo(path, model, *more)
     with Image.open(path) as image:
@@ -44,7 +44,7 @@ def quick_photo(path: Path, model: Model, *more: Any) -> Photo:
 def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind; four are active, then two.
 
-    Where it goes on, the camera is the given one.
+    Where it resumes, the camera is the given one.
     """
     given = [photo.camera for photo in job.photos]
     for step in range(10):

@@ -98,7 +98,7 @@ def test_what_an_older_version_wrote_is_read(session: Session, editor: Editor, p
     assert [one.name for one in objects] == ["block"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot be asked")
+@pytest.mark.skipif(sys.platform == "win32", reason="not known on Windows")
 def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", "pass"]) as ended:
         pass

@@ -143,18 +143,18 @@ def test_a_code_is_brought_back_straight_towards_the_mean(editor: Editor) -> Non
 
 
 def test_the_nearest_objects_are_searched_for_once_per_code(editor: Editor, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = list[str]()
+    searched = list[str]()
     for part in PARTS:
         search = getattr(CodeBook, f"nearest_{part}")
-        counted = lambda book, code, part=part, search=search: asked.append(part) or search(book, code)  # noqa: E731
+        counted = lambda book, code, part=part, search=search: searched.append(part) or search(book, code)  # noqa: E731
         monkeypatch.setattr(CodeBook, f"nearest_{part}", counted)
     for _ in range(3):
         assert [editor.nearest(part) for part in PARTS] == [("object 0", 0.0)] * 2
-    assert asked == ["shape", "texture"]
+    assert searched == ["shape", "texture"]
     editor.take("texture", "object 3")
     editor.set_camera(orbit.dragged(editor.scene.camera, 0.2, 0.1))
     assert [editor.nearest(part) for part in PARTS] == [("object 0", 0.0), ("object 3", 0.0)]
-    assert asked == ["shape", "texture", "texture"]
+    assert searched == ["shape", "texture", "texture"]
 
 
 def test_another_b_takes_over_what_is_mixed_in(editor: Editor) -> None:

@@ -118,7 +118,7 @@ class Exporting:
     def _begin(
         self, kind: Kind, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
     ) -> None:
-        """Draw from a stream that yields how much it has done, of so much in all."""
+        """Run a stream that yields how much it has done, of so much in all."""
         if self.running:
             return
         self.kind, self.path, self.progress, self._began = kind, path, 0.0, time.monotonic()

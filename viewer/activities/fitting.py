@@ -1,4 +1,4 @@
-"""A fit under way: its photos, its steps so far, and what the fitted object looks like."""
+"""A fit under way: its photos, its steps so far, and the renders of the fitted object."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -54,7 +54,7 @@ class Fitting:
         """of the fit under way, or of the last one"""
         self.running = False
         self.no_background: Callable[[tuple[PhotoSource, ...], int], None] = lambda sources, index: None
-        """called with the photo in which the object was not found by itself"""
+        """called with the photo in which the object was not found automatically"""
         self._scene_at_start: Scene | None = None
         self._rendered_at, self._steps_since = 0.0, 0
         """s on the monotonic clock, and steps, since the last render"""
@@ -96,16 +96,16 @@ class Fitting:
 
     def resume(self, hypothesis: Hypothesis | None = None) -> None:
         """Continue from a hypothesis, or from the step that is shown; the steps after that are forgotten."""
-        begin = hypothesis or self.resume_point
-        if begin is not None:
-            self._run(self.history.up_to_selected(), begin)
+        initial = hypothesis or self.resume_point
+        if initial is not None:
+            self._run(self.history.up_to_selected(), initial)
 
     def resume_from_view(self) -> None:
         """Continue from what is on screen: its codes, and for the photo that is shown its camera."""
-        if begin := self.resume_point:
-            scene, cameras, index = self._editor.scene, list(begin.cameras), self.history.photo_index
+        if initial := self.resume_point:
+            scene, cameras, index = self._editor.scene, list(initial.cameras), self.history.photo_index
             cameras[index] = scene.camera.resized(cameras[index].width, cameras[index].height)
-            self.resume(replace(begin, cameras=tuple(cameras), codes=scene.codes))
+            self.resume(replace(initial, cameras=tuple(cameras), codes=scene.codes))
 
     @property
     def resume_point(self) -> Hypothesis | None:
@@ -179,15 +179,15 @@ class Fitting:
         self._run(history)
         return True
 
-    def _run(self, history: FitHistory, begin: Hypothesis | None = None) -> None:
+    def _run(self, history: FitHistory, resume_from: Hypothesis | None = None) -> None:
         before, tiles = self.history, self.candidates.tiles
         self.close()
-        self.candidates.reset(tiles if begin else ())
+        self.candidates.reset(tiles if resume_from else ())
         self.history, self.running = history, True
         self._scene_at_start = self._editor.scene
         self._rendered_at, self._steps_since = 0.0, 0
         settings = replace(PRESETS[self.options.preset], estimate_focal=self.options.estimate_focal)
-        if begin:
+        if resume_from:
             settings = replace(settings, steps=max(1, settings.steps // _RESUMED_SHARE))
 
         def ended(error: Exception | None) -> None:
@@ -199,22 +199,22 @@ class Fitting:
             if isinstance(error, NoBackgroundError):
                 self.no_background(history.sources, read)
 
-        self._jobs.submit(Job("fit", lambda: self._stream(history, settings, begin), self._receive, ended))
+        self._jobs.submit(Job("fit", lambda: self._stream(history, settings, resume_from), self._receive, ended))
 
     def _stream(
-        self, history: FitHistory, settings: FitSettings, begin: Hypothesis | None
+        self, history: FitHistory, settings: FitSettings, resume_from: Hypothesis | None
     ) -> Iterator[FittedPhoto | FitStep | None]:
         """The photos that have not been read, then the steps; runs on the worker."""
         backend, model = self._jobs.backend, self._editor.model
-        if begin is None:
-            with suppress(ValueError):  # where there is no view bank, what needs one says why
+        if resume_from is None:
+            with suppress(ValueError):  # without a view bank, the steps that need one raise
                 yield from backend.view_bank(model)
         photos = [fitted.photo for fitted in history.photos]
         for source in history.sources[len(photos) :]:
             photos.append(backend.load_photo(source.path, model, *source[1:]))
             yield FittedPhoto.of(source, photos[-1])
         past = history.steps[-1].seconds if history.steps else 0.0
-        for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=begin)):
+        for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
             yield replace(step, seconds=past + step.seconds)
 
     def _receive(self, value: FittedPhoto | FitStep) -> None:

@@ -52,7 +52,7 @@ class Player:
 
     @property
     def playing(self) -> bool:
-        """The playhead moves by itself."""
+        """The playhead moves."""
         return self._began is not None
 
     @property

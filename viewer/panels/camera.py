@@ -30,7 +30,7 @@ class CameraPanel:
         turned = _number(context, "azimuth", azimuth, 1.0, (-360.0, 360.0), "%.1f°", "Around the object; front is 90°")
         if turned is not None:
             editor.set_camera(replace(camera, azimuth=math.remainder(math.radians(turned), 2 * math.pi)), "azimuth")
-        raised = _number(context, "elevation", elevation, 0.5, (-_STEEPEST, _STEEPEST), "%.1f°", "Above the ground")
+        raised = _number(context, "elevation", elevation, 0.5, (-_STEEPEST, _STEEPEST), "%.1f°", "Above the horizontal")
         if raised is not None:
             editor.set_camera(replace(camera, elevation=math.radians(raised)), "elevation")
         reach = orbit.reach(camera, editor.model)
@@ -40,7 +40,7 @@ class CameraPanel:
 
 
 _VIEWS = {"see_front": "Front", "see_side": "Side", "see_top": "Top", "see_photo": "Photo", "reset_view": "Home"}
-"""actions, and what stands on their buttons"""
+"""actions, and the labels of their buttons"""
 
 
 def _number(

@@ -72,7 +72,7 @@ def _draw_progress(fitting: Fitting) -> None:
     if last and last.restart:
         label += "    Checking from other sides"
     imgui.progress_bar(history.progress, (-1, 0), label)
-    tooltip(f"{last.active} candidates left" if last else "Comparing the photo with what the model knows")
+    tooltip(f"{last.active} candidates left" if last else "Ranking the views of the view bank for the photo")
 
 
 def _draw_start(context: PanelContext, fitting: Fitting) -> None:
@@ -190,7 +190,7 @@ def _draw_photos(fitting: Fitting) -> None:
 
 
 def in_words(confidence: float) -> str:
-    """How far to trust a fitted camera (0..1)."""
+    """The confidence of a fitted camera (0..1), in a word."""
     if confidence < DOUBTFUL:
         return "doubtful"
     return "sure" if confidence > _SURE else "likely"

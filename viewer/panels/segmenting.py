@@ -1,4 +1,4 @@
-"""The object pointed out in its photo: a box, strokes that add or remove, and where it stands in the frame."""
+"""The object pointed out in its photo: a box, strokes that add or remove, and where it is in the frame."""
 
 from dataclasses import replace
 
@@ -125,13 +125,13 @@ class SegmentingDialog:
         if imgui.is_key_chord_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
         imgui.same_line()
-        if button("Clear###clear hints", "No box, no strokes: what is found by itself", enabled=bool(segmenting.hints)):
+        if button("Clear###clear hints", "No box, no strokes: found automatically", enabled=bool(segmenting.hints)):
             segmenting.begin_change()
             segmenting.set_hints(Hints())
 
 
 def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
-    """The photo as it will be fitted, and where the object stands in it."""
+    """The photo as it will be fitted, and where the object is in it."""
     side, corner = hello_imgui.em_size(_COLUMN - 2), imgui.get_cursor_screen_pos()
     imgui.dummy((side, side))
     draw = imgui.get_window_draw_list()

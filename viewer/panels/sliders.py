@@ -142,7 +142,7 @@ class SlidersPanel:
         imgui.text(_leak(part, found.leak))
 
     def _draw_strip(self, context: PanelContext, part: Part, index: int) -> None:
-        """Each thumbnail stands below its value on the slider."""
+        """Each thumbnail is below its value on the slider."""
         width = imgui.get_content_region_avail().x
         side = min(3.2 * hello_imgui.em_size(), width / len(_STEPS) - 2)
         corner = imgui.get_cursor_screen_pos()

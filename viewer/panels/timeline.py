@@ -18,7 +18,7 @@ _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PA
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
 _FILM = icons_fontawesome_4.ICON_FA_FILM
 _LOOPS = 1.5
-"""The step from the end to the start, in the longest of the others, that still looks like one of them."""
+"""The step from the end to the start, in the longest of the others, that still passes for one of them."""
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
 
@@ -31,7 +31,7 @@ class TimelinePanel:
 
     def __init__(self) -> None:
         self._form = VideoForm()
-        self._seam: tuple[object, float] = None, 0.0
+        self._loop_error: tuple[object, float] = None, 0.0
         """of which timeline, and how large its jump is"""
 
     def draw(self, context: PanelContext) -> None:
@@ -99,10 +99,10 @@ class TimelinePanel:
         timeline = player.timeline
         if not timeline.keys:
             return
-        if self._seam[0] is not timeline and not imgui.is_mouse_down(imgui.MouseButton_.left):
-            self._seam = timeline, timeline.loop_error()
-        seam = self._seam[1]
-        label = "Loops without a jump" if seam < _LOOPS else f"Jumps at the end ({seam:.0f} steps)"
+        if self._loop_error[0] is not timeline and not imgui.is_mouse_down(imgui.MouseButton_.left):
+            self._loop_error = timeline, timeline.loop_error()
+        error = self._loop_error[1]
+        label = "Loops without a jump" if error < _LOOPS else f"Jumps at the end ({error:.0f} steps)"
         flow(label)
         imgui.text_disabled(label)
         tooltip("The step from the last frame back to the first, against the longest step between any others")

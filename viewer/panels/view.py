@@ -30,7 +30,7 @@ _HINT = "Drag to turn    Wheel to zoom    Drop a photo to fit it    F1 for help"
 
 
 class ViewPanel:
-    """The scene, with a badge that tells a preview from the finished render."""
+    """The scene, with a badge that says whether it is a preview or the finished render."""
 
     title = "View"
     dock = "View"

@@ -9,7 +9,7 @@ from viewer.services.worker import Job, Worker
 
 @dataclass(eq=False)
 class Jobs:
-    """Handed to every activity in place of the session."""
+    """Given to every activity in place of the session."""
 
     worker: Worker
     backend: Backend
@@ -23,7 +23,7 @@ class Jobs:
         self.worker.submit(job)
 
     def cancel(self, *names: str) -> None:
-        """Ask the jobs of these names for nothing more."""
+        """Stop the jobs of these names."""
         for name in names:
             self.worker.cancel(name)
 

@@ -33,7 +33,7 @@ class Message:
 
     @property
     def faded(self) -> bool:
-        """Information goes by itself; an error stays until it is dismissed."""
+        """Information goes after a while; an error stays until it is dismissed."""
         return self.kind is Kind.INFO and time.monotonic() - self.born > _SECONDS
 
 

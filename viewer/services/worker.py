@@ -69,7 +69,7 @@ class Worker:
             self._changed.notify()
 
     def cancel(self, name: str) -> None:
-        """Ask the job of this name for nothing more; nothing of it is delivered from now on."""
+        """Stop the job of this name; nothing of it is delivered from now on."""
         with self._changed:
             self._next.pop(name, None)
             for entry in (*self._running, *(entry for entry, _ in self._delivery)):

@@ -1,1 +1,1 @@
-"""What there is to know: frozen values, and pure functions of them. Knows no thread and no screen."""
+"""Frozen values, and pure functions of them: no threads, no screen."""

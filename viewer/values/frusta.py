@@ -15,13 +15,13 @@ _EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
 
 
 class OverviewCamera(NamedTuple):
-    """From where the cameras are looked at, without perspective; rad."""
+    """From where the cameras are shown, without perspective; rad."""
 
     azimuth: float = math.radians(25)
     elevation: float = math.radians(35)
 
     def turned(self, across: float, down: float) -> "OverviewCamera":
-        """Moved by these angles, never below the ground."""
+        """Moved by these angles, never below the horizontal plane."""
         return OverviewCamera(self.azimuth - across, max(0.0, min(math.pi / 2, self.elevation + down)))
 
     def project(self, points: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 2"]:
@@ -53,7 +53,7 @@ def box(extent: tuple[float, float, float]) -> Float[np.ndarray, "lines 2 3"]:
 
 
 def ring(radius: float, lines: int = 48) -> Float[np.ndarray, "lines 2 3"]:
-    """A circle on the ground."""
+    """A circle in the horizontal plane."""
     angles = np.linspace(0, 2 * math.pi, lines + 1)
     points = radius * np.stack((np.cos(angles), np.sin(angles), 0 * angles), -1)
     return np.stack((points[:-1], points[1:]), 1)

@@ -24,7 +24,7 @@ class Pair(NamedTuple):
 
 @dataclass(frozen=True)
 class Mix:
-    """Between which objects the two sliders run, and where they stand (0 is A, 1 is B)."""
+    """Between which objects the two sliders run, and their values (0 is A, 1 is B)."""
 
     a: Pair
     b: str
@@ -38,7 +38,7 @@ class Mix:
 
 @dataclass(frozen=True)
 class State:
-    """What a person edits: the scene, where the mixing sliders stand, and the timeline."""
+    """What a person edits: the scene, the values of the mixing sliders, and the timeline."""
 
     scene: Scene
     mix: Mix

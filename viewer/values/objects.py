@@ -1,4 +1,4 @@
-"""The objects at hand: those the model was trained on, and those added since."""
+"""The objects of a session: those the model was trained on, and those added since."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""From the hand to a new camera: drag, wheel, keys. Pure."""
+"""New cameras from input: drag, wheel, keys. Pure."""
 
 import math
 from dataclasses import dataclass, replace
@@ -27,10 +27,10 @@ def home(model: Model) -> Camera:
 
 
 def dragged(camera: Camera, across: float, down: float) -> Camera:
-    """The object turns with the hand: half a turn for a drag across the whole view.
+    """The object turns with the mouse: half a turn for a drag across the whole view.
 
     Args:
-        across, down: how far the hand moved, in shares of the view's size.
+        across, down: how far the mouse moved, in shares of the view's size.
     """
     return turned(camera, -math.pi * across, math.pi * down)
 
@@ -61,7 +61,7 @@ def seen_from(camera: Camera, view: str) -> Camera:
 
 
 def panned(pan: tuple[float, float], across: float, down: float) -> tuple[float, float]:
-    """The object moved in the view, with the hand; shares of the view's shorter side."""
+    """The object moved in the view, with the mouse; shares of the view's shorter side."""
     x, y = (max(-_MAX_PAN, min(_MAX_PAN, value)) for value in (pan[0] + across, pan[1] + down))
     return x, y
 

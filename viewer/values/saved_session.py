@@ -19,7 +19,7 @@ from viewer.values.objects import EditableObject
 
 @dataclass(frozen=True)
 class SavedSession:
-    """A session as text. The name of its model stands beside the rest, which can only be read for that model."""
+    """A session as text. The name of its model is kept beside the rest, which can only be read for that model."""
 
     model: str
     """the name by which it was opened"""

@@ -13,7 +13,7 @@ _FLICKER = imgui.Key.f
 
 
 class Comparison:
-    """Which of the four it is, and where wipe and onion skin stand."""
+    """Which of the four it is, and the positions of wipe and onion skin."""
 
     def __init__(self) -> None:
         self._mode = _MODES[0]

@@ -17,7 +17,7 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.reference import render_exact
-from tests.conftest import picture_size, random_model
+from tests.conftest import image_size, random_model
 from tests.core.tiny import tiny_model
 
 QUICK = {
@@ -77,7 +77,7 @@ def test_charts_are_written(found: FitResults, tmp_path: Path):
     prepare(tmp_path / "charts")
     write_fits(found, tmp_path / "charts")
     assert read_fits(tmp_path / "charts/fit.csv") == found
-    assert picture_size(tmp_path / "charts/fit.png")[0] > 800
+    assert image_size(tmp_path / "charts/fit.png")[0] > 800
     table = fit_table(found)
     assert (tmp_path / "charts/fit.md").read_text() == table
     assert "| paper |" in table

@@ -30,12 +30,12 @@ def test_every_model_of_the_sweep_differs_in_one_number() -> None:
 
 
 class FakeTrainer:
-    """A trainer that needs no steps. It notes the sizes that it was asked for."""
+    """A trainer that needs no steps. It notes the sizes that it was given."""
 
-    asked: ClassVar[list[FieldConfig]]
+    given: ClassVar[list[FieldConfig]]
 
     def __init__(self, dataset: Dataset, recipe: TrainSettings) -> None:
-        FakeTrainer.asked.append(recipe.field)
+        FakeTrainer.given.append(recipe.field)
 
     def steps(self) -> Iterator[TrainStep]:
         return iter(())
@@ -55,7 +55,7 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModelSizeResults:
     write_manifest(tmp_path / "data", "stools", {f"stool{i}": (f"s{i}", f"t{i}") for i in range(4)})
     folders, places = [tmp_path / "data"], index_objects([tmp_path / "data"])[1]
     (tmp_path / "models").mkdir()
-    monkeypatch.setattr(FakeTrainer, "asked", [], raising=False)
+    monkeypatch.setattr(FakeTrainer, "given", [], raising=False)
     two = [("baseline", 0, tiny_model().field.config), ("width", 32, tiny_model().field.config)]
     monkeypatch.setattr(model_sizes, "sweep", lambda: two)
     *_, found = run(folders, places[:1], 20, tmp_path / "models")
@@ -65,7 +65,7 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModelSizeResults:
     with pytest.raises(TypeError):  # other tests are measured anew
         list(run(folders, places[1:2], 20, tmp_path / "models"))
     assert again.sizes[0].new_views == found.sizes[0].new_views
-    assert FakeTrainer.asked == [size for _, _, size in two]
+    assert FakeTrainer.given == [size for _, _, size in two]
     monkeypatch.setattr(model_sizes, "sweep", lambda: [("baseline", 0, model_sizes.BASELINE)])
     with pytest.raises(TypeError):  # so is a model of another size
         list(run(folders, places[:1], 20, tmp_path / "models"))

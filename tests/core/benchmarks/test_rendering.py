@@ -8,7 +8,7 @@ from core.benchmarks.charts import prepare, read_rendering, write_rendering
 from core.benchmarks.gate import compare_rendering
 from core.benchmarks.rendering import RenderingResults, run
 from core.benchmarks.tables import rendering_table
-from tests.conftest import picture_size
+from tests.conftest import image_size
 from tests.core.tiny import tiny_model
 
 
@@ -51,7 +51,7 @@ def test_charts_are_written(found: RenderingResults, tmp_path: Path) -> None:
     prepare(tmp_path / "charts")
     write_rendering(found, tmp_path / "charts")
     assert read_rendering(tmp_path / "charts/render.csv") == found
-    assert picture_size(tmp_path / "charts/render.png")[0] > 800
+    assert image_size(tmp_path / "charts/render.png")[0] > 800
     table = rendering_table(found)
     assert (tmp_path / "charts/render.md").read_text() == table
     assert "| naive | 96 |" in table

@@ -14,7 +14,7 @@ from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
 from core.geometry.camera import Camera
 from core.metrics import rotation_error
 from core.models.model import Model
-from tests.conftest import picture_size
+from tests.conftest import image_size
 from tests.core.tiny import tiny_model
 
 QUICK = {
@@ -53,7 +53,7 @@ def test_only_the_paper_is_given_an_initial_camera(monkeypatch: pytest.MonkeyPat
 def found() -> RobustnessResults:
     some = {name: STRESSORS[name]._replace(levels=STRESSORS[name].levels[:1]) for name in ("none", "elevation")}
     some |= {name: STRESSORS[name]._replace(levels=(0.0,)) for name in ("random pixels", "another category")}
-    some["hidden"] = Stressor("", (1.0,), lambda picture, *_: np.ones_like(picture[..., :3]))
+    some["hidden"] = Stressor("", (1.0,), lambda image, *_: np.ones_like(image[..., :3]))
     patch = pytest.MonkeyPatch()
     with patch.context() as changed:
         changed.setattr(robustness, "STRESSORS", some)
@@ -88,11 +88,11 @@ def test_charts_are_written(found: RobustnessResults, tmp_path: Path, monkeypatc
     monkeypatch.setitem(STRESSORS, "hidden", Stressor("", (1.0,)))
     write_robustness(found, tmp_path)
     assert read_robustness(tmp_path / "robustness.csv").trials == found.trials
-    assert picture_size(tmp_path / "robustness.png")[0] > 400
+    assert image_size(tmp_path / "robustness.png")[0] > 400
     table = robustness_table(found)
     assert (tmp_path / "robustness.md").read_text() == table
     assert "| hidden | 1 | normal | stool0 |" in table
     assert "look the same from there: none." in table
     alike = replace(found, trials=tuple(replace(trial, outcome="symmetric") for trial in found.trials))
     assert "look the same from there: stool0." in robustness_table(alike)
-    assert picture_size(tmp_path / "failures.png")[0] > 400
+    assert image_size(tmp_path / "failures.png")[0] > 400

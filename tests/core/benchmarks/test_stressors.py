@@ -7,10 +7,10 @@ from tests.core.tiny import tiny_model
 
 def cutout() -> np.ndarray:
     """An object of one colour on white."""
-    picture = np.ones((40, 40, 4), np.float32)
-    picture[..., 3] = 0
-    picture[10:30, 12:28] = (0.2, 0.4, 0.6, 1)
-    return picture
+    image = np.ones((40, 40, 4), np.float32)
+    image[..., 3] = 0
+    image[10:30, 12:28] = (0.2, 0.4, 0.6, 1)
+    return image
 
 
 _OF_CAMERAS = ("initial error", "elevation", "focal length")
@@ -20,10 +20,10 @@ _OF_CAMERAS = ("initial error", "elevation", "focal length")
 def test_a_corrupted_image_is_one_and_every_level_is_another(name: str):
     stressor = STRESSORS[name]
     made = [stressor.corrupt(cutout(), level, np.random.default_rng(0)) for level in stressor.levels]
-    for picture in made:
-        assert picture.shape[-1] in (3, 4)
-        assert picture.dtype == np.uint8 or 0 <= picture.min() <= picture.max() <= 1
-    assert len({picture.tobytes() for picture in made}) == len(made)
+    for image in made:
+        assert image.shape[-1] in (3, 4)
+        assert image.dtype == np.uint8 or 0 <= image.min() <= image.max() <= 1
+    assert len({image.tobytes() for image in made}) == len(made)
     assert np.array_equal(made[0], cutout()) == (name in ("none", "another category"))
 
 

@@ -118,9 +118,9 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
     words = ("evaluate", tmp_path / "d", "--model", tmp_path / "m.safetensors", "--input-views", "0,1", "--objects", 1)
     run(*words, "--report", tmp_path / "r.json")
     assert "2-view (0, 1), camera known" in capsys.readouterr().out
-    told = json.loads((tmp_path / "r.json").read_text())
-    assert [one["name"] for one in told["objects"]] == ["stool0"]
-    assert told["summary"]["psnr"][0] > 20
+    printed = json.loads((tmp_path / "r.json").read_text())
+    assert [one["name"] for one in printed["objects"]] == ["stool0"]
+    assert printed["summary"]["psnr"][0] > 20
     assert (tmp_path / "r.png").exists()
     assert "stool0: 3 views" in refused(capsys, *words[:4], "--input-views", "7")
     assert "no held-out pair" in refused(capsys, *words[:4], "--disentanglement")
@@ -172,7 +172,7 @@ def test_wrong_input_is_said_in_one_line(words, says, file, tmp_path, capsys):
 
 @pytest.mark.usefixtures("rasteriser")
 def test_dataset_train_and_render_from_nothing(tmp_path: Path):
-    """Objects of the generator become a dataset, the dataset a model, the model a picture; and training resumes."""
+    """Objects of the generator become a dataset, the dataset a model, the model an image; and training resumes."""
     words = ("dataset", "procedural", "--category", "chairs", "--count", 2, "--views", 6, "--size", 24)
     run(*words, "--out", tmp_path / "d")
     assert len(read_dataset(tmp_path / "d").objects) == 2
@@ -243,10 +243,10 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     )
     monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
     run("fit", "a.png", "--model", file)
-    told = capsys.readouterr()
-    assert said in told.err
-    assert bool(told.err) == bool(said)
-    found = json.loads(told.out)
+    printed = capsys.readouterr()
+    assert said in printed.err
+    assert bool(printed.err) == bool(said)
+    found = json.loads(printed.out)
     place = {"azimuth": 194.8057, "elevation": 17.1887, "distance": 2.0, "focal": 1.025}
     assert found["runner_up"] == place | {"loss": 0.5}
     assert found["confidence"] == pytest.approx(step.confidence, abs=1e-3)
@@ -269,14 +269,14 @@ def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys
         with pytest.raises(SystemExit):
             run(*words, *box.split())
     assert given == [(0.1, 0.1, 0.5, 0.75), (0.1, 0.1, 1.0, 0.75)]
-    told = capsys.readouterr().err
-    assert "no inside within the picture of 200x400 px" in told
-    assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in told
-    assert "1 images need as many boxes, got 2" in told
+    printed = capsys.readouterr().err
+    assert "no inside within the image of 200x400 px" in printed
+    assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in printed
+    assert "1 images need as many boxes, got 2" in printed
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "printed"),
     [
         (("render", "--size", "big"), "argument --size: must be a whole number of at least 1, not 'big'"),
         (("render", "--size", "0"), "argument --size: must be a whole number of at least 1, not '0'"),
@@ -289,12 +289,12 @@ def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys
     ],
 )
 def test_what_is_no_number_is_told_in_plain_words(
-    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+    words: tuple[str, ...], printed: str, capsys: pytest.CaptureFixture[str]
 ):
     with pytest.raises(SystemExit) as stopped:
         run(*words)
     assert stopped.value.code == 2
-    assert capsys.readouterr().err == f"python -m core {words[0]}: {told}\n"
+    assert capsys.readouterr().err == f"python -m core {words[0]}: {printed}\n"
 
 
 def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -313,10 +313,10 @@ def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, ca
         "--log",
         tmp_path / "steps.jsonl",
     )
-    told = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
-    assert list(told)[:6] == ["azimuth", "elevation", "distance", "psnr", "seconds", "steps"]
-    assert told["focal"] == pytest.approx(model.focal / model.image_size, abs=1e-3)
-    assert told["azimuth"] == pytest.approx(60, abs=1e-3)
+    printed = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    assert list(printed)[:6] == ["azimuth", "elevation", "distance", "psnr", "seconds", "steps"]
+    assert printed["focal"] == pytest.approx(model.focal / model.image_size, abs=1e-3)
+    assert printed["azimuth"] == pytest.approx(60, abs=1e-3)
     steps = [json.loads(line) for line in (tmp_path / "steps.jsonl").read_text().splitlines()]
-    assert steps[-1]["psnr"] == told["psnr"]
+    assert steps[-1]["psnr"] == printed["psnr"]
     assert Scene.load(tmp_path / "s.json", model).camera.elevation == pytest.approx(np.radians(20), abs=1e-5)

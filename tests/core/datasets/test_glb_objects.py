@@ -55,8 +55,8 @@ def test_a_turn_is_counter_clockwise_from_above(tmp_path: Path) -> None:
 
 
 def test_textures_and_factors(tmp_path: Path, rasteriser: Rasteriser) -> None:
-    picture = Image.fromarray(np.tile(np.array([10, 200, 30], np.uint8), (4, 4, 1)))
-    material = trimesh.visual.material.PBRMaterial(baseColorTexture=picture, baseColorFactor=(255, 255, 255, 255))
+    image = Image.fromarray(np.tile(np.array([10, 200, 30], np.uint8), (4, 4, 1)))
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=image, baseColorFactor=(255, 255, 255, 255))
     textured = trimesh.creation.box((1, 1, 1))
     textured.visual = trimesh.visual.TextureVisuals(np.zeros((8, 2)), material)
     plain = trimesh.creation.box((1, 1, 1), trimesh.transformations.translation_matrix((3, 0, 0)))
@@ -93,7 +93,7 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
     assert (dataset.category, dataset.image_size, len(dataset.objects[0].cameras)) == ("chairs", 32, 4)
     assert all(0.02 < one.masks.mean() < 0.5 for one in dataset.objects)
     assert list(render_meshes(tmp_path, tmp_path / "test", "chairs", "test", 3, 32)) == [kept]
-    # Another size is another job: the old pictures do not stand in for it.
+    # Another size is another job: the old images do not stand in for it.
     assert list(render_meshes(tmp_path, out, "chairs", "train", 4, 16)) == ["one", "two"]
     assert read_dataset(out).image_size == 16
 

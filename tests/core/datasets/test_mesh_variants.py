@@ -51,12 +51,12 @@ def test_a_recolouring_is_the_same_on_every_shape() -> None:
 
 def test_a_textured_surface_is_repainted_in_its_texture() -> None:
     box = _box()
-    picture = np.full((4, 4, 4), 255, np.uint8)
-    picture[:2, :, :3] = (200, 30, 30)
+    image = np.full((4, 4, 4), 255, np.uint8)
+    image[:2, :, :3] = (200, 30, 30)
     uvs = np.random.default_rng(0).random((8, 2))
-    textured = Surface(box.vertices, box.normals, box.faces, np.full((8, 3), 0.5), uvs, picture)
+    textured = Surface(box.vertices, box.normals, box.faces, np.full((8, 3), 0.5), uvs, image)
     fresh = recoloured([textured], "a", 1)[0]
     assert fresh.texture is not None
     assert (fresh.colours == 1).all()
-    assert not np.array_equal(fresh.texture[..., :3], picture[..., :3] // 2)
+    assert not np.array_equal(fresh.texture[..., :3], image[..., :3] // 2)
     assert (fresh.texture[..., 3] == 255).all()

@@ -90,30 +90,30 @@ def test_light_comes_from_above_and_stays_with_the_world(rasteriser: Rasteriser)
 def test_both_sides_of_a_face_are_lit(rasteriser: Rasteriser) -> None:
     """Which way round a triangle is listed makes no difference, smooth normals or none."""
     box = surface([slab(0.3, 0.3, 0.3, 0.05, 0.05)], GREY, 1.0)
-    pictures = []
+    images = []
     for faces, normals in (
         (box.faces, box.normals),
         (box.faces[:, ::-1], box.normals),
         (box.faces, -box.normals),
     ):
         rasteriser.upload([Surface(box.vertices, normals, faces, box.colours, box.uvs, box.texture)])
-        pictures.append(rasteriser.render(camera(0.7, 0.5))[0].astype(int))
-    assert np.abs(pictures[0] - pictures[1]).max() <= 1
-    assert np.abs(pictures[0] - pictures[2]).max() <= 1
+        images.append(rasteriser.render(camera(0.7, 0.5))[0].astype(int))
+    assert np.abs(images[0] - images[1]).max() <= 1
+    assert np.abs(images[0] - images[2]).max() <= 1
 
 
 def test_a_texture_is_the_right_way_up_and_cut_out_where_clear(rasteriser: Rasteriser) -> None:
-    """A wall that faces +y with a picture on it: red top left, green top right, blue below, a hole bottom right."""
+    """A wall that faces +y with an image on it: red top left, green top right, blue below, a hole bottom right."""
     corners = np.array([(0.2, 0, 0.2), (-0.2, 0, 0.2), (-0.2, 0, -0.2), (0.2, 0, -0.2)])
     uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)
-    picture = np.zeros((32, 32, 4), np.uint8)
-    picture[:16, :16], picture[:16, 16:], picture[16:, :16] = (
+    image = np.zeros((32, 32, 4), np.uint8)
+    image[:16, :16], image[:16, 16:], image[16:, :16] = (
         (255, 0, 0, 255),
         (0, 255, 0, 255),
         (0, 0, 255, 255),
     )
     faces = np.array([(0, 1, 2), (0, 2, 3)])
-    rasteriser.upload([Surface(corners, np.zeros((4, 3)), faces, np.ones((4, 3)), uvs, picture)])
+    rasteriser.upload([Surface(corners, np.zeros((4, 3)), faces, np.ones((4, 3)), uvs, image)])
     image, mask = rasteriser.render(camera(math.pi / 2, 0))
     quarters = {(r, c): image[r, c].argmax() for r, c in ((27, 27), (27, 37), (37, 27))}
     assert list(quarters.values()) == [0, 1, 2]

@@ -117,7 +117,7 @@ def test_clear_pictures_are_laid_on_white(tmp_path: Path) -> None:
 
 
 def test_a_resized_copy_keeps_its_field_of_view(tmp_path: Path) -> None:
-    """SRN's intrinsics belong to the size that they name, which need not be the pictures'."""
+    """SRN's intrinsics belong to the size that they name, which need not be the images'."""
     write_object(tmp_path, views("a"))
     (tmp_path / "a/intrinsics.txt").write_text("131.25 64. 64. 0.\n0. 0. 0.\n1.\n128 128\n")
     assert read_dataset(tmp_path).focal == pytest.approx(131.25 * SIZE / 128)
@@ -161,8 +161,8 @@ def test_missing_files_are_named(tmp_path: Path, missing: str) -> None:
         ("a/pose/000002.txt", "1 0 0 0 0 1 0 0 0 0 1 2 0 0 0 1"),  # looks away from the origin
         ("a/intrinsics.txt", ""),
         ("a/intrinsics.txt", "-3 0 0 0\n16 16\n"),
-        ("a/rgb/000003.png", "not a picture"),
-        ("a/mask/000003.png", "not a picture"),
+        ("a/rgb/000003.png", "not an image"),
+        ("a/mask/000003.png", "not an image"),
         ("manifest.json", "{"),
         ("manifest.json", '{"objects": {"a": {}}}'),
         ("manifest.json", "[]"),

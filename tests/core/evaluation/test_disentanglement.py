@@ -24,7 +24,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def factorial(tiny: Model, tmp_path_factory: pytest.TempPathFactory) -> tuple[ObjectEntry, ...]:
-    """The stools that the model knows, and two of its shapes in textures that they did not wear."""
+    """The training objects, and two of their shapes in textures not trained together with them."""
     folder = tmp_path_factory.mktemp("factorial")
     shapes, textures = tiny.codes.shapes, tiny.codes.textures
     for name, (shape, texture) in IDS.items():
@@ -47,7 +47,7 @@ def test_collapsed_objects_lend_no_codes(tiny: Model, factorial):
 
 
 def test_without_held_out_pairs_it_is_refused(tiny: Model, factorial):
-    with pytest.raises(ValueError, match="no held-out pair: the model knows 4 of the 4"):
+    with pytest.raises(ValueError, match="no held-out pair: the model was trained on 4 of the 4"):
         pairs(tiny, [place for place in factorial if place.name.startswith("stool")])
 
 
@@ -59,7 +59,7 @@ def test_recombined_codes_render_the_true_pair_and_textures_move_nothing(tiny: M
     assert found.trained.mean > 35
     assert found.refitted.mean > 25  # of short fits
     assert found.opacity_change == 0
-    assert found.background_change < 1e-3  # all the light that the object gives to what counts as ground
+    assert found.background_change < 1e-3  # all the light that the object gives to what counts as background
     text = format_disentanglement(scores)
     assert "at most 0 of full opacity" in text
     assert "texture from shape codes" in text
@@ -77,15 +77,15 @@ def test_wrong_codes_are_seen(tiny: Model, factorial):
 
 
 def test_a_leaking_field_would_be_caught(tiny: Model, factorial, monkeypatch: pytest.MonkeyPatch):
-    honest = module._render_first_view
+    honest = module.render
 
-    def leaking(model, codes: Codes, views):
-        seen = honest(model, codes, views)
+    def leaking(model, codes: Codes, camera, samples: int):
+        frame = honest(model, codes, camera, samples)
         return replace(
-            seen, colour=seen.colour - 0.1 * codes.texture[0], opacity=seen.opacity * (0.75 + codes.texture[0] / 4)
+            frame, colour=frame.colour - 0.1 * codes.texture[0], opacity=frame.opacity * (0.75 + codes.texture[0] / 4)
         )
 
-    monkeypatch.setattr(module, "_render_first_view", leaking)
+    monkeypatch.setattr(module, "render", leaking)
     score, _ = score_pairs(tiny, [pair for pair in pairs(tiny, factorial) if not pair.trained])
     assert score.opacity_change > 0.4
     assert score.background_change == pytest.approx(0.2, abs=0.01)

@@ -23,7 +23,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
-    """Pictures that the model itself draws of one of its objects, all round."""
+    """Renders of one of the model's own objects, all round."""
     cameras = tuple(model.camera(0.7 + 1.3 * turn, 0.4) for turn in range(count))
     drawn = [render_exact(model, model.codes[index], camera, 64) for camera in cameras]
     images = np.stack([(one.colour.clamp(0, 1) * 255 + 0.5).byte().numpy() for one in drawn])
@@ -41,7 +41,7 @@ def test_a_known_object_scores_as_rendering_its_fit_by_hand(tiny: Model):
         truth = torch.from_numpy(views.images[index]).float() / 255
         by_hand.append((psnr(drawn, truth), ssim(drawn, truth)))
     expected = np.mean(by_hand, 0)
-    assert score.psnr == pytest.approx(expected[0], abs=2.0)  # marched, at 36 dB
+    assert score.psnr == pytest.approx(expected[0], abs=2.0)  # by the fast renderer, at 36 dB
     assert score.ssim == pytest.approx(expected[1], abs=0.01)
     assert score.psnr > 22
     assert (score.name, score.views, score.poses) == ("stool1", 3, ())

@@ -6,7 +6,7 @@ import pytest
 
 from core.evaluation.protocol import ObjectScore, PoseScore, Protocol
 from core.evaluation.report import chart, format_table, write_report
-from tests.conftest import picture_size
+from tests.conftest import image_size
 
 ESTIMATED = [
     ObjectScore("a", 24.0, 0.9, 250, 4.0, (PoseScore(64, 2.0, 0.01, 80.0, 1.1),)),
@@ -60,4 +60,4 @@ def test_the_report_holds_every_object_and_no_nan(tmp_path: Path):
     assert about["objects"][0]["poses"][0]["rotation"] == 179.0
     assert about["objects"][0]["outlier"]
     assert about["protocol"] == {"inputs": [64], "estimate": True, "preset": "normal", "seed": 0, "every": 1}
-    assert picture_size(tmp_path / "r.png") == (1380, 300)
+    assert image_size(tmp_path / "r.png") == (1380, 300)

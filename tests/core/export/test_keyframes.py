@@ -15,7 +15,7 @@ def shot(azimuth: float = 0.0, elevation: float = 0.2, distance: float = 1.3, co
     return View(Codes(torch.full((3,), code), torch.full((2,), -code)), camera)
 
 
-def film(*shots: View, **about) -> Timeline:
+def timeline(*shots: View, **about) -> Timeline:
     """Keys a second apart from 0 on."""
     keys = tuple(Keyframe(float(index), one) for index, one in enumerate(shots))
     return Timeline(keys, **({"length": float(len(shots))} | about))
@@ -25,7 +25,7 @@ def film(*shots: View, **about) -> Timeline:
 @pytest.mark.parametrize("smooth", [True, False])
 def test_every_key_is_met(loop: bool, smooth: bool) -> None:
     shots = shot(0.1, 0.2, 1.0, 1.0), shot(2.5, -0.4, 1.6, -2.0), shot(-2.8, 0.9, 1.2, 0.5)
-    made = film(*shots, loop=loop, smooth=smooth)
+    made = timeline(*shots, loop=loop, smooth=smooth)
     for second, expected in enumerate(shots):
         found = made.at(float(second))
         assert found.camera.azimuth == pytest.approx(expected.camera.azimuth, abs=1e-9)
@@ -36,14 +36,14 @@ def test_every_key_is_met(loop: bool, smooth: bool) -> None:
 
 
 def test_straight_interpolation_is_linear_in_codes_and_geometric_in_distance() -> None:
-    made = film(shot(distance=1.0, code=0.0), shot(distance=4.0, code=2.0), loop=False, smooth=False)
+    made = timeline(shot(distance=1.0, code=0.0), shot(distance=4.0, code=2.0), loop=False, smooth=False)
     halfway = made.at(0.5)
     torch.testing.assert_close(halfway.codes.shape, torch.ones(3))
     assert halfway.camera.distance == pytest.approx(2.0)
 
 
 def test_the_camera_keeps_to_the_sphere_and_takes_the_short_way_round() -> None:
-    made = film(shot(3.0), shot(-3.0), loop=False)
+    made = timeline(shot(3.0), shot(-3.0), loop=False)
     for step in range(21):
         camera = made.at(step / 20).camera
         assert camera.distance == pytest.approx(1.3)
@@ -52,7 +52,7 @@ def test_the_camera_keeps_to_the_sphere_and_takes_the_short_way_round() -> None:
 
 def test_keys_all_round_go_all_round_in_a_loop() -> None:
     thirds = [shot(2 * math.pi * third / 3) for third in range(3)]
-    made = film(*thirds)
+    made = timeline(*thirds)
     steps = [made.at(0.05 * index).camera.azimuth for index in range(61)]
     turned = [math.remainder(after - before, 2 * math.pi) for before, after in pairwise(steps)]
     assert all(0 < step < 0.2 for step in turned)
@@ -60,7 +60,7 @@ def test_keys_all_round_go_all_round_in_a_loop() -> None:
 
 
 def test_turns_are_added_while_codes_change() -> None:
-    made = film(shot(code=0.0), shot(code=2.0), turns=1, smooth=False)
+    made = timeline(shot(code=0.0), shot(code=2.0), turns=1, smooth=False)
     quarter = made.at(0.5)
     assert quarter.camera.azimuth == pytest.approx(math.pi / 2)
     torch.testing.assert_close(quarter.codes.shape, torch.ones(3))
@@ -69,7 +69,7 @@ def test_turns_are_added_while_codes_change() -> None:
 
 def test_smooth_has_no_corner_and_straight_does() -> None:
     def bend(smooth: bool) -> float:
-        made = film(shot(code=0.0), shot(code=1.0), shot(code=0.0), shot(code=-1.0), smooth=smooth)
+        made = timeline(shot(code=0.0), shot(code=1.0), shot(code=0.0), shot(code=-1.0), smooth=smooth)
         before, at, after = (float(made.at(1.0 + d).codes.shape[0]) for d in (-0.01, 0.0, 0.01))
         return abs((after - at) - (at - before)) / 0.01
 
@@ -79,21 +79,21 @@ def test_smooth_has_no_corner_and_straight_does() -> None:
 
 def test_a_smooth_path_stays_off_the_pole() -> None:
     high = math.radians(88)
-    made = film(shot(elevation=0.0), shot(elevation=high), shot(elevation=high), shot(elevation=0.0))
+    made = timeline(shot(elevation=0.0), shot(elevation=high), shot(elevation=high), shot(elevation=0.0))
     assert max(made.at(0.02 * index).camera.elevation for index in range(200)) <= math.radians(89.0)
 
 
 def test_the_seam_tells_a_loop_from_a_jump() -> None:
     shots = [shot(code=float(number)) for number in range(4)]
-    assert film(*shots, loop=True).loop_error() < 1.5
-    assert film(*shots, loop=False, length=3.0).loop_error() > 10
-    assert film(*shots, shots[0], loop=False).loop_error() < 1.5
-    assert film(shot(), loop=True).loop_error() < 1.5
+    assert timeline(*shots, loop=True).loop_error() < 1.5
+    assert timeline(*shots, loop=False, length=3.0).loop_error() > 10
+    assert timeline(*shots, shots[0], loop=False).loop_error() < 1.5
+    assert timeline(shot(), loop=True).loop_error() < 1.5
 
 
 def test_shots_of_a_loop_end_before_the_beginning() -> None:
     two = shot(code=0.0), shot(code=1.0)
-    looped, ended = film(*two, loop=True).views(12), film(*two, loop=False).views(12)
+    looped, ended = timeline(*two, loop=True).views(12), timeline(*two, loop=False).views(12)
     assert len(looped) == len(ended) == 24
     assert looped[0].codes == ended[0].codes
     assert looped[-1].codes != looped[0].codes

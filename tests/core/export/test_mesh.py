@@ -52,14 +52,8 @@ def ball(monkeypatch: pytest.MonkeyPatch):
         monkeypatch.setattr(module.FoldedField, "first_layer", lambda self, points: points)
         monkeypatch.setattr(module.FoldedField, "density", density)
         monkeypatch.setattr(module.FoldedField, "colour", lambda self, y, towards: (y > 0).float())
-        monkeypatch.setattr("core.rendering.occupancy._corner_activations", _corners)
 
     return make
-
-
-def _corners(model: Model, dtype: torch.dtype) -> torch.Tensor:
-    axes = [torch.linspace(-half, half, 65) for half in model.extent]
-    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
 
 @pytest.mark.parametrize("resolution", [40, 64, 97])
@@ -101,7 +95,7 @@ def test_the_mesh_stands_where_the_picture_shows_the_object(tiny: Model):
     covered[rows, columns] = True
     opaque = drawn.opacity > 0.5
     assert (covered & opaque).sum() / (covered | opaque).sum() > 0.75
-    # The vertices nearest to the camera have the colours of the picture there.
+    # The vertices nearest to the camera have the colours of the image there.
     facing = found.normals @ camera.pose()[:3, 3].numpy() > 1.0
     shown = drawn.image[rows[facing], columns[facing]] / 255
     assert np.median(np.abs(found.colours[facing] - shown)) < 0.08

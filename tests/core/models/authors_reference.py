@@ -57,7 +57,7 @@ def render(
     side: int,
     samples: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A picture (side, side, 3) and its depths (side, side) from an SRN pose: camera-to-world, looking along +z."""
+    """An image (side, side, 3) and its depths (side, side) from an SRN pose: camera-to-world, looking along +z."""
     column, row = np.meshgrid(np.arange(side), np.arange(side))
     towards = np.stack(((column - side / 2) / focal, (row - side / 2) / focal, np.ones((side, side))), -1)
     directions = towards.reshape(-1, 3) @ pose[:3, :3].T
@@ -76,9 +76,9 @@ def render(
 
 
 def _encode(network: Weights, layer: str, beside: int, values: np.ndarray) -> np.ndarray:
-    """As many octaves as the layer takes: the values, all sines, all cosines."""
-    octaves = (network[f"{layer}.weight"].shape[1] - beside - 3) // 6
-    angles = np.concatenate([2.0**octave * values for octave in range(octaves)], 1)
+    """As many frequencies as the layer takes: the values, all sines, all cosines."""
+    frequencies = (network[f"{layer}.weight"].shape[1] - beside - 3) // 6
+    angles = np.concatenate([2.0**octave * values for octave in range(frequencies)], 1)
     return np.concatenate((values, np.sin(angles), np.cos(angles)), 1)
 
 

@@ -20,7 +20,7 @@ def build(architecture: str) -> Field:
     return build_field(dataclasses.replace(CONFIG, architecture=architecture))
 
 
-def asked(field: Field, direction: torch.Tensor, shape: torch.Tensor, texture: torch.Tensor):
+def evaluated(field: Field, direction: torch.Tensor, shape: torch.Tensor, texture: torch.Tensor):
     towards = field.direction_bias(torch.nn.functional.normalize(direction, dim=-1))
     return field.radiance(POINTS, towards, *field.biases(shape, texture))
 
@@ -31,9 +31,9 @@ def asked(field: Field, direction: torch.Tensor, shape: torch.Tensor, texture: t
 )
 def test_what_moves_density_is_the_architecture(architecture: str, by_direction: bool, by_texture: bool):
     field = build(architecture)
-    before = asked(field, torch.tensor([1.0, 0, 0]), torch.ones(8), torch.ones(4))
-    turned = asked(field, torch.tensor([0, 1.0, 0]), torch.ones(8), torch.ones(4))
-    repainted = asked(field, torch.tensor([1.0, 0, 0]), torch.ones(8), -torch.ones(4))
+    before = evaluated(field, torch.tensor([1.0, 0, 0]), torch.ones(8), torch.ones(4))
+    turned = evaluated(field, torch.tensor([0, 1.0, 0]), torch.ones(8), torch.ones(4))
+    repainted = evaluated(field, torch.tensor([1.0, 0, 0]), torch.ones(8), -torch.ones(4))
     assert torch.equal(before[0], turned[0]) is not by_direction
     assert torch.equal(before[0], repainted[0]) is not by_texture
     assert not torch.equal(before[1], turned[1])
@@ -48,14 +48,14 @@ def test_m1_is_a_first_layer_that_sees_point_and_direction():
     shape_bias, _ = field.biases(torch.ones(8), torch.ones(4))
     first = torch.nn.functional.linear(both, joint, field.point_layer.bias).relu()
     density, _ = field.density_from_activations(first, shape_bias)
-    found = asked(field, direction, torch.ones(8), torch.ones(4))
+    found = evaluated(field, direction, torch.ones(8), torch.ones(4))
     torch.testing.assert_close(found[0], density)
 
 
 def test_m1_shows_a_point_without_a_direction_as_from_outside():
     field, shape_bias = build("M1"), build("M1").biases(torch.ones(8), torch.ones(4))[0]
     for index, point in enumerate(POINTS[:5]):
-        seen = asked(field, -point, torch.ones(8), torch.ones(4))[0][index]
+        seen = evaluated(field, -point, torch.ones(8), torch.ones(4))[0][index]
         torch.testing.assert_close(field.density(point, shape_bias)[0], seen)
 
 

@@ -14,7 +14,7 @@ from core.models.viewpoint import (
 )
 
 
-def picture(left: int, top: int, size: int) -> tuple[torch.Tensor, torch.Tensor]:
+def square(left: int, top: int, size: int) -> tuple[torch.Tensor, torch.Tensor]:
     """A square, dark above and light below, on white."""
     pixels, mask = torch.ones(60, 80, 3), torch.zeros(60, 80, dtype=torch.bool)
     mask[top : top + size, left : left + size] = True
@@ -24,7 +24,7 @@ def picture(left: int, top: int, size: int) -> tuple[torch.Tensor, torch.Tensor]
 
 
 def test_an_image_looks_the_same_wherever_and_however_large_the_object_is():
-    small, large = crop_to_object(*picture(5, 7, 24)), crop_to_object(*picture(30, 4, 48))
+    small, large = crop_to_object(*square(5, 7, 24)), crop_to_object(*square(30, 4, 48))
     assert small.shape == (4, SIDE, SIDE)
     assert float((small - large).abs().mean()) < 0.02
     assert float(small[3].mean()) == pytest.approx(1 / 1.12**2, abs=0.02)
@@ -33,7 +33,7 @@ def test_an_image_looks_the_same_wherever_and_however_large_the_object_is():
 
 
 def test_what_lies_beside_the_object_is_not_seen():
-    pixels, mask = picture(20, 10, 30)
+    pixels, mask = square(20, 10, 30)
     beside = torch.where(mask[..., None], pixels, torch.rand(60, 80, 3))
     assert torch.allclose(crop_to_object(pixels, mask), crop_to_object(beside, mask), atol=1e-6)
 
@@ -46,7 +46,7 @@ def test_directions_are_nearest_to_themselves():
 
 def test_probabilities_add_up_and_none_is_lost():
     torch.manual_seed(0)
-    found = predict_viewpoint(ViewpointClassifier().eval(), *picture(20, 10, 30))
+    found = predict_viewpoint(ViewpointClassifier().eval(), *square(20, 10, 30))
     assert float(found.sum()) == pytest.approx(1, abs=1e-5)
     assert float(found.min()) > 1e-4
 

@@ -19,9 +19,9 @@ from core.rendering.reference import render_exact
 from tests.core.tiny import SIDE
 
 
-def drawing(size: tuple[int, int] = (300, 200), ground: tuple[int, ...] = (255, 255, 255)) -> Image.Image:
+def drawing(size: tuple[int, int] = (300, 200), background: tuple[int, ...] = (255, 255, 255)) -> Image.Image:
     """A dark thing with a white spot inside, off the middle."""
-    image = Image.new("RGB", size, ground)
+    image = Image.new("RGB", size, background)
     pen = ImageDraw.Draw(image)
     across, down = size[0] / 300, size[1] / 200
     pen.rectangle((40 * across, 60 * down, 140 * across, 160 * down), fill=(30, 40, 90))
@@ -137,17 +137,17 @@ def test_what_lies_beyond_an_edge_is_not_on_the_object(tiny: Model):
         Photo(torch.zeros(8, 8, 3), torch.ones(8, 8) > 0, unseen=torch.ones(8, 8) > 0)
 
 
-# Telling the object from its ground
+# Separating the object from its background
 
 
-@pytest.mark.parametrize("ground", [(255, 255, 255), (240, 240, 240), (0, 200, 60), (255, 120, 130), (0, 0, 0)])
-def test_a_plain_ground_of_any_colour_is_taken_off(tiny: Model, ground: tuple[int, ...]):
-    photo = photo_from_array(np.asarray(drawing(ground=ground)), tiny)
+@pytest.mark.parametrize("background", [(255, 255, 255), (240, 240, 240), (0, 200, 60), (255, 120, 130), (0, 0, 0)])
+def test_a_plain_background_of_any_colour_is_taken_off(tiny: Model, background: tuple[int, ...]):
+    photo = photo_from_array(np.asarray(drawing(background=background)), tiny)
     check_found(photo, tiny)
 
 
 def test_a_noisy_ground_lit_from_the_side_is_taken_off(tiny: Model):
-    image = np.asarray(drawing(ground=(180, 170, 160))).astype(float)
+    image = np.asarray(drawing(background=(180, 170, 160))).astype(float)
     light = np.linspace(0.85, 1.15, 300)[None, :, None]
     noise = np.random.default_rng(0).normal(0, 2, image.shape)
     plain = (image == [180, 170, 160]).all(-1, keepdims=True)
@@ -178,7 +178,7 @@ def test_the_gap_in_a_frame_is_ground(tiny: Model):
 
 
 def test_alpha_is_taken_at_its_word(tiny: Model):
-    image = drawing(ground=(200, 10, 10)).convert("RGBA")
+    image = drawing(background=(200, 10, 10)).convert("RGBA")
     values = np.asarray(image).copy()
     values[(values[..., :3] == [200, 10, 10]).all(-1), 3] = 0
     check_found(photo_from_array(values, tiny), tiny)
@@ -252,7 +252,7 @@ def refused(path: Path, model: Model, pose: Path | None = None) -> str:
 
 def test_what_is_no_picture(tmp_path: Path, tiny: Model):
     text = tmp_path / "text.png"
-    text.write_text("not a picture")
+    text.write_text("not an image")
     assert "not an image" in refused(text, tiny)
     assert "no such image" in refused(tmp_path / "missing.png", tiny)
     assert "is a folder" in refused(tmp_path, tiny)

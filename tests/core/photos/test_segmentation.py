@@ -19,9 +19,9 @@ BOX = (0.2, 0.2, 0.8, 0.8)
 def busy(size: int = 240) -> Image.Image:
     """A blue disc before stripes and noise, and a red spot beside it, within the box."""
     random = np.random.default_rng(0)
-    ground = random.integers(90, 160, (size, size, 3)).astype(np.uint8)
-    ground[::16] = (240, 200, 40)
-    image = Image.fromarray(ground)
+    background = random.integers(90, 160, (size, size, 3)).astype(np.uint8)
+    background[::16] = (240, 200, 40)
+    image = Image.fromarray(background)
     pen = ImageDraw.Draw(image)
     pen.ellipse((0.3 * size, 0.3 * size, 0.7 * size, 0.7 * size), fill=(20, 40, 230))
     pen.ellipse((0.68 * size, 0.68 * size, 0.78 * size, 0.78 * size), fill=(230, 20, 20))
@@ -129,7 +129,7 @@ def test_a_network_that_sees_nothing_is_told(network: Callable[[np.ndarray], Non
 
 
 def test_a_plain_background_beyond_doubt_asks_no_network(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(segmentation, "predict_saliency", lambda image: pytest.fail("asked"))
+    monkeypatch.setattr(segmentation, "predict_saliency", lambda image: pytest.fail("the network was run"))
     image = np.where(disc()[..., None], (20, 40, 230), (200, 220, 200)).astype(np.uint8)
     assert overlap(cut_out(Image.fromarray(image).convert("RGBA")), disc()) > 0.98
 

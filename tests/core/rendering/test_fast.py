@@ -13,7 +13,7 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode
 from core.models.precision import use_dtype
-from core.rendering import fast as marching
+from core.rendering import fast as renderer
 from core.rendering.fast import render
 from core.rendering.folded_field import AxisLookup, FoldedField
 from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
@@ -77,7 +77,7 @@ def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed,
 
 
 @pytest.mark.parametrize("index", [0, 3])
-def test_marching_draws_what_the_reference_draws(index: int):
+def test_the_fast_renderer_matches_the_reference(index: int):
     camera = MODEL.camera(0.7, 0.4)
     exact, fast = render_exact(MODEL, MODEL.codes[index], camera), render(MODEL, MODEL.codes[index], camera, 256)
     assert psnr(fast.colour, exact.colour) > 38
@@ -89,32 +89,32 @@ def test_marching_draws_what_the_reference_draws(index: int):
 def test_chunks_do_not_show(monkeypatch):
     camera = MODEL.camera(0.7, 0.4)
     whole = render(MODEL, MODEL.codes[0], camera, 96)
-    marching.clear_views()
-    monkeypatch.setattr(marching, "_CHUNK_RAYS", 37)
+    renderer.clear_views()
+    monkeypatch.setattr(renderer, "CHUNK_RAYS", 37)
     pieces = render(MODEL, MODEL.codes[0], camera, 96)
     assert psnr(pieces.colour, whole.colour) > 50
 
 
 def test_a_new_texture_or_view_keeps_the_occupancy():
-    marching.clear_cache()
+    renderer.clear_cache()
     a, b = MODEL.codes[0], MODEL.codes[1]
     render(MODEL, a, MODEL.camera(0.1, 0.1), 8)
     render(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
-    assert len(marching._occupancy_cache) == 1
+    assert len(renderer._occupancy_cache) == 1
     render(MODEL, b, MODEL.camera(0.9, 0.1), 8)
-    assert len(marching._occupancy_cache) == 2
+    assert len(renderer._occupancy_cache) == 2
 
 
 def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
     camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
     both = Codes(a.shape, b.texture)
-    marching.clear_views()
+    renderer.clear_views()
     full = render(MODEL, both, camera, 96)
-    marching.clear_views()
+    renderer.clear_views()
     render(MODEL, a, camera, 96)
-    assert marching.is_cached(MODEL, both, camera, 96)
-    assert not marching.is_cached(MODEL, b, camera, 96)
-    assert not marching.is_cached(MODEL, both, MODEL.camera(0.31, 0.2), 96)
+    assert renderer.is_cached(MODEL, both, camera, 96)
+    assert not renderer.is_cached(MODEL, b, camera, 96)
+    assert not renderer.is_cached(MODEL, both, MODEL.camera(0.31, 0.2), 96)
     recoloured = render(MODEL, both, camera, 96)
     torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
     assert not torch.equal(recoloured.colour, render(MODEL, a, camera, 96).colour)
@@ -130,7 +130,7 @@ def test_a_texture_moves_no_silhouette():
 def test_views_are_kept_for_a_while_only():
     for turn in range(10):
         render(MODEL, MODEL.codes[0], MODEL.camera(0.1 * turn, 0.1).resized(8, 8), 8)
-    assert len(marching._visible_cache) <= marching._CACHED_VIEWS
+    assert len(renderer._visible_cache) <= renderer._CACHED_VIEWS
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.0])
@@ -171,12 +171,12 @@ def test_a_shape_on_the_move_is_found_around_the_last_one():
 
 def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():
     model = tiny_model()
-    marching.clear_cache()
+    renderer.clear_cache()
     near, far = model.codes[0], model.codes[0].mixed(model.codes[2], 0.05, 0)
     render(model, near, model.camera(0.5, 0.3), 48)
     quick = render(model, far, model.camera(0.5, 0.3), 48, complete=False)
     found = render(model, far, model.camera(0.5, 0.3), 48)
-    marching.clear_cache()
+    renderer.clear_cache()
     exact = render(model, far, model.camera(0.5, 0.3), 48)
     assert torch.equal(found.colour, exact.colour)
     assert psnr(quick.colour, exact.colour) > 50
@@ -186,22 +186,22 @@ def test_rays_that_cross_nothing_worth_looking_at_are_white(monkeypatch: pytest.
     """Behind the pixel lies an occupied cell, and yet the ray passes beside all of them."""
     none = torch.zeros(0, dtype=torch.long)
     monkeypatch.setattr(Occupancy, "intersect", lambda self, *_: OccupiedIntervals(none, none, none.bool()))
-    marching.clear_views()
+    renderer.clear_views()
     seen = render(MODEL, MODEL.codes[1], MODEL.camera(0.5, 0.3), 8)
     assert bool((seen.colour == 1).all())
     assert float(seen.opacity.max()) == 0
-    marching.clear_views()
+    renderer.clear_views()
 
 
 def test_what_is_taken_for_dark_gives_no_light(monkeypatch: pytest.MonkeyPatch):
     model = tiny_model()
 
     def drawn_anew() -> torch.Tensor:
-        marching.clear_views()
+        renderer.clear_views()
         return render(model, model.codes[2], model.camera(0.5, 0.3), 192).colour
 
     seen = drawn_anew()
-    monkeypatch.setattr(marching, "tolerances", lambda samples: tolerances(samples)._replace(termination=math.inf))
+    monkeypatch.setattr(renderer, "tolerances", lambda samples: tolerances(samples)._replace(termination=math.inf))
     assert float((drawn_anew() - seen).abs().max()) < 0.005
 
 

@@ -8,7 +8,7 @@ from core.rendering.frame_budget import FrameBudget
 
 
 def settled(cost: float, fixed: float = 0.0, frames: int = 400) -> list[int]:
-    """Divisors of first pictures on a machine that takes ``fixed`` s and ``cost`` s for all pixels."""
+    """Divisors of first images on a machine that takes ``fixed`` s and ``cost`` s for all pixels."""
     pace, found = FrameBudget(), []
     for _ in range(frames):
         found.append(pace.divisor)

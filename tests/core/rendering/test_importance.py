@@ -67,7 +67,7 @@ def test_without_gradients_it_shows_the_same(model: Model, monkeypatch: pytest.M
     monkeypatch.setattr(folded, "matmul_dtype", lambda _: torch.float32)
     rays, codes = bundle(model, 2, 40), model.codes
     biases = model.field.shape_bias(codes.shapes[:2]), model.field.texture_bias(codes.textures[:2])
-    asked = render_top_samples(model, rays, 16, 5, *biases)
+    dense = render_top_samples(model, rays, 16, 5, *biases)
     with torch.no_grad():
         folded_ones = render_top_samples(model, rays, 16, 5, *biases)
-    torch.testing.assert_close(folded_ones, asked, rtol=0, atol=5e-3)
+    torch.testing.assert_close(folded_ones, dense, rtol=0, atol=5e-3)

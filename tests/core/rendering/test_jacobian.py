@@ -9,7 +9,7 @@ from torch import Tensor
 from core.geometry.rays import Rays
 from core.models.model import Model
 from core.rendering import folded_field as folded
-from core.rendering import jacobian as slopes
+from core.rendering import jacobian as jacobians
 from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 from core.rendering.reference import render_rays
 from tests.conftest import random_model
@@ -20,8 +20,8 @@ OBJECTS, RAYS, SAMPLES = 3, 10, 12
 
 @pytest.fixture(autouse=True)
 def single(monkeypatch: pytest.MonkeyPatch):
-    """In float32, so that slopes can be compared."""
-    for module in (folded, slopes):
+    """In float32, so that derivatives can be compared."""
+    for module in (folded, jacobians):
         monkeypatch.setattr(module, "matmul_dtype", lambda _: torch.float32)
 
 
@@ -79,7 +79,7 @@ def test_few_samples_tell_most(model: Model) -> None:
 
 def test_chunks_do_not_matter(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
     _, _, whole = traced(model)
-    monkeypatch.setattr(slopes, "_CHUNK_POINTS", 50)
+    monkeypatch.setattr(jacobians, "CHUNK_POINTS", 50)
     _, _, parts = traced(model)
     for one, other in zip(whole, parts, strict=True):
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)

@@ -60,10 +60,10 @@ def test_objects_of_one_texture_share_its_code(dataset: Dataset):
 @pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
 def test_every_recipe_learns(dataset: Dataset, recipe: str):
     sizes = {name: getattr(SETTINGS.field, name) for name in ("width", "shape_latent", "texture_latent")}
-    octaves = {"position_frequencies": 3, "direction_frequencies": 1}
+    frequencies = {"position_frequencies": 3, "direction_frequencies": 1}
     pace = {"steps": 200, "rays": 128, "samples": 24, "network_lr": 1e-2, "code_lr": 1e-2}
     chosen = RECIPES[recipe]
-    settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **octaves), **pace)
+    settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **frequencies), **pace)
     steps = list(Trainer(dataset, settings).steps())
     assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.5
 

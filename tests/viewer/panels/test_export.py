@@ -14,7 +14,7 @@ from core.files import atomic_file
 from core.models.field import Field
 from core.models.model import Model
 from core.models.scene import Scene, save_image
-from tests.conftest import picture_size
+from tests.conftest import image_size
 from tests.viewer.driver import Drive, Driver
 from viewer.panels.export import ExportPanel
 from viewer.services.backend import Backend
@@ -109,7 +109,7 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
         export.image_size = 128  # too late: what stood there at the click counts
         window.type(str(tmp_path / "mine"))
         window.wait()
-        assert picture_size(tmp_path / "mine.png") == (512, 512)
+        assert image_size(tmp_path / "mine.png") == (512, 512)
         window.click("View/###reset_view")
         assert editor.scene != scene
         window.press(imgui.Key.mod_ctrl, imgui.Key.o)

@@ -31,7 +31,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.press(imgui.Key.k)
         second = editor.scene
         assert [key.seconds for key in made.timeline.keys] == [0.0, 2.0]
-        window.wait()  # for its small pictures
+        window.wait()  # for its thumbnails
         window.drag("Timeline/key 2", 60)
         moved = made.timeline.keys[1].seconds
         assert moved > 2.2
@@ -74,7 +74,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         assert session.messages.errors == []
         with Image.open(tmp_path / "mine.webp") as video:
             assert (video.size, video.mode) == ((16, 16), "RGBA")
-            assert 3 < video.n_frames <= 12  # pictures that are alike are one
+            assert 3 < video.n_frames <= 12  # equal images are one
 
     drive(act, replace(backend, video=small))
 
@@ -82,29 +82,29 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
 def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
     def act(window: Driver) -> None:
         workspace, editor = window.workspace, window.workspace.editor
-        film = workspace.player
+        player = workspace.player
         window.show("Timeline")
         window.press(imgui.Key.k)
-        film.seek(2.0)
+        player.seek(2.0)
         window.click("Objects/**/show object 3")
         window.press(imgui.Key.k)
         before, past = editor.state, len(editor.history.past)
         window.click("Timeline/###play")
-        assert film.playing
+        assert player.playing
         seen = set[int]()
         window.wait(lambda: bool(seen.add(id(workspace.viewport.frame))) or len(seen) > 6)
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.space)
-        assert not film.playing
+        assert not player.playing
         window.wait()
         assert workspace.viewport.frame.final
         assert len(editor.history.past) == past + 1
         window.undo()
         assert editor.state == before
         window.press(imgui.Key.space)
-        assert film.playing
+        assert player.playing
         window.drag("View/orbit", 60)
-        assert not film.playing
+        assert not player.playing
         window.wait()
 
     drive(act)

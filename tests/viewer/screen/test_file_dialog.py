@@ -21,11 +21,11 @@ class Dialog:
 
 def test_a_file_that_an_ending_leads_to_is_confirmed(tmp_path: Path) -> None:
     (tmp_path / "video.mp4").touch()
-    asked, answers, saved = list[str](), ["video", "video.mp4"], list[Path]()
+    proposed, answers, saved = list[str](), ["video", "video.mp4"], list[Path]()
 
     def opened(request: FileRequest, folder: Path) -> Dialog:
-        asked.append(request.name)
-        return Dialog(str(folder / answers[len(asked) - 1]))
+        proposed.append(request.name)
+        return Dialog(str(folder / answers[len(proposed) - 1]))
 
     dialogs = FileDialog(native=True, open_native=opened)
     dialogs.folder = tmp_path
@@ -33,7 +33,7 @@ def test_a_file_that_an_ending_leads_to_is_confirmed(tmp_path: Path) -> None:
     dialogs.draw()
     assert saved == []
     dialogs.draw()
-    assert asked == ["turntable.mp4", "video.mp4"]
+    assert proposed == ["turntable.mp4", "video.mp4"]
     assert saved == [tmp_path / "video.mp4"]
     assert not dialogs.asking
 

@@ -101,7 +101,7 @@ def _suv(g: np.random.Generator) -> CarDimensions:
 
 
 def _tailgated(g: np.random.Generator, kind: str, m: Mapping[str, float], run: float) -> CarDimensions:
-    """A car whose roof goes on to the tailgate."""
+    """A car whose roof continues to the tailgate."""
     rear, tail = -m["length"] / 2, m["cowl"] + g.uniform(-0.04, 0.06)
     roof_end, glass = rear + run + 0.07, (tail + 0.04, m["height"] - g.uniform(0.1, 0.14))
     gate = [(rear + 0.07, tail), (rear + 0.02, 0.85 * tail), (rear, 0.6 * tail)]

@@ -1,4 +1,4 @@
-"""The table of shapes x textures, textures, and the pictures of both."""
+"""The table of shapes x textures, textures, and the images of both."""
 
 from collections import Counter
 from pathlib import Path

@@ -111,8 +111,8 @@ def test_every_car_has_glass_on_all_sides_but_perhaps_a_vans_rear() -> None:
 
 
 def test_every_texture_paints_every_label_the_same_way_each_time() -> None:
-    worn = {part.label for seed in SEEDS for part in made(seed).parts}
-    assert worn <= set(LABELS)
+    used = {part.label for seed in SEEDS for part in made(seed).parts}
+    assert used <= set(LABELS)
     for seed in range(60):
         first, again = car_texture(seed), car_texture(seed)
         assert set(first) == set(LABELS)
