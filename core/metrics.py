@@ -1,4 +1,4 @@
-"""Image and camera errors: PSNR, SSIM, rotation, direction, translation and distance."""
+"""Image and camera errors: PSNR, SSIM, rotation and translation."""
 
 import math
 
@@ -26,7 +26,7 @@ def psnr_from_mse(squared_error: float) -> float:
     """The PSNR in dB of a mean squared error per channel, at most :data:`MAX_PSNR`.
 
     Example:
-        >>> psnr_of(0.01)
+        >>> psnr_from_mse(0.01)
         20.0
     """
     return MAX_PSNR if squared_error <= 10 ** (-MAX_PSNR / 10) else -10 * math.log10(squared_error)
@@ -50,25 +50,9 @@ def rotation_error(camera: Camera, truth: Camera) -> float:
     return math.degrees(2 * math.asin(min(1.0, half)))
 
 
-def direction_error(camera: Camera, truth: Camera) -> float:
-    """Degrees between the directions from the origin to the two cameras."""
-    apart = camera_direction(camera) - camera_direction(truth)
-    return math.degrees(2 * math.asin(min(1.0, float(apart.norm()) / 2)))
-
-
 def translation_error(camera: Camera, truth: Camera) -> float:
     """How far the camera is from its true position, as a share of the true distance."""
     return float((camera.pose()[:3, 3] - truth.pose()[:3, 3]).norm()) / truth.distance
-
-
-def distance_error(camera: Camera, truth: Camera) -> float:
-    """How far the distance is from the true one, as a share of it."""
-    return abs(camera.distance - truth.distance) / truth.distance
-
-
-def camera_direction(camera: Camera) -> Float[Tensor, "3"]:
-    """The unit vector from the origin to the camera, float64."""
-    return torch.nn.functional.normalize(camera.pose()[:3, 3], dim=0)
 
 
 def _arrays(image: Image, truth: Image) -> tuple[np.ndarray, np.ndarray]:

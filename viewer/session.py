@@ -72,7 +72,7 @@ class Session:
             self._deferred.append(action)
 
     def fit_photos(self, *paths: Path) -> None:
-        """Fit the object in images; see :meth:`Fitting.start`."""
+        """Fit the object in images; see :meth:`viewer.activities.fitting.Fitting.start`."""
         self.when_ready(lambda: self._workspace().fitting.start(*paths))
 
     def open_scene(self, path: Path) -> None:

@@ -6,7 +6,7 @@ view: views differ by far more than components do.
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from statistics import median
 
 import torch
@@ -59,10 +59,6 @@ class AblationResults:
     machine: str
     ablations: tuple[Ablation, ...]
     """:data:`FULL`, then without each component"""
-
-    def to_dict(self) -> dict:
-        """As plain values."""
-        return asdict(self)
 
 
 def run(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | AblationResults]:

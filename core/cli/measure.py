@@ -20,7 +20,7 @@ from core.models.library import load_model
 from core.models.model import Model
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
-_Thing = TypeVar("_Thing")
+_Item = TypeVar("_Item")
 _Found = TypeVar("_Found")
 
 
@@ -167,8 +167,8 @@ def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
     return found
 
 
-def _evenly_spaced(things: tuple[_Thing, ...], count: int | None) -> tuple[_Thing, ...]:
+def _evenly_spaced(items: tuple[_Item, ...], count: int | None) -> tuple[_Item, ...]:
     """So many of them, evenly spaced."""
-    if count is None or count >= len(things):
-        return things
-    return tuple(things[index * len(things) // count] for index in range(count))
+    if count is None or count >= len(items):
+        return items
+    return tuple(items[index * len(items) // count] for index in range(count))

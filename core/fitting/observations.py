@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from core.geometry.camera import pixel_centres
 from core.models.model import Model
 from core.photos.photo import Photo
+from core.photos.plain_background import connected_to_border
 
 _STRATA_FRACTIONS = (0.5, 0.3, 0.2)
 """of the rays: on the object, near it, elsewhere"""
@@ -59,7 +60,7 @@ class Observation:
         pixels = (pixel_centres(width, height) - middle) / focal
         seen = np.ones_like(mask) if photo.unseen is None else ~photo.unseen.cpu().numpy()
         strata, fractions = _strata(mask, seen)
-        enclosed = ~mask & ~_connected_to_border(~mask)
+        enclosed = ~mask & ~connected_to_border(~mask)
         return cls(
             pixels.reshape(-1, 2),
             photo.pixels.reshape(-1, 3).float().cpu(),
@@ -101,8 +102,3 @@ def _strata(mask: np.ndarray, seen: np.ndarray) -> tuple[tuple[Tensor, ...], tup
     there = [(torch.from_numpy(part), share) for part, share in zip(parts, _STRATA_FRACTIONS, strict=True) if len(part)]
     whole = sum(share for _, share in there)
     return tuple(part for part, _ in there), tuple(share / whole for _, share in there)
-
-
-def _connected_to_border(background: np.ndarray) -> np.ndarray:
-    pieces, _ = label(np.pad(background, 1, constant_values=True))
-    return (pieces == pieces[0, 0])[1:-1, 1:-1]

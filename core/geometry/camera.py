@@ -68,7 +68,7 @@ class Camera:
         """The image points of world points in front of the camera.
 
         Example:
-            >>> Camera(0.3, 0.4, 1.3, 131.25, 128, 96).project(torch.zeros(3)).tolist()
+            >>> Camera(0.3, 0.4, 1.3, 131.25, 128, 96).project(torch.zeros(3)).round().tolist()
             [64.0, 48.0]
         """
         return project(self.to_camera_axes(points), self.focal, (self.width, self.height))

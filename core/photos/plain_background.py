@@ -54,7 +54,7 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
     model, noise, share = _background_colour(lab)
     distance = np.linalg.norm(lab - model, axis=-1)
     alike = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
-    outside = _reached(alike | _shaded(lab, model))
+    outside = connected_to_border(alike | _shaded(lab, model))
     gaps = (distance < np.clip(2 * noise, 1.0, 3.0)) & ~outside
     pieces, count = label(gaps)
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
@@ -112,7 +112,7 @@ def _shaded(
     return (np.abs(apart[..., 0]) < _SHADOW_LIGHTNESS) & same_hue & (slope < _EDGE_SLOPE / longer)
 
 
-def _reached(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+def connected_to_border(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
     """What can be reached from the border over passable pixels (not diagonally)."""
     pieces, _ = label(np.pad(passable, 1, constant_values=True))
     return (pieces == pieces[0, 0])[1:-1, 1:-1]

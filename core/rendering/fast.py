@@ -1,6 +1,6 @@
 """The fast renderer: only occupied cells are evaluated, front to back, and only visible intervals are coloured.
 
-It works in two passes, as the field does. What a shape shows from a camera (:class:`Visible`) does not depend on the
+It works in two passes, as the field does. What a shape shows from a camera (:class:`Chunk`) does not depend on the
 texture and is cached: a new texture runs the second pass only. A new view reuses the occupied cells.
 """
 
@@ -200,20 +200,20 @@ def _chunk(
     evaluated, activations = [], []
     for index in _evaluation_rounds(ray, occupied.occluded, thickness, tolerances.termination):
         for part in index.split(_BLOCK):
-            density, y = folded.density(folded.first_layer(pad_rows(points.index_select(0, part))))
+            density, features = folded.density(folded.first_layer(pad_rows(points.index_select(0, part))))
             thickness.view(-1).index_copy_(0, slot.index_select(0, part), density[: len(part)] * step)
             evaluated.append(part)
-            activations.append(y[: len(part)])
+            activations.append(features[: len(part)])
     optical_depth = torch.nn.functional.pad(thickness.cumsum(-1), (1, 0))
     transmittance = torch.exp(-optical_depth)
     weights, opacity = transmittance[:, :-1] - transmittance[:, 1:], 1 - transmittance[:, -1]
-    order, y = torch.cat(evaluated), torch.cat(activations)
+    order, features = torch.cat(evaluated), torch.cat(activations)
     owner = ray.index_select(0, order)
     weight = weights.flatten().index_select(0, slot.index_select(0, order))
     depth = torch.zeros_like(opacity).index_add_(0, owner, weight * depths.index_select(0, order))
     depth = depth / opacity.clamp_min(1e-6)
     seen = (weight > tolerances.min_weight * opacity.index_select(0, owner)).nonzero()[:, 0]
-    kept = (part.index_select(0, seen) for part in (owner, weight, y))
+    kept = (part.index_select(0, seen) for part in (owner, weight, features))
     evaluations = torch.bincount(owner, minlength=len(counts))
     return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, *kept)
 

@@ -17,7 +17,7 @@ from torch.nn import functional
 from core.datasets.srn import Dataset, ObjectViews
 from core.files import atomic_file
 from core.geometry.rays import ray_points, stratified, uniform_edges
-from core.metrics import psnr
+from core.metrics import psnr, psnr_from_mse
 from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
@@ -132,7 +132,7 @@ class Trainer:
             self.seconds += time.perf_counter() - began
             if not math.isfinite(loss):
                 raise ValueError(f"training diverged at step {self.step}: lower the learning rates")
-            yield TrainStep(self.step, self.settings.steps, loss, -10 * math.log10(max(error, 1e-12)), self.seconds)
+            yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
 
     def model(self) -> Model:
         """The model so far, with the moving average of the weights."""
@@ -204,10 +204,10 @@ class Trainer:
         shape, texture = self.shapes[self.shape_row[batch.owner]], self.textures[self.texture_row[batch.owner]]
         edges = uniform_edges(batch.rays, settings.samples)
         density, colours = self._radiance(batch, edges, shape, texture)
-        shares, left = compositing_weights(density, edges)
-        error = functional.mse_loss(composite_on_white(shares, left, colours), batch.colours)
+        weights, transmittance = compositing_weights(density, edges)
+        error = functional.mse_loss(composite_on_white(weights, transmittance, colours), batch.colours)
         certain = batch.mask_class != 1
-        opacity_error = (1 - left - batch.mask_class.float() / 2) * certain
+        opacity_error = (1 - transmittance - batch.mask_class.float() / 2) * certain
         mask_loss = opacity_error.square().sum() / certain.sum().clamp_min(1)
         prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
         loss = error + settings.mask_weight * mask_loss + settings.code_prior * prior

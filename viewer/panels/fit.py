@@ -22,7 +22,7 @@ _REFIT = f"Refit  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 _RUNNER_UP_HELP = """Try the runner-up, the camera that explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
 _PRESET_HELP = """How much work the next fit is: draft less than half of normal, fine twice as much.
-All but draft search a second time where the camera is in doubt."""
+Except in a draft, a camera in doubt is searched for once more."""
 _RESUME_HELP = "Improve the fit from the step that is shown, for a third of the steps of a new one; can be repeated"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then continue from there:
 for a camera that was not found"""

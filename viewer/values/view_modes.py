@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
-from core.geometry.camera import Camera, camera_rotation
+from core.geometry.camera import Camera, camera_directions, camera_rotation, pixel_centres
 from core.rendering.progressive import Frame
 
 _OPAQUE = 0.5
@@ -44,9 +44,8 @@ def normals(frame: Frame, camera: Camera) -> Float[np.ndarray, "height width 3"]
     """
     height, width = frame.depth.shape
     view = camera.resized(width, height)
-    y, x = np.mgrid[0:height, 0:width] + 0.5
-    rays = np.stack(((x - width / 2) / view.focal, (height / 2 - y) / view.focal, -np.ones_like(x)), -1)
-    points = frame.depth[..., None] * rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+    centres = pixel_centres(width, height).double()
+    points = frame.depth[..., None] * camera_directions(centres, view.focal, (width, height)).numpy()
     there = frame.opacity > _OPAQUE
     inner = there.copy()
     inner[1:-1, 1:-1] &= there[:-2, 1:-1] & there[2:, 1:-1] & there[1:-1, :-2] & there[1:-1, 2:]
