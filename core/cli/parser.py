@@ -148,7 +148,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         nargs="+",
         default=[],
         metavar="X0,Y0,X1,Y1",
-        help="px around the object, one box per image: for a background that is not plain",
+        help="px around the object, one box per image: for several objects or clutter",
     )
     _add_preset(command)
     command.add_argument(

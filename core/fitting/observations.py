@@ -53,7 +53,7 @@ class Observation:
         """From a photo. Raises ``ValueError`` where it shows no object."""
         mask = photo.mask.cpu().numpy()
         if not mask.any():
-            raise ValueError("the picture shows no object: its mask is empty")
+            raise ValueError("the image shows no object: its mask is empty")
         height, width = mask.shape
         focal = photo.camera.focal if photo.camera is not None else model.focal * height / model.image_size
         middle = torch.tensor([width / 2 + model.pixel_offset, height / 2 + model.pixel_offset])

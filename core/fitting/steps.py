@@ -30,9 +30,9 @@ class FitJob:
 
     def __post_init__(self) -> None:
         if not self.photos:
-            raise ValueError("there is no picture to fit")
+            raise ValueError("there is no photo to fit")
         if self.resume_from and len(self.resume_from.cameras) != len(self.photos):
-            raise ValueError("a fit goes on with the pictures it had")
+            raise ValueError("a fit resumes with the photos that it had")
 
 
 class RunnerUp(NamedTuple):

@@ -1,5 +1,6 @@
 """Sessions and windows to test; a tiny model."""
 
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -28,6 +29,12 @@ from viewer.workspace import Workspace
 def _one_thread() -> None:
     """Threads of a tiny network wait for each other, for ages where other tests run beside."""
     torch.set_num_threads(1)
+
+
+@pytest.fixture(autouse=True)
+def _no_saliency_network(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has tests of its own; here a person points at what stands before a cluttered background."""
+    monkeypatch.setitem(sys.modules, "rembg", None)
 
 
 @pytest.fixture(scope="session")

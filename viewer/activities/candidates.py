@@ -23,7 +23,7 @@ _SHARE = 0.06
 _SIZE, _SAMPLES = 32, 16
 """px, and along a ray"""
 _CLOSER = 1.5
-"""Photos are framed with room around the object, for which a tile has none."""
+"""Photos are cropped with room around the object, for which a tile has none."""
 
 
 @dataclass(frozen=True, eq=False)

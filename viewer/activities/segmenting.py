@@ -31,7 +31,7 @@ class Segmentation:
     found: CutOut
     shown: UInt8[np.ndarray, "height width 3"]
     """the photo with its background darkened"""
-    framed: UInt8[np.ndarray, "size size 3"] | None = None
+    cropped: UInt8[np.ndarray, "size size 3"] | None = None
     """as it will be fitted; None until that is known"""
 
 
@@ -120,7 +120,7 @@ class Segmenting:
             for _ in self._jobs.backend.view_bank(self._model):  # crop needs it, and it may take seconds
                 yield waiting
                 waiting = None
-            yield _framed(result, self._model, crop)
+            yield _cropped(result, self._model, crop)
 
         def keep(result: Segmentation) -> None:
             self.result, self.problem = result, ""
@@ -140,9 +140,9 @@ def _segment(image: Image.Image, hints: Hints) -> Segmentation:
     return Segmentation(hints, found, (shown * np.where(mask[..., None], 1, _DIMMED)).astype(np.uint8))
 
 
-def _framed(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
+def _cropped(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
     photo = prepare_photo(result.found, model, crop=crop)
-    return replace(result, framed=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+    return replace(result, cropped=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
 
 
 def _on_white(image: Image.Image) -> UInt8[np.ndarray, "height width 3"]:

@@ -199,6 +199,6 @@ def in_words(confidence: float) -> str:
 def _invitation(context: PanelContext) -> str:
     what = context.editor.model.category.removesuffix("s")
     return (
-        f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is segmented and framed, "
+        f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is segmented and cropped, "
         "then its camera and its two codes are found. A plain background helps; on any other you point it out."
     )

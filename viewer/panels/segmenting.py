@@ -136,8 +136,8 @@ def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
     imgui.dummy((side, side))
     draw = imgui.get_window_draw_list()
     draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(context.palette.raised))
-    if segmenting.result and segmenting.result.framed is not None and context.images:
-        texture = context.images.texture(segmenting.result.framed, context.palette)
+    if segmenting.result and segmenting.result.cropped is not None and context.images:
+        texture = context.images.texture(segmenting.result.cropped, context.palette)
         draw.add_image(texture, corner, corner + ImVec2(side, side))
     else:
         label = "Crop …" if segmenting.result else f"{segmenting.problem[:1].upper()}{segmenting.problem[1:]}"

@@ -44,7 +44,7 @@ def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: 
     segmenting.open((PhotoSource(photo),), 0)
     deliver(session, lambda: segmenting.result is not None)
     assert segmenting.result is not None
-    assert segmenting.result.framed is None
+    assert segmenting.result.cropped is None
     ready.set()
     finish(session)
-    assert segmenting.result.framed is not None
+    assert segmenting.result.cropped is not None

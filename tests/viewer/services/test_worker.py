@@ -76,10 +76,9 @@ def test_a_stream_of_newer_renders_does_not_keep_every_frame_from_being_shown(wo
         yield from ticking()
 
     seen: list[int] = []
-    patience = Patience(1.0)
-    number, most = 0, 500 * slowness()
-    while len(seen) <= 10 or not patience.is_over():  # a drag that never rests, a new job every 2 ms
-        assert number < most, "few renders are shown"
+    patience, number = Patience(5.0), 0
+    while len(seen) <= 10:  # a drag that never rests, a new job every 2 ms
+        assert not patience.is_over(), "few renders are shown"
         worker.submit(Job("view", lambda number=number: render(number), seen.append, urgent=True))
         number += 1
         time.sleep(0.002)
