@@ -1,7 +1,8 @@
 """The salient object of an image, by U2-Net-p (Qin et al. 2020), which comes with the package ``rembg``."""
 
 import importlib.util
-from functools import cache
+from collections.abc import Callable
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,21 @@ def predict_saliency(image: Image.Image) -> Float[np.ndarray, "height width"] | 
     """
     if importlib.util.find_spec("rembg") is None:
         return None
+    colours = image.convert("RGB")
     try:
         from rembg import remove
 
-        mask = remove(image.convert("RGB"), session=_session(), only_mask=True)
+        return _predict(remove, colours.size, colours.tobytes())
     except Exception:  # whatever ails it, a person can still point at the object
         return None
+
+
+@lru_cache(maxsize=2)
+def _predict(
+    remove: Callable[..., Image.Image], size: tuple[int, int], pixels: bytes
+) -> Float[np.ndarray, "height width"]:
+    """Cached, as every stroke over a photo begins from it; not to be written to."""
+    mask = remove(Image.frombytes("RGB", size, pixels), session=_session(), only_mask=True)
     return np.asarray(mask.convert("L"), np.float32) / 255
 
 

@@ -168,6 +168,23 @@ def test_photos_are_cut_out_by_themselves(shared: Path, name: str):
     assert mask[[0, -1]].mean() < 0.05
 
 
+def test_an_image_is_shown_to_the_network_once(monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("rembg")
+    shown = []
+
+    def remove(image: Image.Image, **_: object) -> Image.Image:
+        shown.append(image.size)
+        return Image.new("L", image.size, 51)
+
+    monkeypatch.setattr("rembg.remove", remove)
+    first, again = predict_saliency(busy()), predict_saliency(busy())
+    assert first is again
+    assert first is not None
+    assert np.allclose(first, 0.2)
+    predict_saliency(busy().rotate(180))
+    assert shown == [busy().size] * 2
+
+
 def test_the_network_is_not_needed(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "rembg", None)
     assert predict_saliency(busy()) is None
