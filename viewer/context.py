@@ -137,6 +137,18 @@ class PanelContext:
 
     # Files
 
+    def ask(self, request: FileRequest) -> None:
+        """Ask for a file of the open model. An answer that comes after another model was opened does nothing."""
+        workspace = self.workspace
+
+        def answer(path: Path) -> None:
+            if self.session.workspace is workspace:
+                request.answer(path)
+            else:
+                self.session.messages.notify(f"Another model was opened before {path.name} was chosen")
+
+        self.files.ask(replace(request, answer=answer))
+
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""
         self.files.ask(FileRequest("Image to fit", self.fit, IMAGE_SUFFIXES))
@@ -166,7 +178,7 @@ class PanelContext:
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
-        self.files.ask(FileRequest("Save the scene as", self.exporting.scene, (".json",), True, "scene.json"))
+        self.ask(FileRequest("Save the scene as", self.exporting.scene, (".json",), True, "scene.json"))
 
     def drop(self, paths: list[str]) -> None:
         """Take files dropped on the window: scenes, and images that hold one, are opened; all others are photos of one

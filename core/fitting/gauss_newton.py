@@ -114,18 +114,19 @@ def normal_equations(
     """The quadratic of the objective around hypotheses."""
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage)
     colour, opacity = rendered.colour.cpu(), rendered.opacity.cpu()
-    image = image_terms(colour, opacity, pixels, objective)
-    residual, weight = (torch.cat([term[part] for term in image], -1).flatten(1) for part in (1, 2))
-    jacobian = jacobian.flatten(1, 3) * weight.sqrt()[..., None]
-    gradient = ((residual * weight.sqrt())[:, None] @ jacobian)[:, 0]
-    camera, *codes = prior_terms(parameters, objective)
-    pull, stiffness = (torch.cat([term[part].flatten(1) for term in (camera, *codes)], 1) for part in (1, 2))
-    return NormalEquations(
-        torch.stack([term.value for term in (*image, camera, *codes)]).sum(0),
-        image_squared_error(colour, pixels),
-        gradient + stiffness * pull,
-        jacobian.mT @ jacobian + torch.diag_embed(stiffness),
-    )
+    image, priors = image_terms(colour, opacity, pixels, objective), prior_terms(parameters, objective)
+    count, size = len(jacobian), jacobian.shape[-1]
+    gradient, hessian = torch.zeros(count, size), torch.zeros(count, size, size)
+    for term in image:
+        scale = term.weight.flatten(1).sqrt()
+        rows = jacobian[..., term.of, :].flatten(1, 3) * scale[..., None]
+        gradient += ((term.residual.flatten(1) * scale)[:, None] @ rows)[:, 0]
+        hessian += rows.mT @ rows
+    for term in priors:
+        gradient[:, term.of] += (term.weight * term.residual).flatten(1)
+        hessian.diagonal(dim1=1, dim2=2)[:, term.of] += term.weight.flatten(1)
+    value = torch.stack([term.value for term in (*image, *priors)]).sum(0)
+    return NormalEquations(value, image_squared_error(colour, pixels), gradient, hessian)
 
 
 def _render(

@@ -3,7 +3,7 @@
 A term is a sum of functions of squared residuals. Where such a function is not the identity (Cauchy's loss, the camera
 prior), Gauss-Newton sees it as iteratively reweighted least squares does: each squared residual weighted by the
 function's derivative there, so that the weighted sum has the gradient of the value. A new term is one function that
-returns a :class:`Term`; it joins :func:`image_terms` or :func:`prior_terms`.
+returns a :class:`Term`, listed in :func:`image_terms` or :func:`prior_terms`: all else adds up what is listed there.
 """
 
 import math
@@ -34,6 +34,8 @@ CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4)
 """Against the squared error of a pixel; grows with the logarithm only, so that a photo can insist."""
 _VIEWPOINT_WEIGHT = 0.15
 """Of a camera's negative log-likelihood, against the logarithm of the objective; chosen on 15 held-out chairs."""
+COLOUR, OPACITY = slice(0, 3), slice(3, 4)
+"""Channels of a render, as Gauss-Newton differentiates them."""
 _PRIOR_COLUMNS = slice(1, 4)
 """The parameters of a camera that its prior is about: elevation, distance, focal length."""
 
@@ -68,6 +70,8 @@ class Term(NamedTuple):
     residual: Float[Tensor, "hypotheses *residuals"]
     weight: Float[Tensor, "hypotheses *residuals"]
     """the derivative of the value along each squared residual"""
+    of: slice
+    """which channels of a render (red, green, blue, opacity) its residuals belong to; of a prior, which parameters"""
 
 
 def evaluate_objective(
@@ -110,15 +114,20 @@ def image_squared_error(colour: Tensor, pixels: PixelBatch) -> Float[Tensor, "hy
     return (squared * pixels.weights).sum((1, 2)) / squared.shape[1]
 
 
-def image_terms(colour: Tensor, opacity: Tensor, pixels: PixelBatch, objective: Objective) -> tuple[Term, Term]:
+def image_terms(colour: Tensor, opacity: Tensor, pixels: PixelBatch, objective: Objective) -> tuple[Term, ...]:
     """The terms of rendered pixels: of their colours, of their opacity; a residual per channel."""
     return photometric_term(colour, pixels, objective.robust_scale), mask_term(opacity, pixels, objective.mask_weight)
 
 
-def prior_terms(parameters: Parameters, objective: Objective) -> tuple[Term, Term, Term]:
+def prior_terms(parameters: Parameters, objective: Objective) -> tuple[Term, ...]:
     """The terms of the parameters alone: of the cameras, of shape and of texture. Their Jacobian is the identity."""
-    shape, texture = (code_prior_term(code, objective.code_prior) for code in (parameters.shape, parameters.texture))
-    return camera_prior_term(parameters, objective), shape, texture
+    views, ranks = parameters.distance.shape[1], parameters.shape.shape[1]
+    cameras, end = slice(views * CAMERA_PARAMETERS), views * CAMERA_PARAMETERS + ranks
+    return (
+        camera_prior_term(parameters, objective)._replace(of=cameras),
+        code_prior_term(parameters.shape, objective.code_prior)._replace(of=slice(cameras.stop, end)),
+        code_prior_term(parameters.texture, objective.code_prior)._replace(of=slice(end, None)),
+    )
 
 
 def photometric_term(colour: Tensor, pixels: PixelBatch, robust_scale: float) -> Term:
@@ -126,19 +135,19 @@ def photometric_term(colour: Tensor, pixels: PixelBatch, robust_scale: float) ->
     error = colour - pixels.colours
     loss, weight = cauchy_loss(error.square().mean(-1), robust_scale)
     weight = (weight / error[0].numel())[..., None].expand_as(error)
-    return Term(loss.mean((1, 2)), error, weight)
+    return Term(loss.mean((1, 2)), error, weight, COLOUR)
 
 
 def mask_term(opacity: Tensor, pixels: PixelBatch, mask_weight: float) -> Term:
     """Errors of opacity where the mask is known, averaged over rays and views."""
     error = (opacity - pixels.target_opacity)[..., None]
     weight = (mask_weight * pixels.mask_valid / error[0].numel())[..., None].expand_as(error)
-    return Term((weight * error.square()).sum((1, 2, 3)), error, weight)
+    return Term((weight * error.square()).sum((1, 2, 3)), error, weight, OPACITY)
 
 
 def code_prior_term(code: Float[Tensor, "hypotheses rank"], code_prior: float) -> Term:
     """The squared length of a code, in standard deviations."""
-    return Term(code_prior * code.square().sum(-1), code, torch.full_like(code, code_prior))
+    return Term(code_prior * code.square().sum(-1), code, torch.full_like(code, code_prior), slice(None))
 
 
 def camera_prior_term(parameters: Parameters, objective: Objective) -> Term:
@@ -152,7 +161,7 @@ def camera_prior_term(parameters: Parameters, objective: Objective) -> Term:
     slope = objective.camera_weight / objective.camera_scale**2 / (1 + scaled) / distance.shape[1]
     residual, weight = (distance.new_zeros(*distance.shape[:2], CAMERA_PARAMETERS) for _ in range(2))
     residual[..., _PRIOR_COLUMNS], weight[..., _PRIOR_COLUMNS] = distance, slope * (distance != 0)
-    return Term(value, residual, weight)
+    return Term(value, residual, weight, slice(None))
 
 
 def cauchy_loss(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:

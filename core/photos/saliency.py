@@ -1,6 +1,7 @@
 """The salient object of an image, by U2-Net-p (Qin et al. 2020), which comes with the package ``rembg``."""
 
 import importlib.util
+import logging
 from collections.abc import Callable
 from functools import cache, lru_cache
 from typing import Any
@@ -26,6 +27,7 @@ def predict_saliency(image: Image.Image) -> Float[np.ndarray, "height width"] | 
 
         return _predict(remove, colours.size, colours.tobytes())
     except Exception:  # whatever ails it, a person can still point at the object
+        logging.getLogger(__name__).warning("the saliency network failed", exc_info=True)
         return None
 
 

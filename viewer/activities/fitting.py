@@ -11,6 +11,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis
+from core.fitting.settings import PaperSettings
 from core.geometry.camera import Camera
 from core.models.scene import Scene
 from core.photos.plain_background import NoBackgroundError
@@ -24,8 +25,8 @@ from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FittedPhoto, PhotoSource, match_poses
 from viewer.values.objects import EditableObject
 
-CHOICES = ("draft", "normal", "fine")
-"""Presets to choose from."""
+CHOICES = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
+"""Presets to choose from; the paper's own recipe is a baseline for the command line."""
 _RESUMED_SHARE = 3
 """A fit that is resumed has one of so many steps of the preset: there is no search."""
 _RENDER_EVERY = 0.3

@@ -46,7 +46,7 @@ class ExportPanel:
         imgui.same_line()
         if button(f"{_CAMERA}  Save image…###save image", _IMAGE_HELP):
             save = partial(context.exporting.image, size=self.image_size)
-            context.files.ask(FileRequest("Save the image as", save, IMAGE_FORMATS, True, "image.png"))
+            context.ask(FileRequest("Save the image as", save, IMAGE_FORMATS, True, "image.png"))
         imgui.separator_text("Scene")
         action_button(context, "save_scene")
         imgui.same_line()
@@ -62,9 +62,7 @@ class ExportPanel:
         about = "The object turning once round, as a video"
         if button(f"{_VIDEO}  Export turntable…###export turntable", about, enabled=idle):
             export = partial(context.exporting.turntable, frames=self._count, options=self._video.options)
-            context.files.ask(
-                FileRequest("Export the turntable as", export, VIDEOS, True, f"turntable{self._video.suffix}")
-            )
+            context.ask(FileRequest("Export the turntable as", export, VIDEOS, True, f"turntable{self._video.suffix}"))
 
     def _draw_mesh(self, context: PanelContext) -> None:
         if draw_progress(context, "mesh"):
@@ -76,4 +74,4 @@ class ExportPanel:
         about = "The object as a closed surface with coloured vertices"
         if button(f"{_CUBE}  Export mesh…###export mesh", about, enabled=idle):
             export = partial(context.exporting.mesh, resolution=self._cells)
-            context.files.ask(FileRequest("Export the mesh as", export, MESHES, True, f"mesh{self._mesh}"))
+            context.ask(FileRequest("Export the mesh as", export, MESHES, True, f"mesh{self._mesh}"))

@@ -92,7 +92,7 @@ def _draw_start(context: PanelContext, fitting: Fitting) -> None:
     tooltip(_PRESET_HELP)
     flow(_ADD)
     if button(f"{_ADD}###add photo", "Refit with another photo of the same object beside this one", enabled=fitted):
-        context.files.ask(
+        context.ask(
             FileRequest("Another photo of the same object", partial(fitting.add_photo, fitting.history), IMAGE_SUFFIXES)
         )
     flow(_SEGMENT)
@@ -100,7 +100,7 @@ def _draw_start(context: PanelContext, fitting: Fitting) -> None:
         context.workspace.segment_photo()
     flow(_PLACE)
     if button(f"{_PLACE}###pose", "Refit with the known camera of this photo (an SRN pose file)", enabled=fitted):
-        context.files.ask(FileRequest("Pose of this photo", partial(fitting.set_pose, fitting.history), (".txt",)))
+        context.ask(FileRequest("Pose of this photo", partial(fitting.set_pose, fitting.history), (".txt",)))
 
 
 def _draw_more(context: PanelContext, fitting: Fitting) -> None:

@@ -55,7 +55,7 @@ class GridPanel:
         if draw_progress(context, "grid"):
             return
         if button("Export grid…###export grid", "All pairs as one image", enabled=not exporting.running):
-            context.files.ask(FileRequest("Export the grid as", exporting.grid, IMAGE_FORMATS, True, "grid.png"))
+            context.ask(FileRequest("Export the grid as", exporting.grid, IMAGE_FORMATS, True, "grid.png"))
         imgui.same_line()
         if button("Clear###clear grid", "An empty grid"):
             grid.clear()

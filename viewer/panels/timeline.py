@@ -92,7 +92,7 @@ class TimelinePanel:
             if button("Export video…###export video", "Choose where to, and write it"):
                 imgui.close_current_popup()
                 export = partial(exporting.timeline, options=options)
-                context.files.ask(FileRequest("Export the video as", export, VIDEOS, True, f"video{suffix}"))
+                context.ask(FileRequest("Export the video as", export, VIDEOS, True, f"video{suffix}"))
             imgui.end_popup()
 
     def _draw_check(self, context: PanelContext, player: Player) -> None:
