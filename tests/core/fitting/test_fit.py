@@ -134,7 +134,7 @@ def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model)
     *_, second = fit(tiny, replace(job, resume_from=first.hypotheses[0]))
     assert rotation_error(second.cameras[0], truths[0]) < 1e-3
     assert len(second.hypotheses[0].cameras) == 3
-    with pytest.raises(ValueError, match="the pictures it had"):
+    with pytest.raises(ValueError, match="the photos that it had"):
         replace(job, photos=job.photos[:1], resume_from=first.hypotheses[0])
 
 
@@ -249,8 +249,8 @@ def test_a_picture_without_an_object_is_refused(tiny: Model):
         last(tiny, Photo(torch.ones(40, 40, 3), torch.zeros(40, 40, dtype=torch.bool)))
 
 
-def test_a_job_without_pictures_is_refused():
-    with pytest.raises(ValueError, match="no picture"):
+def test_a_job_without_photos_is_refused():
+    with pytest.raises(ValueError, match="no photo"):
         FitJob(())
 
 
