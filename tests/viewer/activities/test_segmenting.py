@@ -2,11 +2,16 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+import pytest
+from PIL import Image
+
 from core.models.model import Model
+from core.photos import segmentation
 from core.photos.photo import Crop
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import quick_frames
+from tests.viewer.stand_ins import quick_fit, quick_frames
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
@@ -48,3 +53,27 @@ def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: 
     ready.set()
     finish(session)
     assert segmenting.result.cropped is not None
+
+
+def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
+    worker: Worker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
+    noise[40:120, 60:120] = (30, 40, 220)
+    Image.fromarray(noise).save(tmp_path / "street.png")
+    mask = np.zeros((160, 240), np.float32)
+    mask[40:120, 60:120] = 1.0
+    monkeypatch.setattr(segmentation, "predict_saliency", lambda image: mask)
+    tiny = tiny_model()
+    backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, view_bank=lambda model: iter(()))
+    session = Session(worker, backend, seed=0)
+    session.open_model("chairs")
+    deliver(session, lambda: session.workspace is not None)
+    assert session.workspace is not None
+    fitting = session.workspace.fitting
+    fitting.start(tmp_path / "street.png")
+    finish(session, lambda: not fitting.running)
+    assert not session.workspace.segmenting.active
+    assert session.workspace.editor.objects.names[0] == "street"
+    assert fitting.history.photo is not None
+    assert fitting.history.photo.photo.cropped
