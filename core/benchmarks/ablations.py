@@ -31,7 +31,6 @@ ABLATIONS: dict[str, tuple[FitSettings, Components]] = {
     "without a restart where in doubt": (replace(_USUAL, max_restarts=0), ALL_COMPONENTS),
     "without prototype shapes": (_USUAL, Components(prototype_shapes=False)),
     "without distinct basins": (_USUAL, Components(distinct_basins=False)),
-    "without growing ranks of the codes": (_USUAL, Components(growing_ranks=False)),
     "without early stopping": (_USUAL, Components(early_stopping=False)),
     "without the code prior": (replace(_USUAL, code_prior=0.0), ALL_COMPONENTS),
     "without the camera prior": (_USUAL, Components(camera_prior=False)),

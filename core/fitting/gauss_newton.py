@@ -13,7 +13,6 @@ from typing import NamedTuple
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
-from torch.nn.functional import pad
 
 from core.fitting.hypotheses import (
     CAMERA_PARAMETERS,
@@ -44,7 +43,7 @@ _SAMPLES_PER_JACOBIAN = 11
 class NormalEquations(NamedTuple):
     """The objective of hypotheses, and its quadratic around them.
 
-    Parameters are those of the cameras, view by view, then the leading ones of shape and of texture that may move.
+    Parameters are those of the cameras, view by view, then those of the shape and of the texture code.
     """
 
     objective: Float[Tensor, "hypotheses"]
@@ -54,8 +53,6 @@ class NormalEquations(NamedTuple):
     """half of it"""
     hessian: Float[Tensor, "hypotheses parameters parameters"]
     """half of Gauss-Newton's"""
-    ranks: tuple[int, int]
-    """how many of the parameters are of shape and of texture; the others are the cameras'"""
 
 
 def gauss_newton_step(
@@ -77,7 +74,7 @@ def gauss_newton_step(
     """
     equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective)
     step = _solve_damped(equations, stage.damping, free)
-    parameters = _apply_step(batch.parameters, step, equations.ranks, free)
+    parameters = _apply_step(batch.parameters, step, free)
     loss = equations.objective.nan_to_num(math.inf, math.inf)
     return replace(batch, parameters=parameters, loss=loss, squared_error=equations.squared_error)
 
@@ -114,7 +111,7 @@ def normal_equations(
     stage: Stage,
     objective: Objective,
 ) -> NormalEquations:
-    """The quadratic of the objective around hypotheses, along the parameters that a stage moves."""
+    """The quadratic of the objective around hypotheses."""
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage)
     colour, opacity = rendered.colour.cpu(), rendered.opacity.cpu()
     image = image_terms(colour, opacity, pixels, objective)
@@ -122,15 +119,12 @@ def normal_equations(
     jacobian = jacobian.flatten(1, 3) * weight.sqrt()[..., None]
     gradient = ((residual * weight.sqrt())[:, None] @ jacobian)[:, 0]
     camera, *codes = prior_terms(parameters, objective)
-    ranks = min(stage.ranks, parameters.shape.shape[1]), min(stage.ranks, parameters.texture.shape[1])
-    priors = [camera, *(term.leading(rank) for term, rank in zip(codes, ranks, strict=True))]
-    pull, stiffness = (torch.cat([term[part].flatten(1) for term in priors], 1) for part in (1, 2))
+    pull, stiffness = (torch.cat([term[part].flatten(1) for term in (camera, *codes)], 1) for part in (1, 2))
     return NormalEquations(
         torch.stack([term.value for term in (*image, camera, *codes)]).sum(0),
         image_squared_error(colour, pixels),
         gradient + stiffness * pull,
         jacobian.mT @ jacobian + torch.diag_embed(stiffness),
-        ranks,
     )
 
 
@@ -142,8 +136,8 @@ def _render(
     shape, texture = shapes.code(parameters.shape), textures.code(parameters.texture)
     dtype = matmul_dtype(model.device.type)
     entries = BiasJacobians(
-        model.field.shape_bias_jacobian(shape, shapes.basis(stage.ranks)).to(dtype),
-        model.field.texture_bias_jacobian(texture, textures.basis(stage.ranks)).to(dtype),
+        model.field.shape_bias_jacobian(shape, shapes.basis).to(dtype),
+        model.field.texture_bias_jacobian(texture, textures.basis).to(dtype),
     )
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     kept = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
@@ -182,7 +176,8 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, T
 
 def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 6"]) -> Bool[Tensor, "parameters"]:
     """Which parameters may move: the free ones of cameras, and the codes'."""
-    return torch.cat((free.flatten(), torch.ones(sum(equations.ranks), dtype=torch.bool)))
+    codes = equations.gradient.shape[1] - free.numel()
+    return torch.cat((free.flatten(), torch.ones(codes, dtype=torch.bool)))
 
 
 def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor, "views 6"]) -> Tensor:
@@ -200,22 +195,20 @@ def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor,
     finite = finite & (failed == 0)
     factor = torch.where(finite[:, None, None], factor, identity)
     step = -torch.cholesky_solve(gradient.where(finite[:, None], 0.0)[..., None], factor)[..., 0]
-    longest = torch.tensor(_MAX_STEP * len(free) + (_MAX_CODE_STEP,) * sum(equations.ranks))
+    longest = torch.tensor(_MAX_STEP * len(free) + (_MAX_CODE_STEP,) * (len(movable) - free.numel()))
     return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
 
 
-def _apply_step(
-    parameters: Parameters, step: Tensor, ranks: tuple[int, int], free: Bool[Tensor, "views 6"]
-) -> Parameters:
+def _apply_step(parameters: Parameters, step: Tensor, free: Bool[Tensor, "views 6"]) -> Parameters:
     """The parameters after a step, within what cameras can be."""
-    camera, shape, texture = step.split((free.numel(), *ranks), 1)
+    camera, shape, texture = step.split((free.numel(), parameters.shape.shape[1], parameters.texture.shape[1]), 1)
     camera = camera.reshape(*parameters.distance.shape, CAMERA_PARAMETERS)
     moved = Parameters(
         parameters.angles + camera[..., :2],
         parameters.distance + camera[..., 2],
         parameters.zoom + camera[..., 3],
         parameters.shift + camera[..., 4:],
-        parameters.shape + pad(shape, (0, parameters.shape.shape[1] - ranks[0])),
-        parameters.texture + pad(texture, (0, parameters.texture.shape[1] - ranks[1])),
+        parameters.shape + shape,
+        parameters.texture + texture,
     )
     return clamp_parameters(moved, free.any(1))

@@ -53,6 +53,7 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
     shape = torch.zeros(count, len(space.std))
     if not candidates:
         shape = nearest_shapes(problem, problem.cameras, count)
+        count = len(shape)
     batch = HypothesisBatch.of(_at_cameras(model, problem.cameras, shape))
     parameters = batch.parameters
     if problem.settings.estimate_focal:

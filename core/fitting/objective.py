@@ -69,10 +69,6 @@ class Term(NamedTuple):
     weight: Float[Tensor, "hypotheses *residuals"]
     """the derivative of the value along each squared residual"""
 
-    def leading(self, count: int) -> "Term":
-        """With its first residuals only, of the same value."""
-        return self._replace(residual=self.residual[:, :count], weight=self.weight[:, :count])
-
 
 def evaluate_objective(
     model: Model,

@@ -17,8 +17,6 @@ class Stage(NamedTuple):
     """per photo and step"""
     samples: int
     """along a ray"""
-    ranks: int
-    """principal directions of shape, and of texture, that may move; of fewer, all"""
     robust_scale: float
     """as in :class:`core.fitting.objective.Objective`: while a camera is far off, the largest errors lead on"""
     damping: float
@@ -47,7 +45,7 @@ class Schedule(NamedTuple):
 
 
 class _Row(NamedTuple):
-    """A stage in shares of the settings, but for its last three values."""
+    """A stage in shares of the settings, but for its last two values."""
 
     keep: float
     """of the hypotheses of the stage before"""
@@ -57,27 +55,25 @@ class _Row(NamedTuple):
     """of :data:`_ALL_STEPS`"""
     rays: float
     samples: float
-    ranks: int
     robust_scale: float
     damping: float
 
 
-_ALL = 10_000
 _COARSE = (
-    # keep, limit, steps, rays, samples, ranks, robust scale, damping (high where few rays say little about a step)
-    _Row(1.0, math.inf, 6, 1 / 16, 1 / 2, 8, math.inf, 0.3),
-    _Row(0.5, math.inf, 6, 3 / 32, 1 / 2, 16, math.inf, 0.3),
-    _Row(1.0, 8, 6, 5 / 32, 3 / 4, 32, math.inf, 0.3),
-    _Row(1.0, 5, 6, 1 / 4, 3 / 4, 64, math.inf, 0.3),
+    # keep, limit, steps, rays, samples, robust scale, damping (high where few rays say little about a step)
+    _Row(1.0, math.inf, 6, 1 / 16, 1 / 2, math.inf, 0.3),
+    _Row(0.5, math.inf, 6, 3 / 32, 1 / 2, math.inf, 0.3),
+    _Row(1.0, 8, 6, 5 / 32, 3 / 4, math.inf, 0.3),
+    _Row(1.0, 5, 6, 1 / 4, 3 / 4, math.inf, 0.3),
 )
 _LOCAL = (
-    _Row(1.0, math.inf, 6, 1 / 16, 1 / 2, 8, math.inf, 0.3),
-    _Row(0.5, math.inf, 6, 3 / 32, 1 / 2, 16, math.inf, 0.3),
-    _Row(1.0, 4, 6, 5 / 32, 3 / 4, 32, math.inf, 0.3),
-    _Row(1.0, 3, 6, 1 / 4, 3 / 4, 64, math.inf, 0.3),
-    _Row(1.0, 2, 4, 1 / 2, 3 / 4, _ALL, 0.2, 0.3),
+    _Row(1.0, math.inf, 6, 1 / 16, 1 / 2, math.inf, 0.3),
+    _Row(0.5, math.inf, 6, 3 / 32, 1 / 2, math.inf, 0.3),
+    _Row(1.0, 4, 6, 5 / 32, 3 / 4, math.inf, 0.3),
+    _Row(1.0, 3, 6, 1 / 4, 3 / 4, math.inf, 0.3),
+    _Row(1.0, 2, 4, 1 / 2, 3 / 4, 0.2, 0.3),
 )
-_FINAL = _Row(1.0, 1, 48, 1, 1, _ALL, 0.2, 0.03)
+_FINAL = _Row(1.0, 1, 48, 1, 1, 0.2, 0.03)
 _ALL_STEPS = sum(row.steps for row in (*_LOCAL, _FINAL))
 LOCAL_OFFSETS = (
     (
@@ -126,7 +122,6 @@ def _stages(rows: Sequence[_Row], count: int, settings: FitSettings, components:
         done += steps
         rays = min(settings.rays, max(32, round(settings.rays * row.rays)))
         samples = max(2, round(settings.samples * row.samples))
-        ranks = row.ranks if components.growing_ranks else _ALL
         robust_scale = row.robust_scale if components.robust_loss else math.inf
-        stages.append(Stage(count, steps, rays, samples, ranks, robust_scale, row.damping))
+        stages.append(Stage(count, steps, rays, samples, robust_scale, row.damping))
     return tuple(stages)

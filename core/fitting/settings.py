@@ -76,8 +76,6 @@ class Components:
     """keep the best hypothesis of each basin before a second one of any"""
     fresh_codes: bool = True
     """begin the local search around the best cameras with fresh codes, else go on with those found so far"""
-    growing_ranks: bool = True
-    """early stages move only the leading principal directions of the codes"""
     early_stopping: bool = True
     """end the refinement once further steps no longer improve it"""
     robust_loss: bool = True

@@ -67,13 +67,12 @@ class CodeSpace:
 
     def code(self, coordinates: Float[Tensor, "*batch some"]) -> Float[Tensor, "*batch latent"]:
         """The code at these coordinates (standard deviations); directions left out count as zero."""
-        return self.mean + coordinates @ self.basis(coordinates.shape[-1])
+        return self.mean + coordinates @ self.basis[: coordinates.shape[-1]]
 
-    def basis(self, some: int) -> Float[Tensor, "some latent"]:
-        """How each of the first coordinates moves a code per standard deviation; fewer rows where the space has fewer
-        directions.
-        """
-        return self.std[:some, None] * self.directions[:some]
+    @property
+    def basis(self) -> Float[Tensor, "rank latent"]:
+        """How each coordinate moves a code, per standard deviation."""
+        return self.std[:, None] * self.directions
 
     def with_coordinate(self, code: Float[Tensor, "latent"], direction: int, to: float) -> Float[Tensor, "latent"]:
         """The same code with one coordinate set to ``to`` standard deviations; nothing else changes."""

@@ -42,32 +42,32 @@ def quick_photo(path: Path, model: Model, *more: Any) -> Photo:
 
 
 def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind; four candidates, then two.
+    """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind; four are active, then two.
 
     Where it resumes, the camera is the given one.
     """
     given = [photo.camera for photo in job.photos]
     for step in range(10):
         codes = model.codes.mean.mixed(model.codes[3], step / 9, step / 9)
-        loss, race = math.exp(-step), list[Hypothesis]()
+        loss, hypotheses = math.exp(-step), list[Hypothesis]()
         for start in range(4 if step < 5 else 2):
             height, width = job.photos[0].mask.shape
             camera = model.camera(1.0 + start * math.pi / 2, 0.3 + 0.01 * step).resized(width, height)
             begin = job.resume_from if not start else None
             first = begin.cameras if begin else (camera,) * len(job.photos)
             at = tuple(known or found for known, found in zip(given, first, strict=True))
-            race.append(
+            hypotheses.append(
                 Hypothesis(
                     begin.origin if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 2)
                 )
             )
-        behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in race[0].cameras)
+        behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in hypotheses[0].cameras)
         yield FitStep(
-            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, race[0].cameras, codes, len(race)),
+            *(step + 1, 10, 0, loss, 10.0 + step, 0.1 * step, hypotheses[0].cameras, codes, len(hypotheses)),
             runner_up=RunnerUp(behind, 1.1 * loss),
             margin=math.log(1.1),
             uncertainty=1.0,
-            hypotheses=tuple(race),
+            hypotheses=tuple(hypotheses),
         )
 
 

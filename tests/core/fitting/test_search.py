@@ -49,16 +49,6 @@ def test_a_local_search_begins_anew_around_the_best_cameras(tiny: Model):
     assert before.hypotheses[0].cameras in [one.cameras for one in after.hypotheses]
 
 
-def test_only_leading_directions_of_codes_move_at_first(tiny: Model):
-    photo = replace(photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)), camera=tiny.camera(0.9, 0.5))
-    problem = problem_of(tiny, photo)
-    batch = initial_hypotheses(problem, 2, seeded())
-    stage = build_schedule(QUICK, ALL_COMPONENTS, unknown=False).local[0]._replace(ranks=1)
-    *_, after = optimise(problem, batch, (stage,), seeded())
-    assert torch.equal(after.parameters.texture[:, 1], batch.parameters.texture[:, 1])
-    assert not torch.equal(after.parameters.texture[:, 0], batch.parameters.texture[:, 0])
-
-
 def test_an_early_stop_is_as_good_in_fewer_steps(tiny: Model):
     steps = 0
     for index in range(4):

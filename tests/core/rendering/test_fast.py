@@ -12,8 +12,8 @@ from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode
+from core.models.precision import use_dtype
 from core.rendering import fast as renderer
-from core.rendering import folded_field as folding
 from core.rendering.fast import render
 from core.rendering.folded_field import AxisLookup, FoldedField
 from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
@@ -35,9 +35,8 @@ def test_folding_is_exact(seed: int, spread: float):
     codes, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
     points = torch.rand(40, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(folding, "matmul_dtype", lambda device: torch.float32)
-        monkeypatch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
+    with pytest.MonkeyPatch.context() as patch, use_dtype(torch.float32):
+        patch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
         folded = FoldedField(MODEL, codes)
         density, y = folded.density(folded.first_layer(points))
         colour = folded.colour(y, folded.direction_bias(directions))

@@ -8,14 +8,15 @@ from core.models.model import Model
 from viewer.activities.candidates import update_tiles
 
 
-def step(model: Model, seconds: float, *racing: tuple[int, float, float]) -> FitStep:
+def step(model: Model, seconds: float, *active: tuple[int, float, float]) -> FitStep:
     """Of hypotheses as start, azimuth and loss."""
     codes = model.codes.mean
-    race = tuple(
+    hypotheses = tuple(
         Hypothesis(start, loss, (model.camera(azimuth, 0.3),), codes, torch.zeros(1, 2))
-        for start, azimuth, loss in racing
+        for start, azimuth, loss in active
     )
-    return FitStep(1, 9, race[0].origin, race[0].loss, 20.0, seconds, race[0].cameras, codes, hypotheses=race)
+    best = hypotheses[0]
+    return FitStep(1, 9, best.origin, best.loss, 20.0, seconds, best.cameras, codes, hypotheses=hypotheses)
 
 
 def test_tiles_follow_their_hypotheses_and_are_ranked(model: Model) -> None:

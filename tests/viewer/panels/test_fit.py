@@ -172,7 +172,7 @@ def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backe
         assert not window.exists("Fit/###other viewpoint")
 
     def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-        return (replace(step, alternative=None, margin=None) for step in quick_fit(model, job))
+        return (replace(step, runner_up=None, margin=None) for step in quick_fit(model, job))
 
     drive(act, replace(backend, fit=lone_fit))
 
