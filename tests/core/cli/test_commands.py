@@ -197,7 +197,7 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     shutil.rmtree(tmp_path / "d")
 
 
-def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch):
+def test_bench_measures_fits_and_draws_their_charts(tmp_path, capsys, monkeypatch):
     tiny_model().save(tmp_path / "m.safetensors")
     for presets in (PRESETS, robustness.COMPARED):
         for name, settings in presets.items():
