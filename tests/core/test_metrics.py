@@ -29,7 +29,7 @@ def test_psnr_against_its_formula():
     assert psnr(truth, truth) == MAX_PSNR
 
 
-def test_ssim_is_one_for_the_same_picture_and_less_for_another():
+def test_ssim_is_one_for_the_same_image_and_less_for_another():
     generator = torch.Generator().manual_seed(0)
     truth = torch.rand(16, 16, 3, generator=generator)
     assert ssim(truth, truth) == pytest.approx(1.0)
@@ -38,12 +38,12 @@ def test_ssim_is_one_for_the_same_picture_and_less_for_another():
 
 
 @pytest.mark.parametrize("measure", [psnr, ssim])
-def test_pictures_of_different_sizes_are_refused(measure):
+def test_images_of_different_sizes_are_refused(measure):
     with pytest.raises(ValueError, match="different sizes"):
         measure(np.zeros((8, 8, 3)), np.zeros((8, 9, 3)))
 
 
-def test_ssim_refuses_a_picture_smaller_than_its_window():
+def test_ssim_refuses_an_image_smaller_than_its_window():
     with pytest.raises(ValueError, match="7x7"):
         ssim(torch.zeros(6, 6, 3), torch.zeros(6, 6, 3))
 
@@ -67,7 +67,7 @@ def test_small_errors_are_not_lost_to_rounding():
     assert translation_error(camera(1.0, 0.5), camera(1.0, 0.5 + 1e-7)) == pytest.approx(1e-7, rel=1e-3)
 
 
-def test_above_the_pole_a_turn_of_the_azimuth_rolls_the_picture_but_does_not_move_the_camera():
+def test_above_the_pole_a_turn_of_the_azimuth_rolls_the_image_but_does_not_move_the_camera():
     first, second = camera(0.0, math.pi / 2), camera(math.pi / 2, math.pi / 2)
     assert rotation_error(first, second) == pytest.approx(90.0)
     assert translation_error(first, second) == pytest.approx(0.0, abs=1e-6)

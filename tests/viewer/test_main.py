@@ -55,7 +55,7 @@ def test_the_window_is_drawn_without_a_display(tmp_path: Path, file: Path, openg
     assert len(colours) > 200
 
 
-def test_what_goes_wrong_is_on_the_picture_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
+def test_what_goes_wrong_is_on_the_screenshot_and_on_stderr(tmp_path: Path, file: Path, opengl: None) -> None:
     (tmp_path / "text.png").write_text("no image")
     done = call(
         *("--model", file, "--image", tmp_path / "text.png"),

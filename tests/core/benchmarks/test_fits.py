@@ -91,7 +91,7 @@ def test_a_folder_without_results_is_refused(tmp_path: Path):
         redraw(tmp_path)
 
 
-def test_fits_that_end_before_anything_is_read_off_are_drawn_too(found: FitResults, tmp_path: Path) -> None:
+def test_fits_that_end_before_the_first_time_are_drawn_too(found: FitResults, tmp_path: Path) -> None:
     at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.trials)
     write_fits(replace(found, trials=at_once), tmp_path)
     assert (tmp_path / "fit.png").exists()

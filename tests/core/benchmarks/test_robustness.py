@@ -63,7 +63,7 @@ def found() -> RobustnessResults:
     return found
 
 
-def test_every_level_is_tried_and_a_refused_picture_is_a_failure_with_its_reason(found: RobustnessResults):
+def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: RobustnessResults):
     assert [name for name, _ in found.success_rates()] == [
         "none",
         "elevation",

@@ -197,7 +197,7 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     shutil.rmtree(tmp_path / "d")
 
 
-def test_bench_measures_fits_and_draws_their_atlas(tmp_path, capsys, monkeypatch):
+def test_bench_measures_fits_and_draws_their_charts(tmp_path, capsys, monkeypatch):
     tiny_model().save(tmp_path / "m.safetensors")
     for presets in (PRESETS, robustness.COMPARED):
         for name, settings in presets.items():
@@ -253,7 +253,7 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     assert found["uncertainty_deg"] == 1.5
 
 
-def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys, monkeypatch):
+def test_a_box_is_in_pixels_of_the_upright_image(file, model, tmp_path, capsys, monkeypatch):
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = 6
     Image.new("RGB", (400, 200), "red").save(tmp_path / "a.jpg", exif=exif)
@@ -288,7 +288,7 @@ def test_a_box_is_in_pixels_of_the_upright_picture(file, model, tmp_path, capsys
         ),
     ],
 )
-def test_what_is_no_number_is_told_in_plain_words(
+def test_what_is_no_number_is_reported_in_plain_words(
     words: tuple[str, ...], printed: str, capsys: pytest.CaptureFixture[str]
 ):
     with pytest.raises(SystemExit) as stopped:

@@ -29,7 +29,7 @@ def dot(place: np.ndarray, radius: float) -> Surface:
 
 @pytest.mark.parametrize("azimuth", [-2.5, 0.0, math.pi / 2, 2.0])
 @pytest.mark.parametrize("elevation", [-0.9, 0.0, 0.6, math.pi / 2])
-def test_a_point_is_drawn_where_its_ray_looks(rasteriser: Rasteriser, azimuth: float, elevation: float) -> None:
+def test_a_point_is_rendered_where_its_ray_passes(rasteriser: Rasteriser, azimuth: float, elevation: float) -> None:
     view = camera(azimuth, elevation)
     rays = camera_rays(view, torch.tensor([0.5, 0.5, 0.5]))
     for row, column in ((20, 44), (50, 13), (32, 32)):
@@ -57,7 +57,7 @@ def test_coverage_is_the_share_of_the_pixel(rasteriser: Rasteriser) -> None:
     assert ((image > 20) & (image < 235)).any()
 
 
-def test_the_ground_is_white_and_out_of_the_mask(rasteriser: Rasteriser) -> None:
+def test_the_background_is_white_and_out_of_the_mask(rasteriser: Rasteriser) -> None:
     rasteriser.upload([dot(np.zeros(3), 0.1)])
     image, mask = rasteriser.render(camera(0, 0))
     assert (image[:8] == 255).all()

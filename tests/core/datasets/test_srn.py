@@ -102,7 +102,7 @@ def test_no_mask_file_means_what_is_not_white(tmp_path: Path) -> None:
     assert np.array_equal(read_dataset(tmp_path).objects[0].masks, (original.images < 253).any(-1))
 
 
-def test_clear_pictures_are_laid_on_white(tmp_path: Path) -> None:
+def test_clear_images_are_laid_on_white(tmp_path: Path) -> None:
     write_object(tmp_path, views("a", count=1))
     shutil.rmtree(tmp_path / "a/mask")
     pixels = np.zeros((SIZE, SIZE, 4), np.uint8)

@@ -91,7 +91,7 @@ def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
     assert read == [0, 1]
 
 
-def test_a_white_from_network_is_drawn_as_its_authors_did():
+def test_a_model_with_white_from_network_is_rendered_exactly():
     model = random_model(1, white_from_network=True)
     camera = model.camera(0.4, 0.3)
     expected = render_exact(model, model.codes[0], camera, 64).colour.clamp(0, 1)
@@ -120,7 +120,7 @@ def score(name: str, value: float, *rotations: float, translation: float = 0.01)
     return ObjectScore(name, value, value / 30, 3, 2.0, poses)
 
 
-def test_outliers_are_told_apart_by_rotation_and_by_translation():
+def test_outliers_are_found_by_rotation_and_by_translation():
     scores = [score("good", 24, 2.0), score("turned", 12, 170.0), score("away", 20, 1.0, translation=0.2)]
     found = summarise(scores)
     assert found.pose is not None

@@ -118,7 +118,7 @@ def test_edits_make_new_timelines_and_keep_keys_apart() -> None:
     assert ended.looped(True).keys[-1].seconds == pytest.approx(4.0 - MIN_GAP)
 
 
-def test_what_is_no_film_is_refused() -> None:
+def test_what_is_no_timeline_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one key"):
         Timeline().at(0.0)
     with pytest.raises(ValueError, match="apart"):

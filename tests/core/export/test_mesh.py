@@ -85,7 +85,7 @@ def test_pieces_stay_specks_and_hollows_go(ball, model: Model):
     assert found.is_watertight
 
 
-def test_the_mesh_stands_where_the_picture_shows_the_object(tiny: Model):
+def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):
     found = drained(extract_mesh(tiny, tiny.codes[1], 64))
     assert solid(found).is_watertight
     camera = tiny.camera(1.1, 0.4)

@@ -37,7 +37,7 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_a_cancelled_film_leaves_nothing_and_keeps_what_was_there(suffix: str, model: Model, tmp_path: Path) -> None:
+def test_a_cancelled_video_leaves_nothing_and_keeps_what_was_there(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     if suffix != ".frames":
         path.write_text("before")
@@ -57,7 +57,7 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
 
 
 @pytest.mark.parametrize("suffix", [name for name, one in FORMATS.items() if one.transparent])
-def test_the_ground_can_be_left_out(suffix: str, model: Model, tmp_path: Path) -> None:
+def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
     list(turn(model, path, 2, size=32, transparent=True))
     opacity = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
@@ -68,7 +68,7 @@ def test_the_ground_can_be_left_out(suffix: str, model: Model, tmp_path: Path) -
     assert alpha.min() == 0
 
 
-def test_a_cut_out_on_white_is_the_picture(model: Model) -> None:
+def test_transparent_pixels_on_white_are_the_render(model: Model) -> None:
     frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
     rgba = to_rgba(frame).astype(float)
     alpha = rgba[..., 3:] / 255
@@ -76,7 +76,7 @@ def test_a_cut_out_on_white_is_the_picture(model: Model) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".webp"])
-def test_a_film_takes_its_time(suffix: str, model: Model, tmp_path: Path) -> None:
+def test_a_video_has_its_duration(suffix: str, model: Model, tmp_path: Path) -> None:
     list(turn(model, tmp_path / f"turn{suffix}", 15, size=16, rate=30))
     with Image.open(tmp_path / f"turn{suffix}") as video:
         lasted = 0
@@ -94,7 +94,7 @@ def test_less_quality_is_a_smaller_file(suffix: str, model: Model, tmp_path: Pat
     assert (tmp_path / f"10{suffix}").stat().st_size < (tmp_path / f"95{suffix}").stat().st_size
 
 
-def test_a_timeline_is_filmed(model: Model, tmp_path: Path) -> None:
+def test_a_timeline_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
     camera = model.camera(0.0, 0.3)
     keys = Keyframe(0.0, View(model.codes[0], camera)), Keyframe(0.5, View(model.codes[1], camera))
     list(write_video(model, Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(size=32)))

@@ -8,12 +8,12 @@ from core.geometry.rays import camera_rays, cast_rays, clip_to_box
 EXTENT = torch.tensor([0.3, 0.5, 0.2])
 
 
-def test_the_middle_of_the_picture_looks_at_the_origin():
+def test_the_middle_of_the_image_looks_at_the_origin():
     rays = cast_rays(torch.tensor([16.0, 16.0]), *torch.tensor([0.4, 0.3, 2.0]), 32.0, (32, 32), EXTENT)
     torch.testing.assert_close(rays.directions, torch.nn.functional.normalize(-rays.origins, dim=-1))
 
 
-def test_right_and_down_in_the_picture_are_right_and_down_in_the_world():
+def test_right_and_down_in_the_image_are_right_and_down_in_the_world():
     camera = Camera(0.0, 0.0, 2.0, 32.0, 32, 32)  # from +x: right is +y, up is +z
     rays = camera_rays(camera, EXTENT)
     assert rays.directions[16, 31, 1] > 0 > rays.directions[16, 0, 1]

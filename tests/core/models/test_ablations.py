@@ -60,7 +60,7 @@ def test_m1_shows_a_point_without_a_direction_as_from_outside():
 
 
 @pytest.mark.parametrize("architecture", ["M1", "M2"])
-def test_a_model_of_another_architecture_is_kept_and_drawn_exactly_only(architecture: str, tmp_path):
+def test_a_model_of_another_architecture_is_kept_and_rendered_exactly_only(architecture: str, tmp_path):
     codes = CodeBook(torch.randn(2, 8), torch.randn(2, 4), (Entry("a", 0, 0), Entry("b", 1, 1)))
     Model(build(architecture), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0).save(tmp_path / "m.safetensors")
     model = Model.load(tmp_path / "m.safetensors")

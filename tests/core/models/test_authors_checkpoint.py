@@ -38,7 +38,7 @@ def test_the_collapsed_codes_are_found_and_kept_by_their_index(cars: Model):
     torch.testing.assert_close(cars.codes.mean.texture, cars.codes.textures[sound].mean(0))
 
 
-def test_the_converted_file_knows_all_that_the_checkpoint_says(cars: Model, converted: Model):
+def test_the_converted_file_has_all_that_the_checkpoint_says(cars: Model, converted: Model):
     assert converted.fingerprint == cars.fingerprint
     assert converted.codes.collapsed == cars.codes.collapsed
     assert converted.codes.mean == cars.codes.mean
@@ -46,7 +46,7 @@ def test_the_converted_file_knows_all_that_the_checkpoint_says(cars: Model, conv
 
 
 @pytest.mark.parametrize("index", range(4))
-def test_the_converted_file_draws_the_authors_pictures(index: int, converted: Model, shared: Path):
+def test_the_converted_file_renders_the_authors_images(index: int, converted: Model, shared: Path):
     expected = np.load(shared / "upstream/expected_64.npz")
     camera = Camera.from_pose(torch.tensor(expected[f"pose_{index}"]), 65.625, 64, 64)
     shape, texture = (int(row) for row in expected[f"codes_{index}"])
@@ -65,7 +65,7 @@ def golden_expected() -> dict[str, np.ndarray]:
     return dict(np.load(GOLDEN / "expected.npz"))
 
 
-def test_the_plain_reference_draws_the_authors_picture(shared: Path):
+def test_the_plain_reference_renders_the_authors_image(shared: Path):
     network, shapes, textures = read_weights(shared / "upstream/srncars500/models.pth")
     expected = np.load(shared / "upstream/expected_64.npz")
     shape, texture = expected["point_codes"]
@@ -80,7 +80,7 @@ def test_the_plain_reference_draws_the_authors_picture(shared: Path):
 
 
 @pytest.mark.parametrize("index", range(3))
-def test_the_golden_pictures_are_those_of_the_plain_reference(index: int, golden_expected: dict[str, np.ndarray]):
+def test_the_golden_images_are_those_of_the_plain_reference(index: int, golden_expected: dict[str, np.ndarray]):
     network, shapes, textures = read_weights(GOLDEN / "models.pth")
     shape, texture = golden_expected[f"codes_{index}"]
     pose = golden_expected[f"pose_{index}"]

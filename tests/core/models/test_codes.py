@@ -69,7 +69,7 @@ def test_a_book_whose_objects_have_no_codes_is_refused():
         CodeBook(cloud(count=2), cloud(count=2), (Entry("a", 0, 2),))
 
 
-def test_drawn_codes_repeat_with_the_seed():
+def test_sampled_codes_repeat_with_the_seed():
     book = CodeBook(cloud(), cloud(1), ())
     assert book.sample(torch.Generator().manual_seed(5)) == book.sample(torch.Generator().manual_seed(5))
 

@@ -35,7 +35,7 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
         load_model(str(tmp_path / "models.pth"))
 
 
-def test_samples_are_pictures_of_their_category():
+def test_samples_are_images_of_their_category():
     assert sample_images("boats") == ()
     for category in shipped_models():
         assert len(sample_images(category)) >= 3

@@ -64,7 +64,7 @@ def test_what_is_no_model_file_is_named(tmp_path):
             Model.load(path)
 
 
-def test_cameras_look_as_the_training_pictures_did(model: Model):
+def test_cameras_look_as_the_training_images_did(model: Model):
     camera = model.camera(0.1, 0.2)
     assert (camera.distance, camera.focal, camera.width) == (2.0, 32.8, 32)
 

@@ -88,7 +88,7 @@ def test_a_scene_file_is_opened_as_before(scene: Scene, model: Model, tmp_path: 
     assert open_scene(tmp_path / "s.json", model) == scene
 
 
-def test_a_picture_of_another_model_is_refused_by_name(scene: Scene, model: Model, tmp_path: Path):
+def test_an_image_of_another_model_is_refused_by_name(scene: Scene, model: Model, tmp_path: Path):
     save_image(PIXELS, tmp_path / "a.png", replace(scene, model=random_model(seed=1).fingerprint))
     with pytest.raises(ValueError, match=r"a\.png: the scene belongs to another model"):
         open_scene(tmp_path / "a.png", model)
@@ -108,7 +108,7 @@ def test_files_that_hold_no_scene_hold_none(scene: Scene, model: Model, tmp_path
         open_scene(tmp_path / "plain.png", model)
 
 
-def test_a_picture_is_asked_for_its_scene_without_decoding_it(scene: Scene, tmp_path: Path):
+def test_the_scene_of_an_image_is_read_without_decoding_it(scene: Scene, tmp_path: Path):
     """Its header says 60,000 by 60,000 pixels, which the file does not hold and no memory would."""
     save_image(PIXELS, tmp_path / "a.png", scene)
     whole = (tmp_path / "a.png").read_bytes()
@@ -121,7 +121,7 @@ def test_a_picture_is_asked_for_its_scene_without_decoding_it(scene: Scene, tmp_
     ("name", "why"),
     [("a.xyz", r"name ends in \.png"), ("a", r"name ends in \.png"), ("gone/a.png", "cannot write")],
 )
-def test_a_picture_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, why: str, tmp_path: Path):
+def test_an_image_that_cannot_be_written_leaves_nothing(scene: Scene, name: str, why: str, tmp_path: Path):
     with pytest.raises(ValueError, match=why):
         save_image(PIXELS, tmp_path / name, scene)
     assert list(tmp_path.iterdir()) == []

@@ -62,7 +62,7 @@ def test_any_usual_file_is_cut_out_and_framed(tmp_path: Path, tiny: Model, name:
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "1", "I;16", "I", "F"])
-def test_grey_pictures_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
+def test_grey_images_of_any_depth(tmp_path: Path, tiny: Model, mode: str):
     grey = np.asarray(drawing().convert("L"))
     if mode in ("I;16", "I"):
         image = Image.fromarray(grey.astype(np.uint16) * 257 if mode == "I;16" else grey.astype(np.int32) * 257)
@@ -86,7 +86,7 @@ def test_16_bit_colour(tmp_path: Path, tiny: Model):
     check_found(load_photo(tmp_path / "a.png", tiny), tiny)
 
 
-def test_a_phone_picture_lying_on_its_side_is_turned_upright(tmp_path: Path, tiny: Model):
+def test_a_phone_image_lying_on_its_side_is_turned_upright(tmp_path: Path, tiny: Model):
     image = Image.new("RGB", (300, 200), "white")
     ImageDraw.Draw(image).rectangle((50, 80, 250, 120), fill=(200, 20, 20))
     exif = Image.Exif()
@@ -95,7 +95,7 @@ def test_a_phone_picture_lying_on_its_side_is_turned_upright(tmp_path: Path, tin
     assert int(photo.mask.any(1).sum()) > 2 * int(photo.mask.any(0).sum())
 
 
-def test_a_huge_picture_is_made_smaller(tmp_path: Path, tiny: Model):
+def test_a_huge_image_is_made_smaller(tmp_path: Path, tiny: Model):
     image = Image.new("L", (20_000, 1500), 255)
     image.paste(40, (9000, 300, 10_000, 1300))
     photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny)
@@ -124,7 +124,7 @@ def test_nothing_is_known_beyond_an_edge_that_cuts_the_object_off(tiny: Model):
 
 
 @pytest.mark.parametrize("box", [(0, 0, 300, 200), (40, 60, 141, 161)])
-def test_all_is_known_around_a_whole_object_and_one_that_a_picture_was_trimmed_to(
+def test_all_is_known_around_a_whole_object_and_one_that_an_image_was_trimmed_to(
     tiny: Model, box: tuple[int, int, int, int]
 ):
     cutout = drawing().convert("RGBA")
@@ -146,7 +146,7 @@ def test_a_plain_background_of_any_colour_is_taken_off(tiny: Model, background: 
     check_found(photo, tiny)
 
 
-def test_a_noisy_ground_lit_from_the_side_is_taken_off(tiny: Model):
+def test_a_noisy_background_lit_from_the_side_is_taken_off(tiny: Model):
     image = np.asarray(drawing(background=(180, 170, 160))).astype(float)
     light = np.linspace(0.85, 1.15, 300)[None, :, None]
     noise = np.random.default_rng(0).normal(0, 2, image.shape)
@@ -155,7 +155,7 @@ def test_a_noisy_ground_lit_from_the_side_is_taken_off(tiny: Model):
     check_found(photo_from_array(lit, tiny), tiny)
 
 
-def test_a_soft_shadow_is_ground(tiny: Model):
+def test_a_soft_shadow_is_background(tiny: Model):
     y, x = np.mgrid[0:200, 0:300]
     shade = 1 - 0.25 * np.exp(-(((x - 150) / 60.0) ** 2 + ((y - 165) / 25.0) ** 2))
     image = np.asarray(drawing()).astype(float)
@@ -169,7 +169,7 @@ def test_a_white_part_inside_stays_with_the_object(tiny: Model):
     assert bool((bright & photo.mask).any())
 
 
-def test_the_gap_in_a_frame_is_ground(tiny: Model):
+def test_the_gap_in_a_frame_is_background(tiny: Model):
     image = Image.new("RGB", (300, 200), (120, 190, 120))
     ImageDraw.Draw(image).rectangle((60, 40, 200, 180), outline=(90, 20, 20), width=25)
     photo = photo_from_array(np.asarray(image), tiny)
@@ -226,7 +226,7 @@ def test_an_object_off_its_place_is_brought_to_the_middle_at_its_size(tiny: Mode
         assert abs(len(moved) - len(before)) <= 1
 
 
-def test_with_a_pose_a_picture_is_only_resized(tmp_path: Path, tiny: Model):
+def test_with_a_pose_an_image_is_only_resized(tmp_path: Path, tiny: Model):
     camera = tiny.camera(0.4, 0.3)
     pose = tmp_path / "pose.txt"
     pose.write_text(" ".join(str(float(number)) for number in camera.pose().flatten()))
@@ -250,7 +250,7 @@ def refused(path: Path, model: Model, pose: Path | None = None) -> str:
     return text
 
 
-def test_what_is_no_picture(tmp_path: Path, tiny: Model):
+def test_what_is_no_image(tmp_path: Path, tiny: Model):
     text = tmp_path / "text.png"
     text.write_text("not an image")
     assert "not an image" in refused(text, tiny)
@@ -274,7 +274,7 @@ def test_what_is_too_large(tmp_path: Path, tiny: Model, monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("colour", ["white", "black", (10, 200, 30)])
-def test_nothing_but_ground(tmp_path: Path, tiny: Model, colour: str | tuple[int, ...]):
+def test_nothing_but_background(tmp_path: Path, tiny: Model, colour: str | tuple[int, ...]):
     assert "no object found" in refused(saved(Image.new("RGB", (90, 90), colour), tmp_path / "a.png"), tiny)
 
 
@@ -282,7 +282,7 @@ def test_nothing_but_clear(tmp_path: Path, tiny: Model):
     assert "no object found" in refused(saved(Image.new("RGBA", (90, 90), (9, 9, 9, 0)), tmp_path / "a.png"), tiny)
 
 
-def test_no_plain_ground(tmp_path: Path, tiny: Model):
+def test_no_plain_background(tmp_path: Path, tiny: Model):
     noise = np.random.default_rng(0).integers(0, 255, (90, 90, 3), dtype=np.uint8)
     assert "no plain background" in refused(saved(Image.fromarray(noise), tmp_path / "a.png"), tiny)
 
@@ -336,7 +336,7 @@ def test_framing_scales_and_moves(tiny: Model, tmp_path: Path):
         Crop(scale=0.0)
 
 
-def test_a_box_helps_where_the_ground_is_busy(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "rembg", None)
     noise = np.random.default_rng(0).integers(0, 255, (200, 300, 3)).astype(np.uint8)
     noise[60:160, 40:140] = (30, 40, 90)

@@ -37,7 +37,7 @@ def overlap(cut: CutOut, truth: np.ndarray) -> float:
     return float((cut.mask & truth).sum() / (cut.mask | truth).sum())
 
 
-def test_a_box_finds_the_object_on_busy_ground():
+def test_a_box_finds_the_object_on_busy_background():
     cut = cut_out(busy(), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),)))
     assert overlap(cut, disc()) > 0.95
     assert not cut.mask[:40].any()
@@ -45,7 +45,7 @@ def test_a_box_finds_the_object_on_busy_ground():
     assert not cut.white
 
 
-def test_without_hints_and_without_a_network_busy_ground_is_told(monkeypatch: pytest.MonkeyPatch):
+def test_without_hints_and_without_a_network_busy_background_is_refused(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "rembg", None)
     with pytest.raises(NoBackgroundError, match="box"):
         cut_out(busy())
@@ -80,20 +80,20 @@ def test_strokes_alone_correct_what_is_found_by_itself():
     assert not cut.mask[120, 170]
 
 
-def test_a_clear_ground_stays_ground_inside_the_box():
+def test_a_transparent_background_stays_background_inside_the_box():
     values = np.asarray(busy()).copy()
     values[..., 3] = np.where(disc(), 255, 0)
     assert overlap(cut_out(Image.fromarray(values), Hints(BOX)), disc()) > 0.95
 
 
 @pytest.mark.parametrize("size", [32, 60, 900])
-def test_pictures_of_any_size(size: int):
+def test_images_of_any_size(size: int):
     cut = cut_out(busy(size), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),)))
     assert cut.mask.shape == (size, size)
     assert overlap(cut, disc(size)) > 0.8
 
 
-def test_hints_of_no_use_are_told():
+def test_hints_of_no_use_are_refused():
     with pytest.raises(ValueError, match="inside"):
         Hints((0.5, 0.2, 0.5, 0.8))
     with pytest.raises(ValueError, match="inside"):
@@ -115,20 +115,20 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Callable[[np.ndarray], None]:
     return sees
 
 
-def test_on_busy_ground_the_network_decides(network: Callable[[np.ndarray], None]):
+def test_on_busy_background_the_network_decides(network: Callable[[np.ndarray], None]):
     network(disc())
     cut = cut_out(busy())
     assert overlap(cut, disc()) > 0.95
     assert not cut.white
 
 
-def test_a_network_that_sees_nothing_is_told(network: Callable[[np.ndarray], None]):
+def test_a_network_that_finds_nothing_is_reported(network: Callable[[np.ndarray], None]):
     network(np.zeros((240, 240), bool))
     with pytest.raises(NoBackgroundError):
         cut_out(busy())
 
 
-def test_a_plain_background_beyond_doubt_asks_no_network(monkeypatch: pytest.MonkeyPatch):
+def test_a_plain_background_beyond_doubt_runs_no_network(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(segmentation, "predict_saliency", lambda image: pytest.fail("the network was run"))
     image = np.where(disc()[..., None], (20, 40, 230), (200, 220, 200)).astype(np.uint8)
     assert overlap(cut_out(Image.fromarray(image).convert("RGBA")), disc()) > 0.98

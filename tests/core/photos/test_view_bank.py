@@ -19,7 +19,7 @@ def test_the_surface_lies_in_the_box_and_has_the_colours_of_the_object(tiny: Mod
     assert 0 <= float(colours.min()) <= float(colours.max()) <= 1
 
 
-def test_how_objects_stand_in_training_pictures(tiny: Model):
+def test_apparent_sizes_in_training_images(tiny: Model):
     usual = apparent_size(tiny)
     seen = render_exact(tiny, tiny.codes[0], tiny.camera(0.7, 0.4), 32).opacity > 0.5
     size = max(int(seen.any(0).sum()), int(seen.any(1).sum())) / tiny.image_size

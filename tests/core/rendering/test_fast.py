@@ -144,7 +144,7 @@ def test_what_lies_beside_the_object_is_white(azimuth: float):
     assert float(wide.opacity.max()) > 0.0
 
 
-def test_where_the_network_paints_the_ground_its_object_is_marched_through_pixel_corners():
+def test_where_the_network_paints_the_background_rays_pass_pixel_corners():
     painted = random_model(white_from_network=True)
     codes, camera = painted.codes[0], painted.camera(0.4, 0.3)
     plain = replace(painted, white_from_network=False)

@@ -17,7 +17,7 @@ def settled(cost: float, fixed: float = 0.0, frames: int = 400) -> list[int]:
 
 
 @given(st.floats(1e-4, 50), st.floats(0, 0.03))
-def test_first_pictures_come_to_fit_the_budget_and_waste_none_of_it(cost: float, fixed: float) -> None:
+def test_first_images_come_to_fit_the_budget_and_waste_none_of_it(cost: float, fixed: float) -> None:
     late = settled(cost, fixed)[-100:]
     slow = [divisor for divisor in late if fixed + cost / divisor**2 > FrameBudget().budget and divisor < 24]
     assert len(slow) <= 2
@@ -25,7 +25,7 @@ def test_first_pictures_come_to_fit_the_budget_and_waste_none_of_it(cost: float,
     assert usual == 1 or fixed + cost / usual**2 > 0.7 * FrameBudget().budget or slow
 
 
-def test_a_slow_picture_makes_the_next_one_coarser_and_the_floor_holds() -> None:
+def test_a_slow_image_makes_the_next_one_coarser_and_the_floor_holds() -> None:
     pace = FrameBudget()
     pace.observe(8, 0.05)
     assert pace.divisor == 12
@@ -34,13 +34,13 @@ def test_a_slow_picture_makes_the_next_one_coarser_and_the_floor_holds() -> None
     assert pace.divisor == 24
 
 
-def test_one_disturbance_does_not_throw_the_picture_away() -> None:
+def test_one_disturbance_does_not_throw_the_image_away() -> None:
     pace = FrameBudget(divisor=4)
     pace.observe(4, 3.0)
     assert pace.divisor == 6
 
 
-def test_a_few_quick_pictures_in_a_row_make_it_finer() -> None:
+def test_a_few_quick_images_in_a_row_make_it_finer() -> None:
     pace = FrameBudget()
     for seconds in (0.001, 0.001, 0.03, 0.001, 0.001):
         pace.observe(8, seconds)
@@ -49,7 +49,7 @@ def test_a_few_quick_pictures_in_a_row_make_it_finer() -> None:
     assert pace.divisor == 6
 
 
-def test_pictures_begun_at_another_size_say_nothing() -> None:
+def test_images_begun_at_another_size_say_nothing() -> None:
     pace = FrameBudget()
     pace.observe(4, 10.0)
     assert pace.divisor == 8

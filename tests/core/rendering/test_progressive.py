@@ -22,7 +22,7 @@ def test_frames_come_coarse_to_fine(model: Model):
     assert times == sorted(times)
 
 
-def test_a_new_texture_is_drawn_at_once_at_full_size():
+def test_a_new_texture_is_rendered_at_once_at_full_size():
     model = random_model()
     a, b = model.codes[0], model.codes[1]
     camera = model.camera(0.3, 0.2)
@@ -33,7 +33,7 @@ def test_a_new_texture_is_drawn_at_once_at_full_size():
     assert [frame.stage for frame in render_progressively(model, RenderJob(b, camera)) if frame] == [0, 1, 2, 3]
 
 
-def test_a_last_stage_of_finer_pixels_is_joined_to_the_pictures_size():
+def test_a_last_stage_of_finer_pixels_is_joined_to_the_images_size():
     model = random_model()
     job = RenderJob(model.codes[0], model.camera(0.3, 0.2), RenderSettings(divisors=(2, 1, 1), supersampling=2))
     shown = [frame for frame in render_progressively(model, job) if frame]

@@ -64,7 +64,7 @@ def test_gradients_reach_the_codes(model: Model):
 
 
 @pytest.mark.parametrize("index", range(4))
-def test_the_authors_pictures_are_reproduced(index: int, shared):
+def test_the_authors_images_are_reproduced(index: int, shared):
     model = load_model(str(shared / "upstream/srncars500/models.pth"))
     expected = np.load(shared / "upstream/expected_64.npz")
     camera = Camera.from_pose(torch.tensor(expected[f"pose_{index}"]), 65.625, 64, 64)

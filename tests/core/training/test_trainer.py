@@ -132,7 +132,7 @@ def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
     torch.testing.assert_close(second.field.feature_layer.weight, before, atol=1e-7, rtol=0)
 
 
-def test_training_goes_on_from_a_model_with_the_codes_of_the_objects_it_knows(dataset: Dataset):
+def test_training_continues_from_a_model_with_the_codes_of_its_objects(dataset: Dataset):
     first = Trainer(dataset, SETTINGS)
     list(first.steps())
     model = first.model()

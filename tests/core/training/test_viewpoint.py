@@ -19,7 +19,7 @@ def seen() -> ViewpointDataset:
     )
 
 
-def test_every_picture_comes_with_its_camera(seen: ViewpointDataset):
+def test_every_image_comes_with_its_direction(seen: ViewpointDataset):
     assert seen.images.shape == (20, 4, SIDE, SIDE)
     assert seen.images.dtype == torch.uint8
     assert seen.azimuth[:5].tolist() == pytest.approx([0.7 + 1.3 * turn for turn in range(5)])
@@ -36,7 +36,7 @@ def test_a_mirrored_object_is_seen_from_the_other_side_of_its_front():
     assert float(found.max()) <= 1 + 1e-5
 
 
-def test_it_learns_where_from_a_picture_is_taken(seen: ViewpointDataset):
+def test_it_learns_from_which_direction_an_image_is(seen: ViewpointDataset):
     torch.manual_seed(0)
     glance = ViewpointClassifier()
     steps = list(train_viewpoint(glance, seen, 100))

@@ -31,7 +31,7 @@ def test_tiles_follow_their_hypotheses_and_are_ranked(model: Model) -> None:
     assert [(tile.number, tile.eliminated_at) for tile in tiles] == [(1, None), (2, 2.0), (0, 2.0)]
 
 
-def test_a_twin_of_the_same_start_is_a_tile_of_its_own(model: Model) -> None:
+def test_the_opposite_view_of_a_candidate_is_a_tile_of_its_own(model: Model) -> None:
     tiles = update_tiles((), step(model, 0.0, (0, 0.0, 0.1), (1, 2.0, 0.2)))
     tiles = update_tiles(tiles, step(model, 1.0, (0, 0.1, 0.1), (0, 3.2, 0.3)))
     assert [(tile.number, tile.eliminated_at) for tile in tiles] == [(0, None), (2, None), (1, 1.0)]

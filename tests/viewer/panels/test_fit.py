@@ -162,7 +162,7 @@ def test_a_doubtful_fit_is_seen_from_its_other_viewpoint(drive: Drive, photo: Pa
     drive(act)
 
 
-def test_a_fit_that_knows_of_no_other_viewpoint_offers_none(drive: Drive, backend: Backend, photo: Path) -> None:
+def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
         workspace = window.workspace
         window.context.drop([str(photo)])

@@ -11,7 +11,7 @@ from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
 
 
-def test_a_photo_on_busy_background_is_segmented_by_hand(drive: Drive, backend: Backend, tmp_path: Path) -> None:
+def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backend: Backend, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
     noise[40:120, 60:120], noise[50:70, 130:150] = (30, 40, 220), (220, 30, 30)
     Image.fromarray(noise).save(tmp_path / "busy.png")

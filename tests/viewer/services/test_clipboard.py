@@ -7,7 +7,7 @@ from viewer.services import clipboard
 from viewer.services.clipboard import Clipboard
 
 
-def test_a_picture_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clipboard.ImageGrab, "grabclipboard", lambda: Image.new("RGBA", (20, 10), "red"))
     board = Clipboard()
     ((first,),) = board.images("")

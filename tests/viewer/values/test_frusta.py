@@ -20,7 +20,7 @@ def test_a_frustum_stands_at_its_camera_and_looks_at_the_origin(azimuth: float, 
     assert sides[0] / sides[1] == pytest.approx(128 / 96)
 
 
-def test_an_overview_from_above_sees_the_ground_as_it_is() -> None:
+def test_an_overview_from_above_sees_the_horizontal_plane_as_it_is() -> None:
     above = OverviewCamera(-math.pi / 2, math.pi / 2)
     np.testing.assert_allclose(
         above.project(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 5.0]])), [[1, 0], [0, -1]], atol=1e-9

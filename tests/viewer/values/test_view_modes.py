@@ -44,7 +44,7 @@ def test_near_is_brighter_than_far(ball: Frame) -> None:
     assert (seen[ball.opacity == 0] == 3 * 255).all()
 
 
-def test_opacity_and_samples_fill_the_picture(ball: Frame) -> None:
+def test_opacity_and_samples_fill_the_image(ball: Frame) -> None:
     for mode in ("opacity", "samples"):
         seen = in_mode(ball, CAMERA, mode)
         assert (seen.opacity == 1).all()
@@ -53,7 +53,7 @@ def test_opacity_and_samples_fill_the_picture(ball: Frame) -> None:
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_picture_of_nothing_is_no_trouble(mode: str) -> None:
+def test_an_image_of_nothing_is_no_trouble(mode: str) -> None:
     empty = np.zeros((2, 3), np.float32)
     nothing = Frame(np.full((2, 3, 3), 255, np.uint8), empty, empty, 0, 1, 8, 0.1)
     seen = in_mode(nothing, CAMERA, mode)

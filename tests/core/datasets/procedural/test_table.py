@@ -94,7 +94,7 @@ def test_a_texture_colours_many_shapes_alike(rasteriser: Rasteriser) -> None:
     assert np.median(np.diag(distance)) < 0.5 * np.median(distance)
 
 
-def test_no_chair_is_cut_off_by_the_picture(rasteriser: Rasteriser) -> None:
+def test_no_chair_is_cut_off_by_the_image(rasteriser: Rasteriser) -> None:
     generator = np.random.default_rng(0)
     for seed in range(0, 60, 3):
         rasteriser.upload(surfaces(ProceduralObject("chairs", seed, seed)))

@@ -130,7 +130,7 @@ def test_body_colours_are_those_of_a_car_park() -> None:
     assert 0.05 < (chroma > 0.5).mean() < 0.4
 
 
-def test_pictures_hold_the_whole_car(rasteriser: Rasteriser) -> None:
+def test_images_hold_the_whole_car(rasteriser: Rasteriser) -> None:
     generator = np.random.default_rng(0)
     for seed in range(0, 30, 3):
         rasteriser.upload(surfaces(ProceduralObject("cars", seed, seed)))
@@ -141,7 +141,7 @@ def test_pictures_hold_the_whole_car(rasteriser: Rasteriser) -> None:
             assert mask.mean() > 0.05
 
 
-def test_no_ground_shines_through_the_body(rasteriser: Rasteriser) -> None:
+def test_no_background_shines_through_the_body(rasteriser: Rasteriser) -> None:
     """From above, below and all around; rails, spoilers and bars enclose some ground rightly."""
     open_ones = {"rail", "spoiler", "bumper bar"}
     closed = [seed for seed in SEEDS if not open_ones & {part.label for part in made(seed).parts}]
