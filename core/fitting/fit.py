@@ -67,7 +67,7 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
                 # The coarse winner stands beside them, as it was: whoever stops early gets the better one.
                 yield state(concatenate(batch, coarse.best) if schedule.coarse else batch, result)
             # 3. Refine the best.
-            selected = select(problem, batch, coarse, schedule.final)
+            selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
             for refined in refine(problem, selected.winner, schedule.final, generator):
                 if not refined.finished:
                     yield state(refined.best, result or selected._replace(winner=refined.best))

@@ -91,9 +91,11 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
     return replace(batch, loss=loss, squared_error=found.squared_error)
 
 
-def select(problem: Problem, batch: HypothesisBatch, coarse: HypothesisBatch, final: Stage) -> SearchResult:
+def select(
+    problem: Problem, batch: HypothesisBatch, coarse: HypothesisBatch, final: Stage, resumed: bool = False
+) -> SearchResult:
     """The best of the batch, of where it came from in the coarse search, of the winner there, and of the opposite view
-    of its leader; with the runner-up.
+    of its leader; with the runner-up. Of a ``resumed`` hypothesis, the others may be the runner-up only.
     """
     again = torch.isin(coarse.origin, batch.origin)
     again[coarse.leader] = True
@@ -102,7 +104,8 @@ def select(problem: Problem, batch: HypothesisBatch, coarse: HypothesisBatch, fi
         return SearchResult(score(problem, among, final.robust_scale).best)
     among = concatenate(among, flip_azimuth(batch.best, problem.unknown))
     among = score(problem, among, final.robust_scale)
-    return with_runner_up(problem, among.best, among)
+    winner = among[torch.arange(len(batch))].best if resumed else among.best
+    return with_runner_up(problem, winner, among)
 
 
 def with_runner_up(problem: Problem, winner: HypothesisBatch, among: HypothesisBatch) -> SearchResult:

@@ -126,6 +126,14 @@ def test_a_fit_resumes_where_another_ended(tiny: Model):
     assert steps[-1].confidence is None
 
 
+def test_a_resumed_fit_stays_with_its_viewpoint_even_where_the_opposite_is_better(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3))
+    found = last(tiny, photo, settings=SHORT).hypotheses[0]
+    wrong = replace(found, cameras=(replace(found.cameras[0], azimuth=found.cameras[0].azimuth + math.pi),))
+    *_, resumed = fit(tiny, FitJob((photo,), replace(QUICK, steps=2), resume_from=wrong))
+    assert rotation_error(resumed.cameras[0], wrong.cameras[0]) < 60
+
+
 def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model):
     truths = [tiny.camera(1.2, 0.3), tiny.camera(3.9, 0.5), tiny.camera(2.4, 0.4)]
     photos = [photo_of(tiny, tiny.codes[1], truth) for truth in truths]
