@@ -21,6 +21,8 @@ _MIN_OPACITY = 0.02
 """A cell that absorbs less of the light than this is empty."""
 _MASK_MARGIN = 3
 """px around the mask from which rays are sampled too: as far as the hull may reach beyond the object."""
+_DILATE_BATCH = 512
+"""masks"""
 _PRUNE_BATCH = 16384
 """cells"""
 
@@ -105,4 +107,6 @@ class RayDataset:
 
 def _dilate(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:
     """Masks dilated by ``reach`` px."""
-    return functional.max_pool2d(masks[:, None].float(), 2 * reach + 1, 1, reach)[:, 0] > 0
+    # In parts: as floats at once, the masks of a large dataset take gigabytes.
+    size, parts = 2 * reach + 1, masks.split(_DILATE_BATCH)
+    return torch.cat([functional.max_pool2d(part[:, None].float(), size, 1, reach)[:, 0] > 0 for part in parts])
