@@ -1,4 +1,4 @@
-"""``dataset``, ``train``, ``train-viewpoint``, ``select-gallery`` and ``convert``: everything that makes datasets and models."""
+"""Making data and models: ``dataset``, ``train``, ``train-viewpoint``, ``select-gallery`` and ``convert``."""
 
 import argparse
 import math

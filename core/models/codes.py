@@ -139,20 +139,16 @@ class CodeBook:
     @cached_property
     def shape_space(self) -> CodeSpace:
         """The cloud of the shape codes."""
-        return (
-            self.spaces[0]
-            if self.spaces
-            else CodeSpace.from_codes(self._valid_rows(self.shapes, [entry.shape for entry in self.objects]))
-        )
+        if self.spaces:
+            return self.spaces[0]
+        return CodeSpace.from_codes(self._valid_rows(self.shapes, [entry.shape for entry in self.objects]))
 
     @cached_property
     def texture_space(self) -> CodeSpace:
         """The cloud of the texture codes."""
-        return (
-            self.spaces[1]
-            if self.spaces
-            else CodeSpace.from_codes(self._valid_rows(self.textures, [entry.texture for entry in self.objects]))
-        )
+        if self.spaces:
+            return self.spaces[1]
+        return CodeSpace.from_codes(self._valid_rows(self.textures, [entry.texture for entry in self.objects]))
 
     @property
     def mean(self) -> Codes:

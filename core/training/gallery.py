@@ -1,7 +1,7 @@
 """The gallery of a model: the few of its training objects that its file keeps, chosen for variety.
 
-A fit needs the statistics of all codes, and prototypes from all over the shapes; a person browsing wants no near doubles
-and no broken objects. The codes of thousands of objects serve neither.
+A fit needs the statistics of all codes, and prototypes from all over the shapes; a person browsing wants no near
+doubles and no broken objects. The codes of thousands of objects serve neither.
 """
 
 from collections.abc import Mapping, Sequence
