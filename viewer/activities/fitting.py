@@ -321,6 +321,7 @@ class Fitting:
         due = self._steps_since >= _RENDER_STEPS and time.monotonic() - self._rendered_at > _RENDER_EVERY
         if due and self.history.selected is None and not self._jobs.busy("fit frame"):
             self._render(value, LIVE)
+            self.following.render_turned()
 
     def _render(self, step: FitStep, settings: RenderSettings) -> None:
         """A step from the photo's camera; as wide as the view while that follows the fit from there."""

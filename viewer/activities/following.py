@@ -57,7 +57,10 @@ class Following:
     def update(self, newest: View) -> None:
         """The fit has come so far, seen from the photo's camera."""
         self._newest = newest
-        if self.active and self.turned and not self._jobs.busy("fit view"):
+
+    def render_turned(self) -> None:
+        """Show how far it has come, where a person sees it from elsewhere."""
+        if self._newest and self.active and self.turned and not self._jobs.busy("fit view"):
             self._render()
 
     def _scene_changed(self) -> bool:

@@ -27,6 +27,7 @@ class ObjectsPanel:
         if imgui.begin_child("grid"):
             self._draw_grid(context)
         imgui.end_child()
+        self._mine_menu.apply(context)
 
     def _draw_grid(self, context: PanelContext) -> None:
         names, em = context.editor.objects.names, hello_imgui.em_size()

@@ -49,6 +49,8 @@ class MineMenu:
     def __init__(self) -> None:
         self._name = ""
         """as it is being typed"""
+        self._renamed: tuple[str, str] | None = None
+        """an object, and its new name"""
 
     def draw(self, context: PanelContext, name: str) -> None:
         """In the menu of an object that is not the model's own."""
@@ -61,6 +63,12 @@ class MineMenu:
                 context.workspace.remove(name)
             imgui.end_menu()
 
+    def apply(self, context: PanelContext) -> None:
+        """Rename what was renamed; to be called once all objects are drawn, of which some may have the old name."""
+        if self._renamed:
+            context.workspace.rename(*self._renamed)
+            self._renamed = None
+
     def _draw_rename(self, context: PanelContext, name: str) -> None:
         if not imgui.begin_menu("Rename###rename object"):
             return
@@ -70,7 +78,7 @@ class MineMenu:
         imgui.set_next_item_width(hello_imgui.em_size(12))
         entered, self._name = imgui.input_text("##new name", self._name, imgui.InputTextFlags_.enter_returns_true)
         if entered:
-            context.workspace.rename(name, self._name.strip())
+            self._renamed = name, self._name.strip()
             imgui.close_current_popup()
         imgui.end_menu()
 
