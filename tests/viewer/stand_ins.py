@@ -71,6 +71,17 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         )
 
 
+def checked_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """Ten steps towards object 3, then ten of a second search, whose result is object 4."""
+    first = list(quick_fit(model, job))
+    yield from first
+    for step in first[:-1]:
+        time.sleep(0.01)
+        yield replace(first[-1], step=10 + step.step, steps=20, seconds=1.0 + step.seconds, restart=True)
+    behind = first[-1].runner_up.cameras
+    yield replace(first[-1], step=20, steps=20, cameras=behind, codes=model.codes[4], restart=True)
+
+
 def endless_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Never ends by itself."""
     while True:
