@@ -27,6 +27,11 @@ _MIN_MARGIN = -30.0
 """keeps the relative margin of a hypothesis that has lost finite"""
 
 
+_EXPLAINED_PSNR, _EXPLAINED_WIDTH = 20.0, 1.0
+"""dB: a render that is further from its photo does not explain it. The 116 right fits of 120 held-out views have 23.7
+and more, right fits of 7 real photographs 21.7 and more; the one that is wrong, of a squashed car, has 18."""
+
+
 class Calibration(NamedTuple):
     """The logarithm of the odds of a right camera: a constant, and the weights of the relative margin and of the
     logarithm of the uncertainty.
@@ -57,6 +62,16 @@ def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION)
     """
     odds = by.constant + by.margin * _relative_margin(margin) + by.uncertainty * _log_uncertainty(uncertainty)
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
+
+
+def explained(psnr: float) -> float:
+    """How far a render explains its photo, 0..1, by their PSNR (dB): no camera is right that explains nothing.
+
+    Example:
+        >>> round(explained(30.0), 3), round(explained(20.0), 3), round(explained(15.0), 3)
+        (1.0, 0.5, 0.007)
+    """
+    return 1 / (1 + math.exp(-max(-30.0, min(30.0, (psnr - _EXPLAINED_PSNR) / _EXPLAINED_WIDTH))))
 
 
 def _relative_margin(margin: float) -> float:

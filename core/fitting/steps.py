@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from core.fitting.confidence import DOUBTFUL, confidence
+from core.fitting.confidence import DOUBTFUL, confidence, explained
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras, to_hypotheses
 from core.fitting.problem import Problem
 from core.fitting.search import SearchResult
@@ -86,7 +86,8 @@ class FitStep:
         if self.margin is None or self.uncertainty is None:
             return None
         # A category that is more likely than not is not doubted.
-        return min(1.0, self.category_likelihood / DOUBTFUL) * confidence(self.margin, self.uncertainty)
+        plausible = min(1.0, self.category_likelihood / DOUBTFUL) * explained(self.psnr)
+        return plausible * confidence(self.margin, self.uncertainty)
 
 
 class SearchState(NamedTuple):

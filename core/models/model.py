@@ -53,6 +53,8 @@ class Model:
     """The network itself paints the white background (the authors' checkpoints): the last sample is always opaque."""
     viewpoint_classifier: ViewpointClassifier | None = None
     """predicts from where an image was probably taken; on the processor"""
+    gallery_of: str = ""
+    """The fingerprint of the model whose objects were reduced to a gallery: scenes of either open with the other."""
 
     def __post_init__(self) -> None:
         self.field.requires_grad_(False).eval()
@@ -82,6 +84,8 @@ class Model:
     @cached_property
     def fingerprint(self) -> str:
         """A hash of the field's weights and the codes, by which a scene recognises its model."""
+        if self.gallery_of:
+            return self.gallery_of
         digest = hashlib.sha256()
         for name, tensor in sorted(_rendering_tensors(self).items()):
             digest.update(name.encode())
@@ -105,6 +109,7 @@ class Model:
             "focal": self.focal,
             "distance": self.distance,
             "white_from_network": self.white_from_network,
+            "gallery_of": self.gallery_of,
         }
         with atomic_file(path) as partial:
             save_file(_all_tensors(self), partial, metadata={"format": FORMAT, "model": json.dumps(about)})
@@ -137,7 +142,8 @@ class Model:
         objects = tuple(Entry(*entry) for entry in about["objects"])
         codes = CodeBook(shapes, textures, objects, frozenset(about.get("collapsed", ())), spaces)
         about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "white_from_network")} | {
-            "extent": tuple(about["extent"])
+            "extent": tuple(about["extent"]),
+            "gallery_of": about.get("gallery_of", ""),
         }
         return cls(field, codes, **about, viewpoint_classifier=classifier)
 

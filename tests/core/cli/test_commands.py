@@ -251,6 +251,7 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
         fitting, "load_photo", lambda *_: Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     )
     monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
+    monkeypatch.setattr(fitting, "guess_category", lambda *_: {})
     run("fit", "a.png", "--model", file)
     printed = capsys.readouterr()
     assert said in printed.err
