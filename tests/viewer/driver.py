@@ -78,7 +78,7 @@ class Driver:
 
     def choose(self, name: str, item: str) -> None:
         """Choose from the menu of an object."""
-        self.click(f"Objects/**/show {name}", 1)
+        self.click(f"Library/**/show {name}", 1)
         self.click(f"**/{item}")
 
     def set(self, name: str, value: float) -> None:

@@ -126,8 +126,8 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
         window.drag("View/orbit", 30)
         assert editor.history.past
         window.app.panels[2].draw = drawn
-        window.click("Objects/Try again")
-        window.click("Objects/**/show object 3")
+        window.click("Library/Try again")
+        window.click("Library/**/show object 3")
         assert editor.state.mix.a.shape == "object 3"
 
     drive(act, strict=False)
@@ -185,8 +185,8 @@ def test_a_layout_of_an_older_version_still_holds(drive: Drive, tmp_path: Path) 
     folder, renamed = tmp_path / "config", {"Grid": "Sheet", "Performance": "Speed", "Sliders": "Codes"}
 
     def place(window: Driver) -> tuple[float, float]:
-        window.show("Grid")
-        corner = window.ctx.window_info("//Grid").window.pos
+        window.show("Shape × texture grid")
+        corner = window.ctx.window_info("//Shape × texture grid").window.pos
         return corner.x, corner.y
 
     places: list[tuple[float, float]] = []

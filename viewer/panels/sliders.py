@@ -36,7 +36,8 @@ class SlidersPanel:
     """Two columns of sliders. A slider changes its coordinate and nothing else."""
 
     title = "Sliders"
-    dock = "Lower"
+    dock = "Right"
+    folded = False
     waiting = "The sliders come with the model"
 
     def __init__(self) -> None:

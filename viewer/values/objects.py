@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+import torch
+
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
+from viewer.values.variety import families
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +29,9 @@ class ObjectLibrary:
             self.add(EditableObject(model.codes.objects[index].name, model.codes[index]))
         if not self._objects:
             self.add(EditableObject("mean", model.codes.mean))
+        shapes = torch.stack([one.codes.shape for one in self._objects.values()])
+        self.families = families(list(self._objects), shapes)
+        """of the model's objects: one of each form, the most different forms first, and its variants"""
         self._trained = len(self._objects)
 
     def __getitem__(self, name: str) -> EditableObject:
@@ -33,9 +39,13 @@ class ObjectLibrary:
 
     @property
     def names(self) -> list[str]:
-        """Added objects first, the newest in front, then the model's own."""
-        names = list(self._objects)
-        return names[self._trained :][::-1] + names[: self._trained]
+        """Added objects first, the newest in front, then the model's own: one of each form, then the variants."""
+        return [*self.own, *self.families, *(name for variants in self.families.values() for name in variants)]
+
+    @property
+    def own(self) -> list[str]:
+        """The names of added objects, the newest in front."""
+        return [one.name for one in reversed(self.added)]
 
     @property
     def added(self) -> tuple[EditableObject, ...]:

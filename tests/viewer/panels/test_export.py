@@ -142,7 +142,7 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
         window.type(str(tmp_path / "mine.png"))
         window.wait()
         window.click("View/###reset_view")
-        window.click("Objects/**/show object 4")
+        window.click("Library/**/show object 4")
         window.context.drop([str(tmp_path / "mine.png")])
         assert editor.scene == scene
         before = editor.history

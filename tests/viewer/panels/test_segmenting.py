@@ -71,7 +71,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert fitted is not None
         assert fitted.source.hints == hints
         assert fitted.photo.cropped
-        window.click("Fit/###segment")
+        window.click("Photo/###segment")
         window.wait(lambda: segmenting.result is not None)
         assert segmenting.hints == hints
         window.click("Segment###segment/**/###clear hints")
@@ -83,7 +83,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.click("Segment###segment/**/###cancel segmentation")
         window.wait()
         assert not segmenting.active
-        window.click("Fit/###segment")
+        window.click("Photo/###segment")
         window.wait(lambda: segmenting.result is not None)
         window.context.drop([str(tmp_path / "missing.png")])
         window.wait(lambda: bool(session.messages.errors))
