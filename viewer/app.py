@@ -239,6 +239,7 @@ class App:
         """All that is not docked."""
         context = self.context
         self._guard("This key failed", lambda: run_keys(context))
+        self._guard("This key failed", lambda: self._close_top(context))
         self._guard("The messages failed", lambda: messages.draw(context))
         self._guard("The help failed", lambda: help.draw(context))
         self._guard("The last session cannot be offered", lambda: recovery.draw(context))
@@ -254,6 +255,16 @@ class App:
         context.images.sweep()
         if not imgui.is_any_mouse_down():
             self._save_preferences()
+
+    @staticmethod
+    def _close_top(context: PanelContext) -> None:
+        """Esc closes what is on top: a menu or a list, else the help; dialogs close themselves."""
+        if not imgui.is_key_pressed(imgui.Key.escape):
+            return
+        if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
+            imgui.internal.close_popups_except_modals()
+        else:
+            context.help_open = False
 
     def _save_preferences(self) -> None:
         """Write them as soon as they change, so that a crash does not lose them."""

@@ -107,6 +107,7 @@ class Viewport:
         self._rested = None
 
         def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
+            self.times = (*self.times, (frame.resolution, self.times[-1][1] + frame.seconds))
             self._show(frame, crop)
             self.sharp = frame.final
 

@@ -7,6 +7,7 @@ from viewer.panels.export import ExportPanel
 from viewer.panels.grid import GridPanel
 from viewer.panels.history import HistoryPanel
 from viewer.panels.library import LibraryPanel
+from viewer.panels.log import LogPanel
 from viewer.panels.mix import MixPanel
 from viewer.panels.performance import PerformancePanel
 from viewer.panels.photo import PhotoPanel
@@ -19,5 +20,5 @@ from viewer.panels.view import ViewPanel
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
     inspector = MixPanel(), SlidersPanel(), PhotoPanel(), RealismPanel(), GridPanel(), ExportPanel()
-    drawer = TimelinePanel(), CandidatesPanel(), CameraPanel(), PerformancePanel()
+    drawer = TimelinePanel(), CandidatesPanel(), CameraPanel(), PerformancePanel(), LogPanel()
     return [LibraryPanel(), ViewPanel(), *inspector, *drawer, HistoryPanel()]

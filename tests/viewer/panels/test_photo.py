@@ -84,6 +84,7 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
         window.wait(lambda: not fitting.running)
         window.wait()
         found, past = editor.state, len(editor.history.past)
+        window.click("Photo/Details")
         window.drag("Photo/scrub", -60)
         history = fitting.history
         assert history.selected is not None
@@ -112,6 +113,7 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
         fitting = workspace.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: not fitting.running)
+        window.click("Photo/Details")
         window.click("Photo/scrub")
         kept = fitting.history.steps[: (fitting.history.selected or 0) + 1]
         window.click("Photo/###refit")
@@ -130,10 +132,10 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
         window.wait(lambda: not fitting.running)
         assert fitting.camera == turned
         window.click("Photo/##preset")
-        window.click("**/Estimate focal length")
-        assert fitting.options.estimate_focal
-        window.click("**/Estimate focal length")
         window.click("**/draft")
+        window.click("Photo/Estimate focal length")
+        assert fitting.options.estimate_focal
+        window.click("Photo/Estimate focal length")
         window.click("Photo/###refit")
         window.click("**/###restart")
         window.wait(lambda: not fitting.running)
