@@ -149,6 +149,32 @@ def test_closing_while_a_fit_runs_ends_at_once(drive: Drive, backend: Backend, p
     assert not any(thread.name == "worker" for thread in threading.enumerate())
 
 
+def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
+    def seen(window: Driver) -> set[str]:
+        window.ctx.yield_(10)
+        return {panel.title for panel in window.app.panels if window.ctx.window_info(f"//{panel.title}").window.active}
+
+    def act(window: Driver) -> None:
+        def corner(panel: str) -> imgui.ImVec2:
+            return window.ctx.window_info(f"//{panel}").window.pos
+
+        first = {"Library", "View", "Mix", "Sliders", "Photo", "History"}
+        assert {*first} - {"Sliders", "Photo"} <= seen(window) <= first
+        assert corner("Library").x < corner("View").x < corner("Mix").x
+        assert corner("View").y < corner("History").y
+        for lone in ("Library", "History"):  # its bar has its name
+            assert not window.ctx.window_info(f"//{lone}").window.dock_node.is_hidden_tab_bar()
+        window.show("Timeline")
+        assert corner("View").y < corner("Timeline").y < corner("History").y
+        window.menu("Panels/Library")
+        window.menu("Panels/Mix")
+        assert not {"Library", "Mix"} & seen(window)
+        window.menu("Panels/###reset_layout")
+        assert {"Library", "Mix"} <= seen(window) <= first
+
+    drive(act)
+
+
 @pytest.mark.parametrize("size", [(900, 600), (1280, 800), (3840, 2160)])
 def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
     def act(window: Driver) -> None:

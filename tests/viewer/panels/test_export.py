@@ -135,6 +135,7 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
     def act(window: Driver) -> None:
         session, workspace, editor = window.session, window.workspace, window.workspace.editor
         window.drag("View/orbit", 90, -20)
+        window.show("Sliders")
         window.click("Sliders/**/###Random shape")
         scene = editor.scene
         window.show("Export")

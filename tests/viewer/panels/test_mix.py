@@ -73,7 +73,9 @@ def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
         window.click("Mix/###lock shape")
         window.click("Library/**/show object 2")
         window.drop("Library/**/show object 3", "Mix/slot shape")
+        window.show("Sliders")
         window.click("Sliders/**/###Random texture")
+        window.show("Mix")
         assert torch.equal(editor.code("shape"), model.codes[0].shape)
         assert len(editor.history.past) == 2
         window.click("Mix/###lock shape")

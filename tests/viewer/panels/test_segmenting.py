@@ -59,6 +59,16 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.undo()
         window.wait()
         assert not covered(0.58, 0.7)
+        ctx.mouse_move_to_pos(imgui.ImVec2(box.min.x + 0.5 * width, box.min.y + 0.5 * height))
+        ctx.mouse_wheel_y(4.0)
+        ctx.yield_(2)
+        before_zoom = segmenting.hints
+        draw((0.4, 0.4), (0.6, 0.6))  # nearer, so a stroke of half the length
+        (near,) = segmenting.hints.strokes[len(before_zoom.strokes) :]
+        assert 0.05 < near.points[-1][0] - near.points[0][0] < 0.15
+        window.undo()
+        window.wait()
+        assert segmenting.settled
         window.set("Cut out###segment/**/##scale", 0.8)
         window.wait()
         assert segmenting.crop.scale == pytest.approx(0.8)

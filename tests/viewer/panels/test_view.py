@@ -39,6 +39,23 @@ def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
     drive(act)
 
 
+def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    def act(window: Driver) -> None:
+        started = list[Path]()
+        monkeypatch.setattr(window.workspace.fitting, "start", started.append)
+        window.click("View/**/sample cushion")
+        assert [path.name for path in started] == ["cushion.png"]
+        window.click("View/**/###fit_image")
+        assert window.context.files.asking
+        window.ctx.item_click("//Choose a file###ask/Cancel")
+        window.drag("View/orbit", 40)
+        window.ctx.yield_(2)
+        assert not window.exists("View/**/sample cushion")
+        assert window.exists("View/badge")
+
+    drive(act, size=(900, 600))
+
+
 def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive: Drive) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
