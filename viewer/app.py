@@ -27,8 +27,8 @@ _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
 touches anything meanwhile."""
 _TOUCHED = 0.7
 """s for which a touch counts."""
-_INSPECTOR, _LIBRARY, _STRIP = 390.0, 232.0, 142.0
-"""px: width of the inspector and of the library, height of the strip"""
+_INSPECTOR, _LIBRARY, _STRIP, _DRAWER = 390.0, 232.0, 142.0, 250.0
+"""px of a 96 ppi screen: width of the inspector and of the library, height of the strip and of the drawer"""
 
 
 class App:
@@ -87,7 +87,7 @@ class App:
     def _reset_layout(self) -> None:
         """Every panel where it is at first, and as it is at first: shown or folded away."""
         docking = self.params.docking_params
-        docking.docking_splits = self._splits(*imgui.get_main_viewport().size)
+        docking.docking_splits = self._splits(*(imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor()))
         for panel in self.panels:
             docking.dockable_window_of_name(panel.title).is_visible = not panel.folded
         docking.layout_reset = True
@@ -118,7 +118,7 @@ class App:
         """The library on the left, the inspector on the right, a strip below; the drawer opens above the strip.
 
         Args:
-            width, height: of the window, px.
+            width, height: of the window, px of a 96 ppi screen.
         """
         dirs = imgui.Dir
         right, strip = min(_INSPECTOR, 0.4 * width), min(_STRIP, 0.25 * height)
@@ -127,7 +127,7 @@ class App:
             hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),
             hello_imgui.DockingSplit("MainDockSpace", "Left", dirs.left, left / (width - right)),
             hello_imgui.DockingSplit("MainDockSpace", "Strip", dirs.down, strip / height),
-            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, 0.38),
+            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, min(_DRAWER / (height - strip), 0.45)),
         ]
 
     def _dockable(self, panel: Panel) -> hello_imgui.DockableWindow:

@@ -32,9 +32,10 @@ class LibraryPanel:
     def draw(self, context: PanelContext) -> None:
         """The button, one's own objects, the model's; those out of sight are not rendered."""
         library = context.editor.objects
-        action_button(
-            context, "fit_image", f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…", -1, context.palette.accent
+        label = (
+            f"{_PHOTO}  Open photo…" if imgui.get_content_region_avail().x > hello_imgui.em_size(8) else "Open photo"
         )
+        action_button(context, "fit_image", label, -1, context.palette.accent)
         if imgui.begin_child("objects"):
             heading(context, "Mine")
             self._draw_tiles(context, library.own) if library.own else caption(context, _MINE)

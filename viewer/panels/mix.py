@@ -27,7 +27,8 @@ class MixPanel:
 
     def draw(self, context: PanelContext) -> None:
         """The slots, the pad, the sliders."""
-        side = object_tiles.THUMBNAIL * hello_imgui.em_size()
+        gaps = 2 * imgui.get_style().item_spacing.x
+        side = min(object_tiles.THUMBNAIL * hello_imgui.em_size(), (imgui.get_content_region_avail().x - gaps) / 3)
         for part in PARTS:
             self._draw_slot(context, part, side)
             imgui.same_line()
@@ -56,7 +57,7 @@ class MixPanel:
             editor.take(part, dropped)
         _draw_caption(context, f"A's {part}", side)
         what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or sampled"
-        if button(f"{_LOCKED if locked else _OPEN}###lock {part}", what, width=object_tiles.THUMBNAIL):
+        if button(f"{_LOCKED if locked else _OPEN}###lock {part}", what, side / hello_imgui.em_size()):
             editor.lock(part, not locked)
         imgui.end_group()
 

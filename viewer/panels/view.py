@@ -31,6 +31,8 @@ _MODE = 7.0
 """em"""
 _HINT = "Drag to turn    Wheel to zoom    F1 for help"
 _GEAR = icons_fontawesome_4.ICON_FA_COG
+_LOW = 24.0
+"""em: in a lower view there is no room for the hint above the way in"""
 _NARROW = 26.0
 """em: in a narrower view the mode is among the options"""
 
@@ -77,9 +79,10 @@ class ViewPanel:
         imgui.invisible_button("orbit", size, every)
         self._react(context, size)
         _draw_buttons(context, corner, size)
-        if context.preferences.newcomer:
+        begins = self._welcome.is_due(context)
+        if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
             _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
-        if self._welcome.is_due(context):
+        if begins:
             self._welcome.draw(context, corner, size)
         else:
             _draw_badge(viewport, viewport.frame, corner, size)

@@ -15,6 +15,8 @@ from viewer.widgets.text import caption, heading
 _SENTENCE = "Drop a photo of a chair or a car: it is rebuilt in 3-D."
 _WIDEST, _MARGIN = 25.0, 0.7
 """em, of the card and around it"""
+_NARROW = 14.0
+"""em: in a narrower card there is no room for a heading"""
 _PADDING = 0.8
 """em"""
 _SAMPLE = 0.13
@@ -45,8 +47,9 @@ class Welcome:
         flags = imgui.ChildFlags_
         shape = flags.auto_resize_y | flags.always_use_window_padding
         if imgui.begin_child("welcome", (width, 0), shape):
-            heading(context, _SENTENCE)
-            label = f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
+            narrow = width < _NARROW * em
+            imgui.text_wrapped(_SENTENCE) if narrow else heading(context, _SENTENCE)
+            label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
             imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
             action_button(context, "fit_image", label, -1, context.palette.accent)
             imgui.pop_style_var()

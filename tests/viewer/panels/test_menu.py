@@ -54,14 +54,14 @@ def test_models_are_a_switch_and_samples_in_a_menu(drive: Drive, monkeypatch: py
         session, editor = window.session, window.workspace.editor
         assert session.model_name == "chairs"
         window.drag("View/orbit", 30)
-        window.click("##MainMenuBar/##menubar/###model chairs")  # which is there already
+        window.click("##MainMenuBar/##MenuBar/###model chairs")  # which is there already
         assert not session.loading
         assert editor.history.past
-        window.click("##MainMenuBar/##menubar/###model cars")
+        window.click("##MainMenuBar/##MenuBar/###model cars")
         window.wait()
         assert session.model_name == "cars"
         assert not window.workspace.editor.history.past
-        window.click("##MainMenuBar/##menubar/###model chairs")
+        window.click("##MainMenuBar/##MenuBar/###model chairs")
         window.wait()
         assert window.workspace.editor.history.past
         started = list[Path]()
