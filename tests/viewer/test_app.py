@@ -152,7 +152,8 @@ def test_closing_while_a_fit_runs_ends_at_once(drive: Drive, backend: Backend, p
 def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
     def seen(window: Driver) -> set[str]:
         window.ctx.yield_(10)
-        return {panel.title for panel in window.app.panels if window.ctx.window_info(f"//{panel.title}").window.active}
+        found = {panel.title: window.ctx.window_info(f"//{panel.title}").window for panel in window.app.panels}
+        return {title for title, seen in found.items() if seen is not None and seen.active}
 
     def act(window: Driver) -> None:
         def corner(panel: str) -> imgui.ImVec2:
