@@ -51,6 +51,8 @@ class Viewport:
         """the frame on screen is finished, and has every pixel of the view"""
         self._rested: float | None = None
         """s on the monotonic clock, when the image was finished that has fewer pixels than the view"""
+        self.keep_following: Callable[[], bool] = lambda: False
+        """called after an edit while a fit is shown: whether it still is"""
         editor.scene_changed = self._scene_changed
 
     def close(self) -> None:
@@ -153,8 +155,8 @@ class Viewport:
             self.render()
 
     def _scene_changed(self) -> None:
-        """The timeline edits the scene while it plays; any other edit ends following a fit."""
-        if self.source == "fit":
+        """The timeline edits the scene while it plays; an edit of codes ends following a fit."""
+        if self.source == "fit" and not self.keep_following():
             self.source = "scene"
         self.render()
 

@@ -5,13 +5,12 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.history import PARTS
+from viewer.values.objects import ObjectLibrary
 from viewer.values.variety import family, readable
-from viewer.widgets import object_tiles
+from viewer.widgets import mine, object_tiles
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
-_FITTED: Colour = (0.35, 0.75, 0.5)
-"""the dot on objects that were fitted"""
 _MINE = "What you rebuild from photos comes here."
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
 _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
@@ -26,6 +25,7 @@ class LibraryPanel:
     waiting = "The objects come with the model"
 
     def __init__(self) -> None:
+        self._mine_menu = mine.MineMenu()
         self._unfolded = set[str]()
         """the objects whose variants are shown"""
 
@@ -36,6 +36,10 @@ class LibraryPanel:
             f"{_PHOTO}  Open photo…" if imgui.get_content_region_avail().x > hello_imgui.em_size(8) else "Open photo"
         )
         action_button(context, "fit_image", label, -1, context.palette.accent)
+        self._draw_objects(context, library)
+        self._mine_menu.apply(context)
+
+    def _draw_objects(self, context: PanelContext, library: ObjectLibrary) -> None:
         if imgui.begin_child("objects"):
             heading(context, "Mine")
             self._draw_tiles(context, library.own) if library.own else caption(context, _MINE)
@@ -71,7 +75,7 @@ class LibraryPanel:
     def _draw_tile(self, context: PanelContext, name: str, side: float, height: float) -> None:
         corner, after = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
         imgui.set_next_item_allow_overlap()
-        _draw_object(context, name, corner, ImVec2(side, height))
+        _draw_object(context, name, corner, ImVec2(side, height), self._mine_menu)
         head = name in context.editor.objects.families
         paint_caption(context, readable(family(name) if head else name), corner + ImVec2(0, side), side)
         if variants := context.editor.objects.families.get(name, ()):
@@ -97,12 +101,14 @@ class LibraryPanel:
         draw.add_text(low + ImVec2(0.25 * em, 0), packed(context.palette.text), label)
 
 
-def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2) -> None:
+def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2, mine_menu: mine.MineMenu) -> None:
     editor, side = context.editor, size.x
     if imgui.invisible_button(f"show {name}", size):
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
-    tooltip(f"{readable(name)}\nClick to show it, drag it to a slot, right click to choose")
+    tooltip(
+        f"{readable(name)}{mine.about(editor.objects[name])}\nClick to show it, drag it to a slot, right click to choose"
+    )
     if imgui.begin_drag_drop_source():
         context.dragged = name
         imgui.set_drag_drop_payload_py_id(object_tiles.DRAGGED, 0)
@@ -110,6 +116,8 @@ def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2)
         imgui.end_drag_drop_source()
     if imgui.begin_popup_context_item():
         _draw_menu(context, name)
+        if name in editor.objects.own:
+            mine_menu.draw(context, name)
         imgui.end_popup()
     object_tiles.paint(context, name, corner, side)
     draw = imgui.get_window_draw_list()
@@ -118,9 +126,7 @@ def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2)
         object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
         draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), object_tiles.rounding())
-    if editor.objects[name].photo:
-        low = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * hello_imgui.em_size()
-        draw.add_circle_filled(low, 0.3 * hello_imgui.em_size(), packed(_FITTED))
+    mine.draw_dot(context, name, corner, side)
 
 
 def _draw_menu(context: PanelContext, name: str) -> None:

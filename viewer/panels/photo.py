@@ -55,7 +55,7 @@ class PhotoPanel:
             _draw_start(context, fitting)
         if fitting.history.photo is None:
             imgui.spacing()
-            what = f"Reading {fitting.history.name} …" if fitting.running else _invitation(context)
+            what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
         else:
             if not fitting.running:
@@ -91,6 +91,20 @@ def _draw_progress(fitting: Fitting) -> None:
     else:
         tooltip("Ranking the views of the view bank for the photo")
     imgui.text(label)
+    _draw_queue(fitting)
+
+
+def _draw_queue(fitting: Fitting) -> None:
+    """Which photos wait, and the object that can be used already."""
+    if fitting.queue:
+        imgui.align_text_to_frame_padding()
+        imgui.text(f"{len(fitting.queue)} more wait{'s' if len(fitting.queue) == 1 else ''}")
+        tooltip("\n".join(request.history.name for request in fitting.queue))
+        imgui.same_line()
+        if button("Clear###clear queue", "Forget the photos that wait"):
+            fitting.clear_queue()
+    if fitting.result:
+        imgui.text_disabled(f"{fitting.result.name} can be used already")
 
 
 def _draw_start(context: PanelContext, fitting: Fitting) -> None:
