@@ -106,9 +106,8 @@ def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2,
     if imgui.invisible_button(f"show {name}", size):
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
-    tooltip(
-        f"{readable(name)}{mine.about(editor.objects[name])}\nClick to show it, drag it to a slot, right click to choose"
-    )
+    about = f"{readable(name)}{mine.about(editor.objects[name])}"
+    tooltip(f"{about}\nClick to show it, drag it to a slot, right click to choose")
     if imgui.begin_drag_drop_source():
         context.dragged = name
         imgui.set_drag_drop_payload_py_id(object_tiles.DRAGGED, 0)

@@ -64,7 +64,7 @@ class History:
     future: tuple[State, ...] = ()
     gesture: str = ""
     """the drag under way, whose edits change the state that it began"""
-    moved: bool = False
+    moved: bool = field(default=False, compare=False)
     """the newest step is a move of the camera, which the next move continues"""
 
     def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
