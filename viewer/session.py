@@ -15,6 +15,7 @@ from viewer.services.jobs import Jobs
 from viewer.services.messages import Messages
 from viewer.services.mine import Mine
 from viewer.services.worker import Job, Worker
+from viewer.values.fit_history import PhotoSource
 from viewer.values.objects import EditableObject
 from viewer.values.project import Project
 from viewer.values.saved_session import SavedSession
@@ -173,6 +174,7 @@ class Session:
             self.workspace.close()
         self.model_name = name
         self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.mine)
+        self.workspace.fitting.other_category = self._fit_with_its_model
         self.workspace.start()
         if left := self._left.pop(name, None):
             self._restore(left)
@@ -221,6 +223,16 @@ class Session:
             self.open_scene(path)
 
         self.jobs.submit(Job(f"model of {path}", search, found, self.jobs.reporting("Cannot open the scene")))
+
+    def _fit_with_its_model(self, sources: tuple[PhotoSource, ...], category: str) -> None:
+        """Photos of another category are fitted with the model of that."""
+        self.messages.notify(f"This looks like {category}, not {self._workspace().model.category}: opening that model")
+        self.open_model(category)
+
+        def begin() -> None:
+            self._workspace().fitting.fit(*sources)
+
+        self.when_ready(begin)
 
     def _restore(self, saved: SavedSession) -> None:
         try:

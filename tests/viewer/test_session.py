@@ -183,3 +183,32 @@ def test_scenes_that_cannot_be_opened_change_nothing(
         assert len(session.messages.errors) == 1, name
     workspace.exporting.scene(tmp_path / "no such folder" / "scene.json")
     assert session.messages.errors[-1].startswith("Cannot save the scene")
+
+
+def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
+    session: Session, editor: Editor, photo: Path
+) -> None:
+    other, before = replace(random_model(1), category="cars"), editor.history
+    backend, here = session.jobs.backend, editor.model
+    session.jobs.backend = replace(
+        backend,
+        load_model=lambda name: other if name == "cars" else here,
+        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
+    )
+    session.fit_photos(photo)
+    finish(session, lambda: session.model_name == "cars" and not session.loading)
+    finish(session, lambda: not session.fitting_runs)
+    assert opened(session).editor.objects.names[0] == "block"
+    assert "This looks like cars, not chairs: opening that model" in [one.text for one in session.messages.all]
+    session.open_model("chairs")
+    finish(session, lambda: session.model_name == "chairs")
+    assert "block" not in opened(session).editor.objects.names
+    assert opened(session).editor.history == before
+
+
+def test_a_photo_of_nothing_known_is_fitted_and_a_person_is_told(session: Session, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
+    session.fit_photos(photo)
+    finish(session, lambda: not session.fitting_runs)
+    assert opened(session).editor.objects.names[0] == "block"
+    assert "block: this does not look like a chair" in [one.text for one in session.messages.all]

@@ -12,6 +12,7 @@ from PIL import Image
 
 from core.export.keyframes import View
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis
+from core.fitting.plausibility import describe_category, likeliest_category
 from core.fitting.settings import PaperSettings
 from core.geometry.camera import Camera
 from core.photos.plain_background import NoBackgroundError
@@ -34,7 +35,13 @@ _RENDER_EVERY = 0.3
 """s between two renders of the fit, which take their time from it"""
 _RENDER_STEPS = 4
 """steps between two renders at the least, for machines on which they are slow"""
+_SURE_CATEGORY = 0.8
+"""Probability from which a photo is fitted with the model of the category that it shows, whichever is open."""
 _FINISHED = RenderSettings(divisors=(1,))
+
+
+class CategoryGuess(dict[str, float]):
+    """How probable it is that a photo shows each category."""
 
 
 @dataclass(eq=False)
@@ -73,6 +80,10 @@ class Fitting:
         """called with the photo in which the object was not found automatically"""
         self.request: FitRequest | None = None
         """what is under way"""
+        self.other_category: Callable[[tuple[PhotoSource, ...], str], None] = lambda sources, category: None
+        """called with photos that show another category, whose fit is withdrawn"""
+        self._before = self.history, self.candidates.tiles
+        """what was there before the last fit began"""
         self._rendered_at, self._steps_since = 0.0, 0
         """s on the monotonic clock, and steps, since the last render"""
 
@@ -267,8 +278,26 @@ class Fitting:
         self.following.end()
         self.request = self.result = None
 
+    def _check_category(self, guess: CategoryGuess) -> None:
+        """A photo of another category is handed over; of one that nobody knows, a person is told."""
+        warning = describe_category(guess, self._editor.model.category)
+        likeliest = likeliest_category(guess)
+        if warning and likeliest and guess[likeliest] > _SURE_CATEGORY:
+            sources = self.history.sources
+            self._withdraw()
+            self.other_category(sources, likeliest)
+        elif warning:
+            self._jobs.notify(f"{self.history.name}: {warning}")
+
+    def _withdraw(self) -> None:
+        """Undo the beginning of a fit."""
+        history, tiles = self._before
+        self._drop()
+        self.history = history
+        self.candidates.reset(tiles)
+
     def _run(self, request: FitRequest, follow: bool = True) -> None:
-        before, tiles = self.history, self.candidates.tiles
+        self._before = before, tiles = self.history, self.candidates.tiles
         history, resume_from = request
         self._drop()
         self.candidates.reset(tiles if resume_from else ())
@@ -294,8 +323,8 @@ class Fitting:
 
     def _stream(
         self, history: FitHistory, settings: FitSettings, resume_from: Hypothesis | None
-    ) -> Iterator[FittedPhoto | FitStep | None]:
-        """The photos that have not been read, then the steps; runs on the worker."""
+    ) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
+        """The photos that have not been read, what the first shows, then the steps; runs on the worker."""
         backend, model = self._jobs.backend, self._editor.model
         if resume_from is None:
             with suppress(ValueError):  # without a view bank, the steps that need one raise
@@ -304,11 +333,16 @@ class Fitting:
         for source in history.sources[len(photos) :]:
             photos.append(backend.load_photo(source.path, model, *source[1:]))
             yield FittedPhoto.of(source, photos[-1])
+            if len(photos) == 1:
+                yield CategoryGuess(backend.guess_category(photos[0]))
         past = history.steps[-1].seconds if history.steps else 0.0
         for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
             yield replace(step, seconds=past + step.seconds)
 
-    def _receive(self, value: FittedPhoto | FitStep) -> None:
+    def _receive(self, value: FittedPhoto | CategoryGuess | FitStep) -> None:
+        if isinstance(value, CategoryGuess):
+            self._check_category(value)
+            return
         if isinstance(value, FittedPhoto):
             self.history = replace(self.history, photos=(*self.history.photos, value))
             return
