@@ -88,8 +88,8 @@ class Session:
         self.when_ready(lambda: self._workspace().fitting.start(*paths))
 
     def open_scene(self, path: Path) -> None:
-        """Open a scene, or an image that holds one: its object joins the objects. What cannot be read, or is of
-        another model, changes nothing.
+        """Open a scene, or an image that holds one: its object joins the objects. One of another shipped model opens
+        that first; what cannot be read, or is of no such model, changes nothing.
         """
         self.when_ready(lambda: self._open_scene(path))
 

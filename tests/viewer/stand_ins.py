@@ -1,6 +1,7 @@
 """Stand-ins for the streams that take seconds: renders, photos and fits that are made at once."""
 
 import math
+import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -76,15 +77,20 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         )
 
 
-def checked_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
-    """Ten steps towards object 3, then ten of a second search, whose result is object 4."""
-    first = list(quick_fit(model, job))
-    yield from first
-    for step in first[:-1]:
-        time.sleep(0.01)
-        yield replace(first[-1], step=10 + step.step, steps=20, seconds=1.0 + step.seconds, restart=True)
-    behind = first[-1].runner_up.cameras
-    yield replace(first[-1], step=20, steps=20, cameras=behind, codes=model.codes[4], restart=True)
+class CheckedFit:
+    """Ten steps towards object 3, then a second search until it is told to end, whose result is object 4."""
+
+    def __init__(self) -> None:
+        self.may_end = threading.Event()
+
+    def __call__(self, model: Model, job: FitJob) -> Iterator[FitStep]:
+        first = list(quick_fit(model, job))
+        yield from first
+        step = replace(first[-1], step=11, steps=20, seconds=1.5, restart=True)
+        while not self.may_end.is_set():
+            time.sleep(0.01)
+            yield step
+        yield replace(step, step=20, cameras=first[-1].runner_up.cameras, codes=model.codes[4])
 
 
 def endless_fit(model: Model, job: FitJob) -> Iterator[FitStep]:

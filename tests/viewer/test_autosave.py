@@ -194,6 +194,62 @@ def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
     assert opened(session).fitting.ready is not None
 
 
+_RUN = """
+import sys
+from pathlib import Path
+
+from tests.conftest import random_model
+from tests.viewer.driver import deliver
+from tests.viewer.stand_ins import endless_fit, quick_frames, quick_photo
+from viewer.autosave import Autosave
+from viewer.services.backend import Backend
+from viewer.services.worker import Worker
+from viewer.session import Session
+
+folder, photo = map(Path, sys.argv[1:])
+model = random_model()
+session = Session(Worker(), Backend(lambda name: model, quick_photo, quick_frames, endless_fit, lambda model: iter(())))
+autosave = Autosave(session, folder, every=0.0)
+for name in ("cars", "chairs"):
+    session.open_model(name)
+    deliver(session, lambda: session.model_name == name)
+    session.workspace.editor.show_object("object 2")
+session.workspace.fitting.start(photo)
+deliver(session, lambda: len(session.workspace.fitting.history.steps) > 3)
+while True:  # written again and again, so that it is killed in the middle of that
+    session.workspace.editor.show_object("object 3")
+    session.workspace.editor.show_object("object 2")
+    session.tick()
+    autosave.tick()
+    print("written", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no signals on Windows")
+def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    folder = tmp_path / "config"
+    folder.mkdir()
+    command = [sys.executable, "-c", _RUN, str(folder), str(photo)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as run:
+        for _ in range(5):
+            assert run.stdout.readline() == b"written\n"
+        run.kill()
+    session, autosave = begun(worker, backend, folder, clock)
+    assert len(autosave.left) == 1
+    autosave.restore()
+    assert session.messages.errors == []
+    assert session.model_name == "chairs"
+    assert len(opened(session).editor.history.past) >= 3
+    assert opened(session).fitting.running
+    finish(session, lambda: not opened(session).fitting.running)
+    assert opened(session).editor.objects.names[0] == "block"
+    session.open_model("cars")
+    finish(session)
+    assert opened(session).editor.state.mix.a.shape == "object 2"
+
+
 def test_a_session_that_ends_the_program_is_not_begun_with_again(
     worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
 ) -> None:

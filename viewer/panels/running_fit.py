@@ -17,12 +17,12 @@ _FLAGS = (
 
 
 def draw(context: PanelContext) -> None:
-    """A line at the top of the view, in its middle."""
+    """A line near the top of the view, in its middle, under the hint for newcomers."""
     fitting = context.fitting
     if not (fitting.can_follow or fitting.ready):
         return
     low, high = context.view
-    place = ImVec2((low.x + high.x) / 2, low.y + hello_imgui.em_size(3.2))
+    place = ImVec2((low.x + high.x) / 2, low.y + hello_imgui.em_size(5.8))
     imgui.set_next_window_pos(place, imgui.Cond_.always, (0.5, 0))
     imgui.set_next_window_bg_alpha(0.94)
     if imgui.begin("###Running fit", None, _FLAGS)[0]:

@@ -4,6 +4,7 @@ import io
 import types
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -105,13 +106,13 @@ _BESIDE_IMAGE = "camera", "cropped", "unseen"
 
 
 def _decode_photo(about: dict, parts: Parts) -> Photo:
-    kinds = get_type_hints(Photo)
+    kinds = _kinds(Photo)
     beside = {name: decode(kinds[name], about[name], parts) for name in _BESIDE_IMAGE if name in about}
     return decode_photo(parts.photos[about["image"]], **beside)
 
 
 def _decode_fitted_photo(about: dict, parts: Parts) -> FittedPhoto:
-    source = decode(get_type_hints(FittedPhoto)["source"], about["source"], parts)
+    source = decode(_kinds(FittedPhoto)["source"], about["source"], parts)
     return FittedPhoto.of(source, _decode_photo(about["photo"], parts))
 
 
@@ -130,16 +131,23 @@ _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
 }
 
 
+@cache
+def _kinds(kind: Any) -> dict[str, Any]:
+    """The types of the fields; finding them takes long."""
+    return get_type_hints(kind)
+
+
+@cache
 def _names(kind: Any) -> tuple[str, ...]:
     return tuple(one.name for one in fields(kind)) if is_dataclass(kind) else kind._fields
 
 
 def _encode_fields(value: Any, parts: Parts) -> dict:
-    return {name: encode(getattr(value, name), parts) for name in _names(value)}
+    return {name: encode(getattr(value, name), parts) for name in _names(value.__class__)}
 
 
 def _decode_fields(kind: Any, about: dict, parts: Parts) -> Any:
-    kinds = get_type_hints(kind)
+    kinds = _kinds(kind)
     return kind(**{name: decode(kinds[name], about[name], parts) for name in _names(kind) if name in about})
 
 

@@ -9,7 +9,7 @@ from PIL import Image
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import broken_fit, checked_fit, endless_fit, quick_fit
+from tests.viewer.stand_ins import CheckedFit, broken_fit, endless_fit, quick_fit
 from viewer.editor import Editor
 from viewer.services.messages import Kind
 from viewer.session import Session
@@ -255,7 +255,8 @@ def test_a_result_does_not_take_over_what_is_edited(
 def test_the_first_result_can_be_used_while_it_is_checked(
     session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
 ) -> None:
-    session.jobs.backend = replace(session.jobs.backend, fit=checked_fit)
+    fit = CheckedFit()
+    session.jobs.backend = replace(session.jobs.backend, fit=fit)
     fitting = workspace.fitting
     fitting.start(photo)
     deliver(session, lambda: fitting.result is not None)
@@ -263,6 +264,7 @@ def test_the_first_result_can_be_used_while_it_is_checked(
     assert editor.scene.codes == model.codes[3]
     assert editor.state.mix.a.shape == "block"
     assert fitting.pending == ()
+    fit.may_end.set()
     finish(session, lambda: not fitting.running)
     assert editor.objects["block"].codes == model.codes[4]
     assert editor.scene.codes == model.codes[4]  # nobody has edited it
@@ -276,11 +278,13 @@ def test_the_first_result_can_be_used_while_it_is_checked(
 def test_a_better_result_waits_where_the_first_one_was_edited(
     session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
 ) -> None:
-    session.jobs.backend = replace(session.jobs.backend, fit=checked_fit)
+    fit = CheckedFit()
+    session.jobs.backend = replace(session.jobs.backend, fit=fit)
     workspace.fitting.start(photo)
     deliver(session, lambda: workspace.fitting.result is not None)
     editor.set_coordinate("texture", 0, 1.0)
     before = editor.state
+    fit.may_end.set()
     finish(session, lambda: not workspace.fitting.running)
     assert editor.state is before
     assert workspace.fitting.ready is not None

@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import checked_fit, endless_fit
+from tests.viewer.stand_ins import CheckedFit, endless_fit
 from viewer.services.backend import Backend
 
 
@@ -76,8 +76,14 @@ def test_the_first_result_is_used_while_a_second_search_checks_it(
         window.context.drop([str(photo)])
         window.wait(lambda: fitting.result is not None)
         assert editor.scene.codes == model.codes[3]
+        window.ctx.yield_(3)
+        window.drag("View/orbit", 60)  # it can be used
+        turned = editor.scene.camera
+        fit.may_end.set()
         window.wait(lambda: not fitting.running)
         assert editor.scene.codes == model.codes[4]
+        assert editor.scene.camera == turned
         assert any("checked from other sides" in message.text for message in window.session.messages.all)
 
-    drive(act, replace(backend, fit=checked_fit))
+    fit = CheckedFit()
+    drive(act, replace(backend, fit=fit))
