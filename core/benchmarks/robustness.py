@@ -132,7 +132,7 @@ class _Attempt(NamedTuple):
         """The fit, from the mean codes where there is an initial camera."""
         photo, initial = photo_from_array(self.image, model), None
         if self.init:
-            initial = Hypothesis(0, math.inf, (self.init,), model.codes.mean, torch.zeros(1, 2))
+            initial = Hypothesis(0, math.inf, (self.init,), model.codes.mean, torch.zeros(1, 4))
         return FitJob((photo,), self.settings, self.seed, initial)
 
 

@@ -63,8 +63,12 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
         parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
         log_distance = (found.distance[:count] / model.distance).log()
         # Objects differ in size too: only what that does not explain is put down to the distance.
-        parameters.distance[:, view] = log_distance - log_distance.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
-        parameters.shift[:, view] = found.shift[:count] * problem.photos[view].cropped
+        beyond = log_distance - log_distance.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
+        if problem.photos[view].cropped:
+            scale = -log_distance if problem.photos[view].scaled else -beyond
+            parameters.picture[:, view] = torch.cat((scale[:, None], torch.zeros(count, 1), found.shift[:count]), 1)
+        else:
+            parameters.distance[:, view] = beyond
         if problem.components.prototype_shapes and problem.components.view_bank:
             prototypes = space.coordinates(view_bank(model).codes.shape)[found.prototype[:count]]
             parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))
@@ -95,7 +99,7 @@ def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "c
     angles = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras]).repeat(count, 1, 1)
     distance = torch.tensor([math.log(camera.distance / model.distance) for camera in cameras]).repeat(count, 1)
     texture = torch.zeros(count, len(model.codes.texture_space.std))
-    return Parameters(angles, distance, torch.zeros_like(distance), torch.zeros(count, views, 2), shape, texture)
+    return Parameters(angles, distance, torch.zeros_like(distance), torch.zeros(count, views, 4), shape, texture)
 
 
 def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> Float[Tensor, "count rank"]:
@@ -166,9 +170,10 @@ def resume_from(
     at = [photo.camera or camera for photo, camera in zip(photos, found.cameras, strict=True)]
     angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
     zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, cameras, strict=True)]])
+    zoom -= found.picture[None, :, 0]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
     shape, texture = spaces[0].coordinates(found.codes.shape), spaces[1].coordinates(found.codes.texture)
-    parameters = Parameters(angles, distance, zoom, found.shift[None], shape[None], texture[None])
+    parameters = Parameters(angles, distance, zoom, found.picture[None], shape[None], texture[None])
     return replace(HypothesisBatch.of(parameters), origin=torch.tensor([found.origin]))
 
 

@@ -23,21 +23,21 @@ from core.rendering.importance import render_top_samples
 
 MASK_WEIGHT = 0.1
 """The squared error of opacity against that of colour."""
-CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3)
+CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
 """How far a camera moves before it costs much: rad below the ground's level, the logarithm of the distance away from
-that of the training images, which all have one, and that of the focal length."""
-CROPPED_DISTANCE_SCALE = 0.05
-"""Of the distance, for a photo that was moved or scaled before it was fitted."""
-TRUNCATED_DISTANCE_SCALE = 0.3
-"""The same where an edge cuts the object off, so that its size in the photo was not known."""
-CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4)
+that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.picture`."""
+MOVED_SCALE = 0.05
+"""Of the scale, for a photo that was moved before it was fitted."""
+SCALED_SCALE = 0.3
+"""The same where the size of the object in the photo says nothing, as the photo was scaled or an edge cuts it off."""
+CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a photo can insist."""
 _VIEWPOINT_WEIGHT = 0.15
 """Of a camera's negative log-likelihood, against the logarithm of the objective; chosen on 15 held-out chairs."""
 COLOUR, OPACITY = slice(0, 3), slice(3, 4)
 """Channels of a render, as Gauss-Newton differentiates them."""
-_PRIOR_COLUMNS = slice(1, 4)
-"""The parameters of a camera that its prior is about: elevation, distance, focal length."""
+_PRIOR_COLUMNS = slice(1, CAMERA_PARAMETERS)
+"""The parameters of a camera that its prior is about: all but the azimuth."""
 
 
 class Objective(NamedTuple):
@@ -45,9 +45,9 @@ class Objective(NamedTuple):
 
     code_prior: float
     """of a squared standard deviation of a code, against a squared error"""
-    camera_scale: Float[Tensor, "#views 3"] = torch.tensor([CAMERA_PRIOR_SCALE])
-    """of :func:`camera_residuals`; infinite where a camera is given"""
-    camera_weight: Float[Tensor, "3"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
+    camera_scale: Float[Tensor, "#views 7"] = torch.tensor([CAMERA_PRIOR_SCALE])
+    """of :func:`camera_residuals`; infinite where a camera is given, or says nothing"""
+    camera_weight: Float[Tensor, "7"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
     mask_weight: float = MASK_WEIGHT
     """0 where the network itself paints the background, which makes all rays opaque"""
     robust_scale: float = math.inf
@@ -151,7 +151,7 @@ def code_prior_term(code: Float[Tensor, "hypotheses rank"], code_prior: float) -
 
 
 def camera_prior_term(parameters: Parameters, objective: Objective) -> Term:
-    """Unlikely cameras, averaged over views; residuals are (hypotheses, views, 6), one per camera parameter.
+    """Unlikely cameras, averaged over views; residuals are (hypotheses, views, 8), one per camera parameter.
 
     It grows with a logarithm. A camera that it does not move has no weight, so that it does not hold it either.
     """
@@ -172,11 +172,12 @@ def cauchy_loss(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
     return scale**2 * ratio.log1p(), 1 / (1 + ratio)
 
 
-def camera_residuals(parameters: Parameters) -> Float[Tensor, "hypotheses views 3"]:
-    """How far cameras are below the ground's level (rad, at most 0), away from the usual distance, and from the usual
-    focal length (logarithms).
+def camera_residuals(parameters: Parameters) -> Float[Tensor, "hypotheses views 7"]:
+    """How far cameras are below the ground's level (rad, at most 0), away from the usual distance and focal length
+    (logarithms), and how far photos are from showing what they see as it is.
     """
-    return torch.stack((parameters.angles[..., 1].clamp_max(0), parameters.distance, parameters.zoom), -1)
+    pose = parameters.angles[..., 1].clamp_max(0), parameters.distance, parameters.zoom
+    return torch.cat((torch.stack(pose, -1), parameters.picture), -1)
 
 
 def viewpoint_weights(

@@ -69,8 +69,8 @@ def initialise(
     known = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
     angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), known)[None]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in cameras]])
-    mean, zoom, shift = model.codes.mean, torch.zeros_like(distance), torch.zeros_like(angles)
-    return HypothesisBatch.of(Parameters(angles, distance, zoom, shift, mean.shape[None], mean.texture[None]))
+    mean, zoom, picture = model.codes.mean, torch.zeros_like(distance), torch.zeros(1, len(cameras), 4)
+    return HypothesisBatch.of(Parameters(angles, distance, zoom, picture, mean.shape[None], mean.texture[None]))
 
 
 def optimise(

@@ -10,9 +10,9 @@ from torch import Tensor
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
-    CROPPED_DISTANCE_SCALE,
     MASK_WEIGHT,
-    TRUNCATED_DISTANCE_SCALE,
+    MOVED_SCALE,
+    SCALED_SCALE,
     Objective,
 )
 from core.fitting.observations import Observation, PixelBatch, sample_pixels
@@ -71,11 +71,14 @@ class Problem:
         return torch.tensor([photo.camera is None for photo in self.photos])
 
     @property
-    def free(self) -> Bool[Tensor, "views 6"]:
-        """Which camera parameters are searched for: the shift only where a photo was cropped."""
-        cropped = torch.tensor([photo.cropped for photo in self.photos])
-        pose, shift = self.unknown[:, None].expand(-1, 3), (self.unknown & cropped)[:, None].expand(-1, 2)
-        return torch.cat((pose, (self.unknown & self.settings.estimate_focal)[:, None], shift), 1)
+    def free(self) -> Bool[Tensor, "views 8"]:
+        """Which camera parameters are searched for: of a cropped photo, the scale instead of the distance, the roll and
+        the shift too.
+        """
+        cropped = self.unknown & torch.tensor([photo.cropped for photo in self.photos])
+        pose, focal = self.unknown[:, None].expand(-1, 2), self.unknown & self.settings.estimate_focal
+        size = torch.stack((self.unknown & ~cropped, focal, cropped), 1)
+        return torch.cat((pose, size, cropped[:, None].expand(-1, 3)), 1)
 
     @property
     def spaces(self) -> tuple[CodeSpace, CodeSpace]:
@@ -85,8 +88,10 @@ class Problem:
     def objective(self, robust_scale: float) -> Objective:
         """What hypotheses are judged by."""
         scale = torch.tensor([CAMERA_PRIOR_SCALE]).repeat(len(self.photos), 1)
-        scale[torch.tensor([photo.cropped for photo in self.photos]), 1] = CROPPED_DISTANCE_SCALE
-        scale[torch.tensor([photo.unseen is not None for photo in self.photos]), 1] = TRUNCATED_DISTANCE_SCALE
+        for prior, photo in zip(scale, self.photos, strict=True):
+            if photo.cropped:
+                prior[3] = SCALED_SCALE if photo.scaled else MOVED_SCALE
+                prior[5:] = math.inf  # the shift
         scale[~self.unknown] = math.inf
         weight = torch.tensor(CAMERA_PRIOR_WEIGHT) * self.components.camera_prior
         mask_weight = MASK_WEIGHT if self.components.mask_loss and not self.model.white_from_network else 0.0

@@ -33,7 +33,9 @@ class Photo:
     camera: Camera | None = None
     """None: find it"""
     cropped: bool = False
-    """The image was moved, and perhaps scaled, so its centre, and then the distance too, are not the camera's."""
+    """The image was moved, so that its centre is not where the camera looks."""
+    scaled: bool = False
+    """It was scaled too, so that the object's size says nothing: such a crop is a zoom."""
     unseen: Bool[Tensor, "height width"] | None = None
     """True where nothing was seen, beyond an edge that truncates the object; None where none does"""
 
@@ -123,14 +125,15 @@ def prepare_photo(
             raise ValueError(f"the object is too thin to be seen at {size} px")
         if offset_from_expected(view_bank(model), ObjectImage(pixels, mask, model.focal)) < _MAX_OFFSET:
             return Photo(pixels, mask)
-        half = width / 2  # only moved: of its size, which is right, the perspective is a part
+        scaled, half = False, width / 2  # only moved: of its size, which is right, the perspective is a part
     else:
-        half = _half(cut, usual.median * crop.scale)
+        scaled, half = True, _half(cut, usual.median * crop.scale)
     square = _square(cut, half, crop)
     pixels, mask = _resampled(cut, square, (size, size))
     if not bool(mask.any()):
         raise ValueError("the object is moved out of its image")
-    return Photo(pixels, mask, cropped=True, unseen=_unseen(cut, square, mask))
+    unseen = _unseen(cut, square, mask)
+    return Photo(pixels, mask, cropped=True, scaled=scaled, unseen=unseen)
 
 
 def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
