@@ -113,7 +113,7 @@ def normal_equations(
 ) -> NormalEquations:
     """The quadratic of the objective around hypotheses."""
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage)
-    colour, opacity = rendered.colour.cpu(), rendered.opacity.cpu()
+    colour, opacity = (pixels.mean_of_rays(one.cpu()) for one in (rendered.colour, rendered.opacity))
     image, priors = image_terms(colour, opacity, pixels, objective), prior_terms(parameters, objective)
     count, size = len(jacobian), jacobian.shape[-1]
     gradient, hessian = torch.zeros(count, size), torch.zeros(count, size, size)
@@ -150,7 +150,7 @@ def _render(
         for view in range(views):  # a ray moves with its own camera only
             jacobian[:, view, ..., view * CAMERA_PARAMETERS + index] = along[:, view]
     jacobian[..., views * CAMERA_PARAMETERS :] = codes
-    return seen, jacobian
+    return seen, pixels.mean_of_rays(jacobian)
 
 
 def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:

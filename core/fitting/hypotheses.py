@@ -128,16 +128,16 @@ def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
 def hypothesis_rays(
     model: Model, parameters: Parameters, pixels: PixelBatch, samples: int = 1, jitter: Tensor | None = None
 ) -> Rays:
-    """The rays of some pixels, (hypotheses, views, rays), on the model's device.
+    """The rays of some pixels, (hypotheses, views, all rays), on the model's device.
 
     They are clipped to the box; where the network itself paints the background, to the depths it was trained on.
 
     Args:
-        jitter: (views, rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
+        jitter: (views, all rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
     """
     device = model.device
     distance = (model.distance * (parameters.distance + parameters.zoom).exp()).to(device)[..., None]
-    points = image_points(parameters, pixels.pixels).to(device)
+    points = image_points(parameters, pixels.points).to(device)
     angles = parameters.angles.to(device)[..., None, :]
     rays = cast_rays(points, angles[..., 0], angles[..., 1], distance, 1.0, (0, 0), model.extent_tensor)
     near, far = rays.near, rays.far

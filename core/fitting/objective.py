@@ -131,17 +131,17 @@ def prior_terms(parameters: Parameters, objective: Objective) -> tuple[Term, ...
 
 
 def photometric_term(colour: Tensor, pixels: PixelBatch, robust_scale: float) -> Term:
-    """Errors of colours, averaged over channels, rays and views; robust by Cauchy's loss."""
+    """Errors of colours, averaged over channels, pixels and views; robust by Cauchy's loss."""
     error = colour - pixels.colours
     loss, weight = cauchy_loss(error.square().mean(-1), robust_scale)
-    weight = (weight / error[0].numel())[..., None].expand_as(error)
-    return Term(loss.mean((1, 2)), error, weight, COLOUR)
+    weight = (weight * pixels.certainty / error[0].numel())[..., None].expand_as(error)
+    return Term((loss * pixels.certainty).mean((1, 2)), error, weight, COLOUR)
 
 
 def mask_term(opacity: Tensor, pixels: PixelBatch, mask_weight: float) -> Term:
-    """Errors of opacity where the mask is known, averaged over rays and views."""
+    """Errors of opacity where the mask is known, averaged over pixels and views."""
     error = (opacity - pixels.target_opacity)[..., None]
-    weight = (mask_weight * pixels.mask_valid / error[0].numel())[..., None].expand_as(error)
+    weight = (mask_weight * pixels.mask_valid * pixels.certainty / error[0].numel())[..., None].expand_as(error)
     return Term((weight * error.square()).sum((1, 2, 3)), error, weight, OPACITY)
 
 
@@ -207,4 +207,4 @@ def _render(
     biases = model.field.biases(*codes)
     with autocast(model.device):
         colour, opacity = render_top_samples(model, rays, samples, max(2, samples // 6), *biases)
-    return colour.cpu(), opacity.cpu()
+    return pixels.mean_of_rays(colour.cpu()), pixels.mean_of_rays(opacity.cpu())

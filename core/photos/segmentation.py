@@ -42,6 +42,10 @@ class CutOut:
     mask: Bool[np.ndarray, "height width"]
     white: bool
     """the background was white or clear, as in training images"""
+    opacity: Float[np.ndarray, "height width"]
+    """0..1, of the object; the mask is where it is more than a half"""
+    edge_error: float = 0.0
+    """px by which the edges may be off"""
 
 
 class Stroke(NamedTuple):
@@ -98,7 +102,7 @@ def _segment_without_hints(
     alpha: Float[np.ndarray, "height width 1"],
 ) -> CutOut:
     if (alpha < 0.5).mean() > 0.001:
-        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0] > 0.5, white=True)
+        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0], white=True)
     plain = _plain_background(colours)
     if plain and plain.certain:
         return _on_white(colours, ~plain.mask, plain.white)
@@ -111,7 +115,7 @@ def _segment_without_hints(
         # Colours follow edges more closely than a network of 320 px does, but take shadows for the object.
         near = binary_dilation(salient > _FAINT, iterations=max(1, round(_NETWORK_ERROR * max(image.size))))
         return _on_white(colours, ~plain.mask & near, plain.white)
-    return _on_white(colours, salient > 0.5, white=False)
+    return _on_white(colours, salient, white=False, edge_error=_NETWORK_ERROR * max(image.size))
 
 
 def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
@@ -133,17 +137,21 @@ def _overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "hei
 
 
 def _on_white(
-    pixels: Float[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "height width"], white: bool
+    pixels: Float[np.ndarray, "height width 3"],
+    opacity: Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"],
+    white: bool,
+    edge_error: float = 0.0,
 ) -> CutOut:
-    mask = _without_specks(mask)
+    mask = _without_specks(opacity > 0.5)
     if mask.sum() < _MIN_OBJECT_PIXELS:
         hint = "a larger image, or a box closer around the object, may help"
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
     if mask.mean() > 0.97:
         raise NoBackgroundError
     # On white, half-covered pixels around the object are right as they are; on a colour they are left out.
-    kept = binary_dilation(mask, iterations=2) if white else _eroded(mask)
-    return CutOut(np.where(kept[..., None], pixels, np.float32(1)), mask, white)
+    near = binary_dilation(mask, iterations=2)
+    on_white = np.where((near if white else _eroded(mask))[..., None], pixels, np.float32(1))
+    return CutOut(on_white, mask, white, np.where(near, opacity, 0).astype(np.float32), edge_error)
 
 
 # By what a person points at
