@@ -23,6 +23,8 @@ _SIMILAR_FOCAL = 0.2
 """So do those with focal lengths whose logarithms differ by less."""
 _OPPOSITE_COSINE = -0.6
 """of the difference between two azimuths, where the cameras look from opposite sides"""
+MAX_ZOOM = 1.5
+"""logarithm of the longest focal length over the given one: beyond, there is no perspective left to be seen"""
 _MAX_ELEVATION = math.radians(89.9)
 
 
@@ -170,7 +172,7 @@ def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Pa
     return parameters._replace(
         angles=torch.stack((azimuth, elevation), -1),
         distance=parameters.distance.clamp(-1.0, 1.5).where(views, parameters.distance),
-        zoom=parameters.zoom.clamp(-0.5, 1.5).where(views, parameters.zoom),
+        zoom=parameters.zoom.clamp(-0.5, MAX_ZOOM).where(views, parameters.zoom),
         picture=parameters.picture.clamp(-1.0, 1.0).where(views[:, None], parameters.picture),
     )
 

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from core.fitting.hypotheses import (
+    MAX_ZOOM,
     Hypothesis,
     HypothesisBatch,
     Parameters,
@@ -60,19 +61,29 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
         zooms = torch.tensor(_INITIAL_ZOOMS).repeat_interleave(2).repeat(count)[:count]
         parameters.zoom[:, problem.unknown] = zooms[:, None]
     for view, found in candidates.items():
-        parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
-        log_distance = (found.distance[:count] / model.distance).log()
-        # Objects differ in size too: only what that does not explain is put down to the distance.
-        beyond = log_distance - log_distance.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
-        if problem.photos[view].cropped:
-            scale = -log_distance if problem.photos[view].scaled else -beyond
-            parameters.picture[:, view] = torch.cat((scale[:, None], torch.zeros(count, 1), found.shift[:count]), 1)
-        else:
-            parameters.distance[:, view] = beyond
+        _place(problem, view, parameters, found)
         if problem.components.prototype_shapes and problem.components.view_bank:
             prototypes = space.coordinates(view_bank(model).codes.shape)[found.prototype[:count]]
             parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))
     return batch
+
+
+def _place(problem: Problem, view: int, parameters: Parameters, found: CandidateCameras) -> None:
+    """Put one view of every hypothesis where a candidate camera is."""
+    count, photo = len(parameters.angles), problem.photos[view]
+    parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
+    further = (found.distance[:count] / problem.model.distance).log()
+    if not photo.scaled:
+        # Objects differ in size too: only what that does not explain is put down to the distance.
+        further = further - further.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
+    if photo.cropped:
+        parameters.picture[:, view, 2:] = found.shift[:count]
+    if photo.focal is not None:
+        parameters.zoom[:, view] = min(math.log(photo.focal / problem.cameras[view].focal), MAX_ZOOM)
+    if photo.cropped and photo.focal is None:
+        parameters.picture[:, view, 0] = -further
+    else:
+        parameters.distance[:, view] = further
 
 
 def random_angles(count: int, generator: torch.Generator) -> Float[Tensor, "count 2"]:

@@ -18,7 +18,7 @@ from core.fitting.hypotheses import CAMERA_PARAMETERS, Parameters, hypothesis_ra
 from core.fitting.observations import PixelBatch
 from core.models.model import Model
 from core.models.precision import autocast
-from core.models.viewpoint import viewpoint_nll
+from core.models.viewpoint import direction_weights, viewpoint_nll
 from core.rendering.importance import render_top_samples
 
 MASK_WEIGHT = 0.1
@@ -28,8 +28,8 @@ CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
 that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.picture`."""
 MOVED_SCALE = 0.05
 """Of the scale, for a photo that was moved before it was fitted."""
-SCALED_SCALE = 0.3
-"""The same where the size of the object in the photo says nothing, as the photo was scaled or an edge cuts it off."""
+SCALED_SCALE = 0.15
+"""The same where the photo was scaled, against the scale that objects have on average when seen from there."""
 CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a photo can insist."""
 _VIEWPOINT_WEIGHT = 0.15
@@ -48,6 +48,8 @@ class Objective(NamedTuple):
     camera_scale: Float[Tensor, "#views 7"] = torch.tensor([CAMERA_PRIOR_SCALE])
     """of :func:`camera_residuals`; infinite where a camera is given, or says nothing"""
     camera_weight: Float[Tensor, "7"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
+    expected_scale: Float[Tensor, "views directions"] | None = None
+    """of photos (logarithm), from the directions of :func:`core.models.viewpoint.directions`; None: all 0"""
     mask_weight: float = MASK_WEIGHT
     """0 where the network itself paints the background, which makes all rays opaque"""
     robust_scale: float = math.inf
@@ -155,7 +157,7 @@ def camera_prior_term(parameters: Parameters, objective: Objective) -> Term:
 
     It grows with a logarithm. A camera that it does not move has no weight, so that it does not hold it either.
     """
-    distance = camera_residuals(parameters)
+    distance = camera_residuals(parameters, objective.expected_scale)
     scaled = (distance / objective.camera_scale).square()
     value = (scaled.log1p() * objective.camera_weight).sum(-1).mean(-1)
     slope = objective.camera_weight / objective.camera_scale**2 / (1 + scaled) / distance.shape[1]
@@ -172,12 +174,17 @@ def cauchy_loss(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
     return scale**2 * ratio.log1p(), 1 / (1 + ratio)
 
 
-def camera_residuals(parameters: Parameters) -> Float[Tensor, "hypotheses views 7"]:
+def camera_residuals(
+    parameters: Parameters, expected_scale: Float[Tensor, "views directions"] | None = None
+) -> Float[Tensor, "hypotheses views 7"]:
     """How far cameras are below the ground's level (rad, at most 0), away from the usual distance and focal length
-    (logarithms), and how far photos are from showing what they see as it is.
+    (logarithms), and how far photos are from showing what they see as it is, or at the scale that is expected.
     """
-    pose = parameters.angles[..., 1].clamp_max(0), parameters.distance, parameters.zoom
-    return torch.cat((torch.stack(pose, -1), parameters.picture), -1)
+    (azimuth, elevation), scale = parameters.angles.unbind(-1), parameters.picture[..., 0]
+    if expected_scale is not None:  # of the directions as they are: a step sees it as constant
+        scale = scale - (direction_weights(azimuth, elevation) * expected_scale).sum(-1).detach()
+    first = elevation.clamp_max(0), parameters.distance, parameters.zoom, scale
+    return torch.cat((torch.stack(first, -1), parameters.picture[..., 1:]), -1)
 
 
 def viewpoint_weights(

@@ -43,6 +43,8 @@ class Photo:
     """0..1 where it is known more finely than by the mask"""
     edge_error: float = 0.0
     """px by which the mask's edges may be off"""
+    focal: float | None = None
+    """px, where the image tells; a given camera has its own"""
     blur: float = 0.0
     """px, standard deviation of what a pixel sees; 0 where it sees a point"""
 
@@ -128,7 +130,7 @@ def prepare_photo(
         photo = _resampled(cut, (0, 0, width, height), (across, size))
         return replace(photo, camera=Camera.from_pose(pose, model.focal, across, size))
     usual, crop = apparent_size(model), crop or Crop()
-    if crop == Crop() and _like_training(cut, usual):
+    if crop == Crop() and cut.focal is None and _like_training(cut, usual):
         photo = _resampled(cut, (0, 0, width, width), (size, size))
         if not bool(photo.mask.any()):
             raise ValueError(f"the object is too thin to be seen at {size} px")
@@ -141,7 +143,8 @@ def prepare_photo(
     photo = _resampled(cut, square, (size, size))
     if not bool(photo.mask.any()):
         raise ValueError("the object is moved out of its image")
-    return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask))
+    focal = cut.focal and cut.focal * size / (2 * half)
+    return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 
 
 def _read_pose(path: Path) -> Float[Tensor, "4 4"]:

@@ -1,6 +1,6 @@
 """Segmentation: the object by the alpha channel, a plain background, a saliency network, or what a person points at."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, label
 
+from core.photos.decode import lens_focal
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
 from core.photos.saliency import predict_saliency
 
@@ -46,6 +47,8 @@ class CutOut:
     """0..1, of the object; the mask is where it is more than a half"""
     edge_error: float = 0.0
     """px by which the edges may be off"""
+    focal: float | None = None
+    """px, where the image tells"""
 
 
 class Stroke(NamedTuple):
@@ -88,6 +91,10 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     """
     if min(image.size) < MIN_SIDE:
         raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
+    return replace(_cut_out(image, hints), focal=lens_focal(image))
+
+
+def _cut_out(image: Image.Image, hints: Hints | None) -> CutOut:
     values = np.asarray(image, dtype=np.float32) / 255
     colours, alpha = values[..., :3], values[..., 3:]
     if hints:

@@ -68,9 +68,10 @@ def test_residuals_of_the_mask_and_of_codes_have_the_gradient_of_their_value(tin
     agrees(lambda code: code_prior_term(code, 1e-3), parameters_of().shape)
 
 
+@pytest.mark.parametrize("expected", [None, torch.linspace(-0.5, 0.5, len(directions()[0]))[None]])
 @pytest.mark.parametrize("elevation", [0.5, -0.9])
-def test_residuals_of_cameras_have_the_gradient_of_their_value(elevation: float):
-    at, objective = parameters_of(elevation=elevation), Objective(1e-4)
+def test_residuals_of_cameras_have_the_gradient_of_their_value(elevation: float, expected: torch.Tensor | None):
+    at, objective = parameters_of(elevation=elevation), Objective(1e-4, expected_scale=expected)
 
     def term(numbers: torch.Tensor) -> Term:
         angles, distance, zoom, picture = numbers.split((2, 1, 1, 4), -1)
@@ -142,6 +143,14 @@ def test_the_usual_distance_costs_nothing_and_a_camera_below_the_ground_somethin
 def test_a_photo_that_was_moved_says_less_about_its_scale_and_nothing_about_its_middle():
     assert 0 < cost(shown(0.05), MOVED) < cost(shown(0.05)) / 2
     assert cost(shown(0.0, right=0.2), MOVED) == 0 < cost(shown(0.0, right=0.02))
+
+
+def test_a_scale_is_judged_by_what_objects_have_from_there():
+    expected = torch.zeros(1, len(directions()[0])).add_(0.4)
+    objective = Objective(1e-4, expected_scale=expected)
+    usual, as_expected = (camera_prior_term(shown(scale), objective) for scale in (0.0, 0.4))
+    assert float(as_expected.value) == pytest.approx(0, abs=1e-6)
+    assert float(usual.value) > 1e-3
 
 
 def test_every_photo_has_a_scale_of_its_own():

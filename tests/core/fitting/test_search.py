@@ -10,7 +10,7 @@ import torch
 from core.fitting import fit as fits
 from core.fitting import search
 from core.fitting.fit import FitJob, FitSettings, FitStep, fit
-from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters
+from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters, to_cameras
 from core.fitting.initial import initial_hypotheses
 from core.fitting.objective import CAMERA_PRIOR_SCALE, MOVED_SCALE, SCALED_SCALE
 from core.fitting.problem import Problem
@@ -77,6 +77,19 @@ def test_a_crop_is_a_zoom_and_its_scale_is_free_where_its_size_says_nothing(tiny
     prior = problem.objective(math.inf).camera_scale
     torch.testing.assert_close(prior[:, 3], torch.tensor([CAMERA_PRIOR_SCALE[3], MOVED_SCALE, SCALED_SCALE, math.inf]))
     assert prior[:, 5].isinf().tolist() == [False, True, True, True]
+    expected = problem.objective(math.inf).expected_scale
+    assert expected is not None
+    assert expected.any(1).tolist() == [False, False, True, False]
+
+
+def test_where_the_focal_length_is_known_the_distance_is_searched_for(tiny: Model):
+    photo = replace(stool(tiny), cropped=True, scaled=True, focal=2 * tiny.focal)
+    problem = problem_of(tiny, photo)
+    assert problem.free[0, 2:5].tolist() == [True, False, False]
+    batch = initial_hypotheses(problem, 4, seeded())
+    cameras = to_cameras(tiny, batch.parameters, 0, problem.cameras)
+    assert cameras[0].focal == pytest.approx(2 * tiny.focal)
+    assert cameras[0].distance == pytest.approx(2 * tiny.distance, rel=0.3)
 
 
 def test_components_that_are_off_leave_the_objective(tiny: Model):
