@@ -37,10 +37,10 @@ class Photo:
     """None: find it"""
     cropped: bool = False
     """The image was moved, so that its centre is not where the camera looks."""
-    scaled: bool = False
-    """It was scaled too, so that the object's size says nothing: such a crop is a zoom."""
     unseen: Bool[Tensor, "height width"] | None = None
     """True where nothing was seen, beyond an edge that truncates the object; None where none does"""
+    scaled: bool = False
+    """It was scaled too, so that the object's size says nothing: such a crop is a zoom."""
     opacity: Float[Tensor, "height width"] | None = None
     """0..1 where it is known more finely than by the mask"""
     edge_error: float = 0.0
