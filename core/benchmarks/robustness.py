@@ -187,7 +187,7 @@ class _Attempt(NamedTuple):
         photo, initial = photo_from_array(self.image, model), None
         if self.stressor.init and isinstance(self.settings, PaperSettings):
             camera = self.stressor.init(self.seen.camera, self.level)
-            initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 2))
+            initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 4))
         return FitJob((photo,), self.settings, self.seed, initial)
 
 

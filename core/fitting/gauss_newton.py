@@ -30,7 +30,7 @@ from core.models.model import Model
 from core.models.precision import matmul_dtype
 from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 
-_MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.05, 0.05)
+_MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
 """of each camera parameter: beyond, the quadratic says nothing"""
 _MAX_CODE_STEP = 3.0
 """standard deviations"""
@@ -62,7 +62,7 @@ def gauss_newton_step(
     jitter: Tensor,
     stage: Stage,
     objective: Objective,
-    free: Bool[Tensor, "views 6"],
+    free: Bool[Tensor, "views 8"],
 ) -> HypothesisBatch:
     """One step of every hypothesis; its loss and squared error are those before the step.
 
@@ -85,7 +85,7 @@ def camera_uncertainty(
     pixels: PixelBatch,
     stage: Stage,
     objective: Objective,
-    free: Bool[Tensor, "views 6"],
+    free: Bool[Tensor, "views 8"],
     view: int,
 ) -> float:
     """How far, in rad, the direction of a single hypothesis' camera may be off within its basin.
@@ -113,7 +113,7 @@ def normal_equations(
 ) -> NormalEquations:
     """The quadratic of the objective around hypotheses."""
     rendered, jacobian = _render(model, parameters, pixels, jitter, stage)
-    colour, opacity = rendered.colour.cpu(), rendered.opacity.cpu()
+    colour, opacity = (pixels.mean_of_rays(one.cpu()) for one in (rendered.colour, rendered.opacity))
     image, priors = image_terms(colour, opacity, pixels, objective), prior_terms(parameters, objective)
     count, size = len(jacobian), jacobian.shape[-1]
     gradient, hessian = torch.zeros(count, size), torch.zeros(count, size, size)
@@ -150,7 +150,7 @@ def _render(
         for view in range(views):  # a ray moves with its own camera only
             jacobian[:, view, ..., view * CAMERA_PARAMETERS + index] = along[:, view]
     jacobian[..., views * CAMERA_PARAMETERS :] = codes
-    return seen, jacobian
+    return seen, pixels.mean_of_rays(jacobian)
 
 
 def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
@@ -159,7 +159,9 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, T
     right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
     forward = -(directions * backward).sum(-1, keepdim=True)
-    focal = parameters.zoom.exp().to(origins.device)[..., None, None]
+    picture, zoom = parameters.picture.to(origins.device), parameters.zoom.to(origins.device)
+    focal = (zoom + picture[..., 0]).exp()[..., None, None]
+    cos, sin = picture[..., 1].cos()[..., None, None], picture[..., 1].sin()[..., None, None]
 
     def across(axis: Tensor) -> Tensor:
         """The change of a direction through a point of the image that moves by one focal length along an axis."""
@@ -170,18 +172,20 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, T
         (torch.linalg.cross(origins, right), torch.linalg.cross(directions, right)),
         (origins, still),
         (origins, -across(backward)),
-        (still, -across(right) / focal),
-        (still, across(up) / focal),
+        (still, -across(backward)),
+        (still, torch.linalg.cross(backward.expand_as(directions), directions)),
+        (still, -across(cos * right + sin * up) / focal),
+        (still, across(cos * up - sin * right) / focal),
     )
 
 
-def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 6"]) -> Bool[Tensor, "parameters"]:
+def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Bool[Tensor, "parameters"]:
     """Which parameters may move: the free ones of cameras, and the codes'."""
     codes = equations.gradient.shape[1] - free.numel()
     return torch.cat((free.flatten(), torch.ones(codes, dtype=torch.bool)))
 
 
-def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor, "views 6"]) -> Tensor:
+def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor, "views 8"]) -> Tensor:
     """The step (hypotheses, parameters) to the minimum of the damped quadratic, but not beyond what it can know; zero
     where it is not finite.
     """
@@ -200,7 +204,7 @@ def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor,
     return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
 
 
-def _apply_step(parameters: Parameters, step: Tensor, free: Bool[Tensor, "views 6"]) -> Parameters:
+def _apply_step(parameters: Parameters, step: Tensor, free: Bool[Tensor, "views 8"]) -> Parameters:
     """The parameters after a step, within what cameras can be."""
     camera, shape, texture = step.split((free.numel(), parameters.shape.shape[1], parameters.texture.shape[1]), 1)
     camera = camera.reshape(*parameters.distance.shape, CAMERA_PARAMETERS)
@@ -208,7 +212,7 @@ def _apply_step(parameters: Parameters, step: Tensor, free: Bool[Tensor, "views 
         parameters.angles + camera[..., :2],
         parameters.distance + camera[..., 2],
         parameters.zoom + camera[..., 3],
-        parameters.shift + camera[..., 4:],
+        parameters.picture + camera[..., 4:],
         parameters.shape + shape,
         parameters.texture + texture,
     )

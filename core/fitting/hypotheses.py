@@ -15,14 +15,16 @@ from core.geometry.rays import Rays, cast_rays
 from core.models.codes import Codes, CodeSpace
 from core.models.model import Model
 
-CAMERA_PARAMETERS = 6
-"""of one camera: azimuth, elevation, logarithms of distance and focal length, shift x and y"""
+CAMERA_PARAMETERS = 8
+"""of one view: azimuth, elevation, logarithms of distance and focal length; logarithm of scale, roll, shift x and y"""
 _BASIN = math.radians(25)
 """Cameras that differ by less mostly converge to the same one."""
 _SIMILAR_FOCAL = 0.2
 """So do those with focal lengths whose logarithms differ by less."""
 _OPPOSITE_COSINE = -0.6
 """of the difference between two azimuths, where the cameras look from opposite sides"""
+MAX_ZOOM = 1.5
+"""logarithm of the longest focal length over the given one: beyond, there is no perspective left to be seen"""
 _MAX_ELEVATION = math.radians(89.9)
 
 
@@ -43,8 +45,8 @@ class Hypothesis:
     cameras: tuple[Camera, ...]
     """one per photo, at the photo's size"""
     codes: Codes
-    shift: Float[Tensor, "views 2"]
-    """of the optical axes in the photos, x right and y down, in focal lengths; 0 unless a photo was cropped"""
+    picture: Float[Tensor, "views 4"]
+    """as in :class:`Parameters`; its scale is a part of the cameras' focal lengths"""
 
 
 class Parameters(NamedTuple):
@@ -62,8 +64,9 @@ class Parameters(NamedTuple):
     zoom: Float[Tensor, "hypotheses views"]
     """logarithm of the focal length over the given one. The camera is as much further away, so that the object keeps
     its size and only the perspective changes."""
-    shift: Float[Tensor, "hypotheses views 2"]
-    """of the optical axis in the photo, x right and y down, in focal lengths as given; 0 unless a photo was cropped"""
+    picture: Float[Tensor, "hypotheses views 4"]
+    """How a photo shows what its camera sees: the logarithm of its scale (a crop is a zoom, from where the camera is),
+    its roll (rad, clockwise), and where the optical axis is, x right and y down, in focal lengths as given."""
     shape: Float[Tensor, "hypotheses shape_rank"]
     """standard deviations along the principal directions; in the paper's recipe the code itself"""
     texture: Float[Tensor, "hypotheses texture_rank"]
@@ -127,16 +130,16 @@ def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
 def hypothesis_rays(
     model: Model, parameters: Parameters, pixels: PixelBatch, samples: int = 1, jitter: Tensor | None = None
 ) -> Rays:
-    """The rays of some pixels, (hypotheses, views, rays), on the model's device.
+    """The rays of some pixels, (hypotheses, views, all rays), on the model's device.
 
     They are clipped to the box; where the network itself paints the background, to the depths it was trained on.
 
     Args:
-        jitter: (views, rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
+        jitter: (views, all rays) in [-0.5, 0.5], by how many intervals the samples of a ray are moved along it.
     """
     device = model.device
     distance = (model.distance * (parameters.distance + parameters.zoom).exp()).to(device)[..., None]
-    points = ((pixels.pixels - parameters.shift[:, :, None]) / parameters.zoom.exp()[..., None, None]).to(device)
+    points = image_points(parameters, pixels.points).to(device)
     angles = parameters.angles.to(device)[..., None, :]
     rays = cast_rays(points, angles[..., 0], angles[..., 1], distance, 1.0, (0, 0), model.extent_tensor)
     near, far = rays.near, rays.far
@@ -149,6 +152,19 @@ def hypothesis_rays(
     return replace(rays, near=near, far=far)
 
 
+def image_points(
+    parameters: Parameters, pixels: Float[Tensor, "views rays 2"]
+) -> Float[Tensor, "hypotheses views rays 2"]:
+    """Where pixels are in the images of upright cameras that look at the object; x right and y down from the middle, in
+    focal lengths.
+    """
+    scale, roll, shift = parameters.picture[..., None, :].split((1, 1, 2), -1)
+    x, y = (pixels - shift).unbind(-1)
+    cos, sin = roll[..., 0].cos(), roll[..., 0].sin()
+    upright = torch.stack((cos * x + sin * y, cos * y - sin * x), -1)
+    return upright / (scale + parameters.zoom[..., None, None]).exp()
+
+
 def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Parameters:
     """With elevations, distances and focal lengths of these views within the range that is searched."""
     azimuth, elevation = parameters.angles.unbind(-1)
@@ -156,7 +172,8 @@ def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Pa
     return parameters._replace(
         angles=torch.stack((azimuth, elevation), -1),
         distance=parameters.distance.clamp(-1.0, 1.5).where(views, parameters.distance),
-        zoom=parameters.zoom.clamp(-0.5, 1.5).where(views, parameters.zoom),
+        zoom=parameters.zoom.clamp(-0.5, MAX_ZOOM).where(views, parameters.zoom),
+        picture=parameters.picture.clamp(-1.0, 1.0).where(views[:, None], parameters.picture),
     )
 
 
@@ -170,7 +187,8 @@ def to_cameras(model: Model, parameters: Parameters, index: int, cameras: Sequen
     for view, camera in enumerate(cameras):
         azimuth, elevation = (float(angle) for angle in parameters.angles[index, view])
         log_distance, zoom = float(parameters.distance[index, view]), float(parameters.zoom[index, view])
-        distance, focal = model.distance * math.exp(log_distance + zoom), camera.focal * math.exp(zoom)
+        scale = float(parameters.picture[index, view, 0])
+        distance, focal = model.distance * math.exp(log_distance + zoom), camera.focal * math.exp(zoom + scale)
         azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
         found.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance, focal=focal))
     return tuple(found)
@@ -193,7 +211,7 @@ def to_hypotheses(
             losses[index],
             to_cameras(model, parameters, index, cameras),
             Codes(shapes[index], textures[index]),
-            parameters.shift[index],
+            parameters.picture[index],
         )
         for index in batch.loss.argsort(stable=True).tolist()
         if math.isfinite(losses[index])

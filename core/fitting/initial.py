@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from core.fitting.hypotheses import (
+    MAX_ZOOM,
     Hypothesis,
     HypothesisBatch,
     Parameters,
@@ -60,15 +61,29 @@ def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator)
         zooms = torch.tensor(_INITIAL_ZOOMS).repeat_interleave(2).repeat(count)[:count]
         parameters.zoom[:, problem.unknown] = zooms[:, None]
     for view, found in candidates.items():
-        parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
-        log_distance = (found.distance[:count] / model.distance).log()
-        # Objects differ in size too: only what that does not explain is put down to the distance.
-        parameters.distance[:, view] = log_distance - log_distance.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
-        parameters.shift[:, view] = found.shift[:count] * problem.photos[view].cropped
+        _place(problem, view, parameters, found)
         if problem.components.prototype_shapes and problem.components.view_bank:
             prototypes = space.coordinates(view_bank(model).codes.shape)[found.prototype[:count]]
             parameters.shape.add_(_SHAPE_BLEND * prototypes / len(candidates))
     return batch
+
+
+def _place(problem: Problem, view: int, parameters: Parameters, found: CandidateCameras) -> None:
+    """Put one view of every hypothesis where a candidate camera is."""
+    count, photo = len(parameters.angles), problem.photos[view]
+    parameters.angles[:, view] = torch.stack((found.azimuth, found.elevation), -1)[:count]
+    further = (found.distance[:count] / problem.model.distance).log()
+    if not photo.scaled:
+        # Objects differ in size too: only what that does not explain is put down to the distance.
+        further = further - further.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
+    if photo.cropped:
+        parameters.picture[:, view, 2:] = found.shift[:count]
+    if photo.focal is not None:
+        parameters.zoom[:, view] = min(math.log(photo.focal / problem.cameras[view].focal), MAX_ZOOM)
+    if photo.cropped and photo.focal is None:
+        parameters.picture[:, view, 0] = -further
+    else:
+        parameters.distance[:, view] = further
 
 
 def random_angles(count: int, generator: torch.Generator) -> Float[Tensor, "count 2"]:
@@ -95,7 +110,7 @@ def _at_cameras(model: Model, cameras: Sequence[Camera], shape: Float[Tensor, "c
     angles = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras]).repeat(count, 1, 1)
     distance = torch.tensor([math.log(camera.distance / model.distance) for camera in cameras]).repeat(count, 1)
     texture = torch.zeros(count, len(model.codes.texture_space.std))
-    return Parameters(angles, distance, torch.zeros_like(distance), torch.zeros(count, views, 2), shape, texture)
+    return Parameters(angles, distance, torch.zeros_like(distance), torch.zeros(count, views, 4), shape, texture)
 
 
 def nearest_shapes(problem: Problem, cameras: Sequence[Camera], count: int) -> Float[Tensor, "count rank"]:
@@ -166,9 +181,10 @@ def resume_from(
     at = [photo.camera or camera for photo, camera in zip(photos, found.cameras, strict=True)]
     angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
     zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, cameras, strict=True)]])
+    zoom -= found.picture[None, :, 0]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
     shape, texture = spaces[0].coordinates(found.codes.shape), spaces[1].coordinates(found.codes.texture)
-    parameters = Parameters(angles, distance, zoom, found.shift[None], shape[None], texture[None])
+    parameters = Parameters(angles, distance, zoom, found.picture[None], shape[None], texture[None])
     return replace(HypothesisBatch.of(parameters), origin=torch.tensor([found.origin]))
 
 

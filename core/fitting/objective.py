@@ -18,26 +18,26 @@ from core.fitting.hypotheses import CAMERA_PARAMETERS, Parameters, hypothesis_ra
 from core.fitting.observations import PixelBatch
 from core.models.model import Model
 from core.models.precision import autocast
-from core.models.viewpoint import viewpoint_nll
+from core.models.viewpoint import direction_weights, viewpoint_nll
 from core.rendering.importance import render_top_samples
 
 MASK_WEIGHT = 0.1
 """The squared error of opacity against that of colour."""
-CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3)
+CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
 """How far a camera moves before it costs much: rad below the ground's level, the logarithm of the distance away from
-that of the training images, which all have one, and that of the focal length."""
-CROPPED_DISTANCE_SCALE = 0.05
-"""Of the distance, for a photo that was moved or scaled before it was fitted."""
-TRUNCATED_DISTANCE_SCALE = 0.3
-"""The same where an edge cuts the object off, so that its size in the photo was not known."""
-CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4)
+that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.picture`."""
+MOVED_SCALE = 0.05
+"""Of the scale, for a photo that was moved before it was fitted."""
+SCALED_SCALE = 0.15
+"""The same where the photo was scaled, against the scale that objects have on average when seen from there."""
+CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a photo can insist."""
 _VIEWPOINT_WEIGHT = 0.15
 """Of a camera's negative log-likelihood, against the logarithm of the objective; chosen on 15 held-out chairs."""
 COLOUR, OPACITY = slice(0, 3), slice(3, 4)
 """Channels of a render, as Gauss-Newton differentiates them."""
-_PRIOR_COLUMNS = slice(1, 4)
-"""The parameters of a camera that its prior is about: elevation, distance, focal length."""
+_PRIOR_COLUMNS = slice(1, CAMERA_PARAMETERS)
+"""The parameters of a camera that its prior is about: all but the azimuth."""
 
 
 class Objective(NamedTuple):
@@ -45,9 +45,11 @@ class Objective(NamedTuple):
 
     code_prior: float
     """of a squared standard deviation of a code, against a squared error"""
-    camera_scale: Float[Tensor, "#views 3"] = torch.tensor([CAMERA_PRIOR_SCALE])
-    """of :func:`camera_residuals`; infinite where a camera is given"""
-    camera_weight: Float[Tensor, "3"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
+    camera_scale: Float[Tensor, "#views 7"] = torch.tensor([CAMERA_PRIOR_SCALE])
+    """of :func:`camera_residuals`; infinite where a camera is given, or says nothing"""
+    camera_weight: Float[Tensor, "7"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
+    expected_scale: Float[Tensor, "views directions"] | None = None
+    """of photos (logarithm), from the directions of :func:`core.models.viewpoint.directions`; None: all 0"""
     mask_weight: float = MASK_WEIGHT
     """0 where the network itself paints the background, which makes all rays opaque"""
     robust_scale: float = math.inf
@@ -131,17 +133,17 @@ def prior_terms(parameters: Parameters, objective: Objective) -> tuple[Term, ...
 
 
 def photometric_term(colour: Tensor, pixels: PixelBatch, robust_scale: float) -> Term:
-    """Errors of colours, averaged over channels, rays and views; robust by Cauchy's loss."""
+    """Errors of colours, averaged over channels, pixels and views; robust by Cauchy's loss."""
     error = colour - pixels.colours
     loss, weight = cauchy_loss(error.square().mean(-1), robust_scale)
-    weight = (weight / error[0].numel())[..., None].expand_as(error)
-    return Term(loss.mean((1, 2)), error, weight, COLOUR)
+    weight = (weight * pixels.certainty / error[0].numel())[..., None].expand_as(error)
+    return Term((loss * pixels.certainty).mean((1, 2)), error, weight, COLOUR)
 
 
 def mask_term(opacity: Tensor, pixels: PixelBatch, mask_weight: float) -> Term:
-    """Errors of opacity where the mask is known, averaged over rays and views."""
+    """Errors of opacity where the mask is known, averaged over pixels and views."""
     error = (opacity - pixels.target_opacity)[..., None]
-    weight = (mask_weight * pixels.mask_valid / error[0].numel())[..., None].expand_as(error)
+    weight = (mask_weight * pixels.mask_valid * pixels.certainty / error[0].numel())[..., None].expand_as(error)
     return Term((weight * error.square()).sum((1, 2, 3)), error, weight, OPACITY)
 
 
@@ -151,11 +153,11 @@ def code_prior_term(code: Float[Tensor, "hypotheses rank"], code_prior: float) -
 
 
 def camera_prior_term(parameters: Parameters, objective: Objective) -> Term:
-    """Unlikely cameras, averaged over views; residuals are (hypotheses, views, 6), one per camera parameter.
+    """Unlikely cameras, averaged over views; residuals are (hypotheses, views, 8), one per camera parameter.
 
     It grows with a logarithm. A camera that it does not move has no weight, so that it does not hold it either.
     """
-    distance = camera_residuals(parameters)
+    distance = camera_residuals(parameters, objective.expected_scale)
     scaled = (distance / objective.camera_scale).square()
     value = (scaled.log1p() * objective.camera_weight).sum(-1).mean(-1)
     slope = objective.camera_weight / objective.camera_scale**2 / (1 + scaled) / distance.shape[1]
@@ -172,11 +174,17 @@ def cauchy_loss(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
     return scale**2 * ratio.log1p(), 1 / (1 + ratio)
 
 
-def camera_residuals(parameters: Parameters) -> Float[Tensor, "hypotheses views 3"]:
-    """How far cameras are below the ground's level (rad, at most 0), away from the usual distance, and from the usual
-    focal length (logarithms).
+def camera_residuals(
+    parameters: Parameters, expected_scale: Float[Tensor, "views directions"] | None = None
+) -> Float[Tensor, "hypotheses views 7"]:
+    """How far cameras are below the ground's level (rad, at most 0), away from the usual distance and focal length
+    (logarithms), and how far photos are from showing what they see as it is, or at the scale that is expected.
     """
-    return torch.stack((parameters.angles[..., 1].clamp_max(0), parameters.distance, parameters.zoom), -1)
+    (azimuth, elevation), scale = parameters.angles.unbind(-1), parameters.picture[..., 0]
+    if expected_scale is not None:  # of the directions as they are: a step sees it as constant
+        scale = scale - (direction_weights(azimuth, elevation) * expected_scale).sum(-1).detach()
+    first = elevation.clamp_max(0), parameters.distance, parameters.zoom, scale
+    return torch.cat((torch.stack(first, -1), parameters.picture[..., 1:]), -1)
 
 
 def viewpoint_weights(
@@ -206,4 +214,4 @@ def _render(
     biases = model.field.biases(*codes)
     with autocast(model.device):
         colour, opacity = render_top_samples(model, rays, samples, max(2, samples // 6), *biases)
-    return colour.cpu(), opacity.cpu()
+    return pixels.mean_of_rays(colour.cpu()), pixels.mean_of_rays(opacity.cpu())

@@ -1,5 +1,6 @@
 """A photo as fitting uses it: its pixels sorted into the object, what is near it, and the rest."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -19,6 +20,12 @@ _STRATA_FRACTIONS = (0.5, 0.3, 0.2)
 """of the rays: on the object, near it, elsewhere"""
 _NEAR_MARGIN = 0.12
 """of the object's size: how far "near" reaches"""
+_LEAST_CERTAINTY = 0.1
+"""of a pixel on the very edge of a mask that may be off: thin legs are nothing but edge"""
+_SURE_EDGE = 0.3
+"""px: an edge that is off by less is where it is"""
+_FOOTPRINT = 4
+"""rays through a pixel of a blurred photo"""
 
 
 class PixelBatch(NamedTuple):
@@ -31,8 +38,22 @@ class PixelBatch(NamedTuple):
     """1 on the object, 0 on the background"""
     mask_valid: Float[Tensor, "views rays"]
     """0 where the opacity is not known: background that the object encloses may be a white part of it"""
+    certainty: Float[Tensor, "views rays"]
+    """0..1, how much colour and opacity count: less beside edges of a mask that may be off"""
+    footprints: Float[Tensor, "views rays rays_each 2"]
+    """what is added to a pixel to get the rays whose mean it sees"""
     weights: Float[Tensor, "views rays"]
     """the share of the photo that each stands for: a sum with these estimates the mean over all its pixels"""
+
+    @property
+    def points(self) -> Float[Tensor, "views all_rays 2"]:
+        """Where the rays pass that are cast."""
+        return (self.pixels[:, :, None] + self.footprints).flatten(1, 2)
+
+    def mean_of_rays(self, values: Float[Tensor, "hypotheses views all_rays ..."]) -> Tensor:
+        """What pixels see, shaped (hypotheses, views, rays, ...), from what their rays see."""
+        each = self.footprints.shape[2]
+        return values if each == 1 else values.unflatten(2, (-1, each)).mean(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +64,9 @@ class Observation:
     colours: Float[Tensor, "pixels 3"]
     target_opacity: Float[Tensor, "pixels"]
     mask_valid: Float[Tensor, "pixels"]
+    certainty: Float[Tensor, "pixels"]
+    blur: float
+    """focal lengths, standard deviation of what a pixel sees"""
     strata: tuple[Int[Tensor, "_"], ...]
     """indices of the pixels on the object, near it, elsewhere; only non-empty ones, without what was not seen"""
     fractions: tuple[float, ...]
@@ -64,8 +88,10 @@ class Observation:
         return cls(
             pixels.reshape(-1, 2),
             photo.pixels.reshape(-1, 3).float().cpu(),
-            torch.from_numpy(mask.ravel()).float(),
+            (photo.mask if photo.opacity is None else photo.opacity).reshape(-1).float().cpu(),
             torch.from_numpy(~enclosed.ravel()).float(),
+            torch.from_numpy(_certainty(mask, photo.edge_error).ravel()).float(),
+            photo.blur / focal,
             strata,
             fractions,
         )
@@ -84,14 +110,33 @@ class Observation:
 
 
 def sample_pixels(observations: Sequence[Observation], count: int, generator: torch.Generator) -> PixelBatch:
-    """``count`` pixels of every photo, at least one of each stratum there is."""
-    count = max(count, len(_STRATA_FRACTIONS))
+    """``count`` pixels of every photo, at least one of each stratum there is.
+
+    Where a photo is blurred they are half as many, of several rays each.
+    """
+    blurred = any(observation.blur for observation in observations)
+    count = max(count // (2 if blurred else 1), len(_STRATA_FRACTIONS))
     parts = []
-    for observation in observations:
-        index, weights = observation.sample(count, generator)
-        values = (observation.pixels, observation.colours, observation.target_opacity, observation.mask_valid)
-        parts.append((*(value[index] for value in values), weights))
+    for one in observations:
+        index, weights = one.sample(count, generator)
+        values = (one.pixels, one.colours, one.target_opacity, one.mask_valid, one.certainty)
+        around = _footprints(one.blur, count, generator) if blurred else torch.zeros(count, 1, 2)
+        parts.append((*(value[index] for value in values), around, weights))
     return PixelBatch(*(torch.stack(part) for part in zip(*parts, strict=True)))
+
+
+def _footprints(blur: float, count: int, generator: torch.Generator) -> Float[Tensor, "count rays_each 2"]:
+    """The corners of squares with the second moments of the blur, each turned by an angle of its own."""
+    turns = (torch.rand(count, 1, generator=generator) + torch.arange(_FOOTPRINT)) * (2 * math.pi / _FOOTPRINT)
+    return blur * math.sqrt(2) * torch.stack((turns.cos(), turns.sin()), -1)
+
+
+def _certainty(mask: np.ndarray, edge_error: float) -> np.ndarray:
+    """How sure pixels belong where the mask has them, 0..1, by their distance from its edge."""
+    if edge_error < _SURE_EDGE:
+        return np.ones(mask.shape)
+    distance = distance_transform_edt(mask) + distance_transform_edt(~mask) - 0.5
+    return np.maximum(1 - np.exp(-((distance / edge_error) ** 2) / 2), _LEAST_CERTAINTY)
 
 
 def _strata(mask: np.ndarray, seen: np.ndarray) -> tuple[tuple[Tensor, ...], tuple[float, ...]]:

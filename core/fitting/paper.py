@@ -32,7 +32,7 @@ _SCORE_EVERY = 10
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """As :func:`core.fitting.fit.fit`, by the paper's recipe."""
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
-    observations = tuple(Observation.of(photo, model) for photo in job.photos)
+    observations = tuple(Observation.of(replace(photo, blur=0.0), model) for photo in job.photos)
     cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in job.photos)
     unknown = torch.tensor([photo.camera is None for photo in job.photos])
     spaces = CodeSpace.identity(model.codes.shapes.shape[-1]), CodeSpace.identity(model.codes.textures.shape[-1])
@@ -69,8 +69,8 @@ def initialise(
     known = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
     angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), known)[None]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in cameras]])
-    mean, zoom, shift = model.codes.mean, torch.zeros_like(distance), torch.zeros_like(angles)
-    return HypothesisBatch.of(Parameters(angles, distance, zoom, shift, mean.shape[None], mean.texture[None]))
+    mean, zoom, picture = model.codes.mean, torch.zeros_like(distance), torch.zeros(1, len(cameras), 4)
+    return HypothesisBatch.of(Parameters(angles, distance, zoom, picture, mean.shape[None], mean.texture[None]))
 
 
 def optimise(
@@ -93,7 +93,7 @@ def optimise(
     halving = torch.optim.lr_scheduler.StepLR(optimizer, _HALVED_EVERY, 0.5)
     for _ in range(settings.steps):
         pixels = sample_pixels(observations, settings.rays, generator)
-        jitter = torch.rand(pixels.target_opacity.shape, generator=generator) - 0.5
+        jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
         optimizer.zero_grad()
         found = paper_objective(model, searched, pixels, settings.samples, settings.code_prior, jitter)
         found.objective.sum().backward()

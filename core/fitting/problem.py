@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from jaxtyping import Bool, Float
@@ -10,9 +11,9 @@ from torch import Tensor
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
-    CROPPED_DISTANCE_SCALE,
     MASK_WEIGHT,
-    TRUNCATED_DISTANCE_SCALE,
+    MOVED_SCALE,
+    SCALED_SCALE,
     Objective,
 )
 from core.fitting.observations import Observation, PixelBatch, sample_pixels
@@ -22,6 +23,8 @@ from core.models.codes import CodeSpace
 from core.models.model import Model
 from core.models.viewpoint import predict_viewpoint
 from core.photos.photo import Photo
+from core.photos.ranking import ObjectImage, expected_scales
+from core.photos.view_bank import view_bank
 
 SCORING_RAYS = 2048
 """per photo, always the same ones"""
@@ -71,11 +74,15 @@ class Problem:
         return torch.tensor([photo.camera is None for photo in self.photos])
 
     @property
-    def free(self) -> Bool[Tensor, "views 6"]:
-        """Which camera parameters are searched for: the shift only where a photo was cropped."""
-        cropped = torch.tensor([photo.cropped for photo in self.photos])
-        pose, shift = self.unknown[:, None].expand(-1, 3), (self.unknown & cropped)[:, None].expand(-1, 2)
-        return torch.cat((pose, (self.unknown & self.settings.estimate_focal)[:, None], shift), 1)
+    def free(self) -> Bool[Tensor, "views 8"]:
+        """Which camera parameters are searched for: of a cropped photo, the roll and the shift too, and the scale
+        instead of the distance unless its focal length is known.
+        """
+        cropped = self.unknown & torch.tensor([photo.cropped for photo in self.photos])
+        scaled = cropped & torch.tensor([photo.focal is None for photo in self.photos])
+        pose, focal = self.unknown[:, None].expand(-1, 2), self.unknown & self.settings.estimate_focal
+        size = torch.stack((self.unknown & ~scaled, focal & (scaled | ~cropped), scaled), 1)
+        return torch.cat((pose, size, cropped[:, None].expand(-1, 3)), 1)
 
     @property
     def spaces(self) -> tuple[CodeSpace, CodeSpace]:
@@ -85,12 +92,29 @@ class Problem:
     def objective(self, robust_scale: float) -> Objective:
         """What hypotheses are judged by."""
         scale = torch.tensor([CAMERA_PRIOR_SCALE]).repeat(len(self.photos), 1)
-        scale[torch.tensor([photo.cropped for photo in self.photos]), 1] = CROPPED_DISTANCE_SCALE
-        scale[torch.tensor([photo.unseen is not None for photo in self.photos]), 1] = TRUNCATED_DISTANCE_SCALE
+        for prior, photo in zip(scale, self.photos, strict=True):
+            if photo.cropped:
+                prior[3] = SCALED_SCALE if photo.scaled else MOVED_SCALE
+                prior[5:] = math.inf  # the shift
+            if photo.focal is not None:
+                prior[1], prior[2] = SCALED_SCALE, math.inf
         scale[~self.unknown] = math.inf
         weight = torch.tensor(CAMERA_PRIOR_WEIGHT) * self.components.camera_prior
         mask_weight = MASK_WEIGHT if self.components.mask_loss and not self.model.white_from_network else 0.0
-        return Objective(self.settings.code_prior, scale, weight, mask_weight, robust_scale)
+        return Objective(self.settings.code_prior, scale, weight, self.expected_scale, mask_weight, robust_scale)
+
+    @cached_property
+    def expected_scale(self) -> Float[Tensor, "views directions"] | None:
+        """Of photos that were scaled, the scale (logarithm) at which they show objects from all directions."""
+        scaled = self.unknown & torch.tensor([photo.scaled for photo in self.photos])
+        if not (bool(scaled.any()) and self.components.view_bank):
+            return None
+        images = [
+            ObjectImage(photo.pixels, photo.mask, camera.focal)
+            for photo, camera in zip(self.photos, self.cameras, strict=True)
+        ]
+        scales = torch.stack([expected_scales(view_bank(self.model), image) for image in images])
+        return scales * scaled[:, None]
 
 
 def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:

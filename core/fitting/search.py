@@ -61,7 +61,7 @@ def optimise(
         batch, objective = prune(problem, batch, stage.hypotheses), problem.objective(stage.robust_scale)
         for step in range(stage.steps):
             pixels = sample_pixels(problem.observations, stage.rays, generator)
-            jitter = torch.rand(pixels.target_opacity.shape, generator=generator) - 0.5
+            jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
             after = gauss_newton_step(problem.model, batch, pixels, jitter, stage, objective, problem.free)
             loss = after.loss * viewpoint_weights(after.parameters, problem.viewpoints)
             loss = torch.lerp(batch.loss, loss, _EMA if step else 1.0).nan_to_num(math.inf, math.inf)

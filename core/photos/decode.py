@@ -1,5 +1,6 @@
 """Image files of any usual kind, as upright RGBA of 8 bits and moderate size."""
 
+import math
 import struct
 import warnings
 import zlib
@@ -18,6 +19,10 @@ _HEIF = (".heic", ".heif", ".hif")
 """what phones write"""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", *_HEIF, ".bmp", ".tif", ".tiff")
 """of the files that a dialog offers; any other format that Pillow reads is read as well"""
+_FILM_DIAGONAL = math.hypot(36, 24)
+"""mm"""
+_LENSES = 8, 600
+"""mm, the shortest and the longest focal length that is believed"""
 _TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""
 
@@ -57,6 +62,14 @@ def upright_size(path: Path) -> tuple[int, int]:
             return (image.height, image.width) if transposed else image.size
     except OSError as error:
         raise ValueError(f"{path}: this is not an image that can be read ({_first_line(error)})") from None
+
+
+def lens_focal(image: Image.Image) -> float | None:
+    """The focal length (px) that a camera wrote beside its image, as the one that gives 35 mm film the same view."""
+    written = image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
+    if not isinstance(written, int | float) or not _LENSES[0] <= written <= _LENSES[1]:
+        return None
+    return float(written) / _FILM_DIAGONAL * math.hypot(*image.size)
 
 
 def _opened(path: Path) -> Image.Image:

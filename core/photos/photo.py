@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
 from core.photos.ranking import ObjectImage, offset_from_expected
 from core.photos.segmentation import CutOut, Hints, cut_out
+from core.photos.sharpness import edge_softness, measure_blur
 from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
 _MAX_OFFSET = 0.02
@@ -35,14 +36,26 @@ class Photo:
     camera: Camera | None = None
     """None: find it"""
     cropped: bool = False
-    """The image was moved, and perhaps scaled, so its centre, and then the distance too, are not the camera's."""
+    """The image was moved, so that its centre is not where the camera looks."""
     unseen: Bool[Tensor, "height width"] | None = None
     """True where nothing was seen, beyond an edge that truncates the object; None where none does"""
+    scaled: bool = False
+    """It was scaled too, so that the object's size says nothing: such a crop is a zoom."""
+    opacity: Float[Tensor, "height width"] | None = None
+    """0..1 where it is known more finely than by the mask"""
+    edge_error: float = 0.0
+    """px by which the mask's edges may be off"""
+    focal: float | None = None
+    """px, where the image tells; a given camera has its own"""
+    blur: float = 0.0
+    """px, standard deviation of what a pixel sees; 0 where it sees a point"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
         if self.unseen is not None and (self.unseen.shape != self.mask.shape or bool((self.unseen & self.mask).any())):
             raise ValueError("the unseen pixels of an image must fit its mask and leave out the object")
+        if self.opacity is not None and self.opacity.shape != self.mask.shape:
+            raise ValueError("the opacity of an image must fit its mask")
         if self.pixels.shape != (height, width, 3):
             raise ValueError(f"a {width}x{height} mask does not fit pixels of shape {tuple(self.pixels.shape)}")
         if not bool(torch.isfinite(self.pixels).all()):
@@ -129,23 +142,24 @@ def prepare_photo(
     size = model.image_size
     if pose is not None:
         across = max(1, round(size * width / height))
-        pixels, mask = _resampled(cut, (0, 0, width, height), (across, size))
-        return Photo(pixels, mask, Camera.from_pose(pose, model.focal, across, size))
+        photo = _resampled(cut, (0, 0, width, height), (across, size))
+        return replace(photo, camera=Camera.from_pose(pose, model.focal, across, size))
     usual, crop = apparent_size(model), crop or Crop()
-    if crop == Crop() and _like_training(cut, usual):
-        pixels, mask = _resampled(cut, (0, 0, width, width), (size, size))
-        if not bool(mask.any()):
+    if crop == Crop() and cut.focal is None and _like_training(cut, usual):
+        photo = _resampled(cut, (0, 0, width, width), (size, size))
+        if not bool(photo.mask.any()):
             raise ValueError(f"the object is too thin to be seen at {size} px")
-        if offset_from_expected(view_bank(model), ObjectImage(pixels, mask, model.focal)) < _MAX_OFFSET:
-            return Photo(pixels, mask)
-        half = width / 2  # only moved: of its size, which is right, the perspective is a part
+        if offset_from_expected(view_bank(model), ObjectImage(photo.pixels, photo.mask, model.focal)) < _MAX_OFFSET:
+            return photo
+        scaled, half = False, width / 2  # only moved: of its size, which is right, the perspective is a part
     else:
-        half = _half(cut, usual.median * crop.scale)
+        scaled, half = True, _half(cut, usual.median * crop.scale)
     square = _square(cut, half, crop)
-    pixels, mask = _resampled(cut, square, (size, size))
-    if not bool(mask.any()):
+    photo = _resampled(cut, square, (size, size))
+    if not bool(photo.mask.any()):
         raise ValueError("the object is moved out of its image")
-    return Photo(pixels, mask, cropped=True, unseen=_unseen(cut, square, mask))
+    focal = cut.focal and cut.focal * size / (2 * half)
+    return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 
 
 def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
@@ -217,19 +231,28 @@ def _unseen(
     return (rows[:, None] | columns) & ~mask
 
 
-def _resampled(
+def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]) -> Photo:
+    """A part of the image at a size, with what that makes of its blur and the error of its edges; what lies outside the
+    image is white background.
+    """
+    pixels, opacity = _resampled_pixels(cut, box, size)
+    mask, blur = opacity > 0.5, measure_blur(pixels)
+    edge_error = math.hypot(cut.edge_error * size[1] / (box[3] - box[1]), edge_softness(opacity, blur))
+    return Photo(pixels, mask, opacity=opacity, edge_error=edge_error, blur=blur)
+
+
+def _resampled_pixels(
     cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]
-) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
-    """A part of the image at a size; what lies outside the image is white background."""
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "height width"]]:
     height, width = cut.mask.shape
     if box == (0, 0, width, height) and size == (width, height):
-        return torch.from_numpy(cut.pixels).clone(), torch.from_numpy(cut.mask).clone()
+        return torch.from_numpy(cut.pixels).clone(), torch.from_numpy(cut.opacity).clone()
     # Pillow crops within the image only, so it is padded first.
     pad = math.ceil(max(0, -box[0], -box[1], box[2] - width, box[3] - height))
     inner = (box[0] + pad, box[1] + pad, box[2] + pad, box[3] + pad)
-    whole = np.concatenate((1 - cut.pixels, cut.mask[..., None].astype(np.float32)), -1)
+    whole = np.concatenate((1 - cut.pixels, cut.opacity[..., None]), -1)
     whole = np.pad(whole, ((pad, pad), (pad, pad), (0, 0)))
     smooth = Image.Resampling.HAMMING if (box[3] - box[1]) >= size[1] else Image.Resampling.BICUBIC
     channels = [Image.fromarray(whole[..., i]).resize(size, smooth, box=inner) for i in range(4)]
     values = torch.from_numpy(np.stack([np.asarray(channel) for channel in channels], -1)).clamp(0, 1)
-    return 1 - values[..., :3], values[..., 3] > 0.5
+    return 1 - values[..., :3], values[..., 3]

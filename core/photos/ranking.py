@@ -104,6 +104,12 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
     return float((expected - template.middle).norm(dim=-1).min())
 
 
+def expected_scales(bank: ViewBank, image: ObjectImage) -> Float[Tensor, "views"]:
+    """From every direction, the logarithm of how much larger an image shows its object than objects are seen."""
+    left, top, right, bottom = _box(image.mask)
+    return math.log(max(right - left, bottom - top) / image.focal) - bank.sizes.log().median(0).values
+
+
 class _Template(NamedTuple):
     """An image on the view bank's grid, if the whole object fills some box in it."""
 

@@ -1,6 +1,6 @@
 """Segmentation: the object by the alpha channel, a plain background, a saliency network, or what a person points at."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, label
 
+from core.photos.decode import lens_focal
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
 from core.photos.saliency import predict_saliency
 
@@ -42,6 +43,12 @@ class CutOut:
     mask: Bool[np.ndarray, "height width"]
     white: bool
     """the background was white or clear, as in training images"""
+    opacity: Float[np.ndarray, "height width"]
+    """0..1, of the object; the mask is where it is more than a half"""
+    edge_error: float = 0.0
+    """px by which the edges may be off"""
+    focal: float | None = None
+    """px, where the image tells"""
 
 
 class Stroke(NamedTuple):
@@ -84,6 +91,10 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     """
     if min(image.size) < MIN_SIDE:
         raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
+    return replace(_cut_out(image, hints), focal=lens_focal(image))
+
+
+def _cut_out(image: Image.Image, hints: Hints | None) -> CutOut:
     values = np.asarray(image, dtype=np.float32) / 255
     colours, alpha = values[..., :3], values[..., 3:]
     if hints:
@@ -98,7 +109,7 @@ def _segment_without_hints(
     alpha: Float[np.ndarray, "height width 1"],
 ) -> CutOut:
     if (alpha < 0.5).mean() > 0.001:
-        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0] > 0.5, white=True)
+        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0], white=True)
     plain = _plain_background(colours)
     if plain and plain.certain:
         return _on_white(colours, ~plain.mask, plain.white)
@@ -111,7 +122,7 @@ def _segment_without_hints(
         # Colours follow edges more closely than a network of 320 px does, but take shadows for the object.
         near = binary_dilation(salient > _FAINT, iterations=max(1, round(_NETWORK_ERROR * max(image.size))))
         return _on_white(colours, ~plain.mask & near, plain.white)
-    return _on_white(colours, salient > 0.5, white=False)
+    return _on_white(colours, salient, white=False, edge_error=_NETWORK_ERROR * max(image.size))
 
 
 def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
@@ -133,17 +144,21 @@ def _overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "hei
 
 
 def _on_white(
-    pixels: Float[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "height width"], white: bool
+    pixels: Float[np.ndarray, "height width 3"],
+    opacity: Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"],
+    white: bool,
+    edge_error: float = 0.0,
 ) -> CutOut:
-    mask = _without_specks(mask)
+    mask = _without_specks(opacity > 0.5)
     if mask.sum() < _MIN_OBJECT_PIXELS:
         hint = "a larger image, or a box closer around the object, may help"
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
     if mask.mean() > 0.97:
         raise NoBackgroundError
     # On white, half-covered pixels around the object are right as they are; on a colour they are left out.
-    kept = binary_dilation(mask, iterations=2) if white else _eroded(mask)
-    return CutOut(np.where(kept[..., None], pixels, np.float32(1)), mask, white)
+    near = binary_dilation(mask, iterations=2)
+    on_white = np.where((near if white else _eroded(mask))[..., None], pixels, np.float32(1))
+    return CutOut(on_white, mask, white, np.where(near, opacity, 0).astype(np.float32), edge_error)
 
 
 # By what a person points at

@@ -64,7 +64,7 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             at = tuple(known or found for known, found in zip(given, first, strict=True))
             hypotheses.append(
                 Hypothesis(
-                    begin.origin if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 2)
+                    begin.origin if begin else start, (1 + 0.1 * start) * loss, at, codes, torch.zeros(len(given), 4)
                 )
             )
         behind = tuple(replace(camera, azimuth=camera.azimuth + math.pi) for camera in hypotheses[0].cameras)

@@ -101,7 +101,7 @@ def decode_photo(file: bytes, **beside: Any) -> Photo:
     return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
 
 
-_BESIDE_IMAGE = "camera", "cropped", "unseen"
+_BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur"
 """Fields of a photo that a PNG cannot hold."""
 
 

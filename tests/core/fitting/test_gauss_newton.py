@@ -15,7 +15,7 @@ from tests.core.tiny import photo_of
 
 STAGE = Stage(3, 4, 96, 24, math.inf, 0.3)
 OBJECTIVE = Objective(1e-4)
-FREE = torch.tensor([[True, True, True, True, False, False]])
+FREE = torch.tensor([[True, True, True, True, False, False, False, False]])
 
 
 def pixels_of(model: Model) -> PixelBatch:
@@ -33,7 +33,7 @@ def parameters_of(count: int = 3) -> Parameters:
         0.5 + 0.2 * torch.rand(count, 1, 2, generator=generator),
         0.1 * torch.randn(count, 1, generator=generator),
         torch.full((count, 1), 0.1),
-        torch.zeros(count, 1, 2),
+        torch.zeros(count, 1, 4),
         torch.randn(count, 2, generator=generator),
         torch.randn(count, 2, generator=generator),
     )
@@ -42,8 +42,8 @@ def parameters_of(count: int = 3) -> Parameters:
 @pytest.mark.parametrize("zoom", [-0.3, 0.0, 0.3])
 def test_rays_turn_with_every_number_of_a_camera_as_by_small_steps(tiny: Model, zoom: float):
     pixels, parameters = pixels_of(tiny), parameters_of(1)
-    at = parameters._replace(zoom=torch.full((1, 1), zoom), shift=torch.tensor([[[0.05, -0.08]]]))
-    parts, small = ((0, 0), (0, 1), (1, None), (2, None), (3, 0), (3, 1)), 1e-3
+    at = parameters._replace(zoom=torch.full((1, 1), zoom), picture=torch.tensor([[[0.1, 0.3, 0.05, -0.08]]]))
+    parts, small = ((0, 0), (0, 1), (1, None), (2, None), (3, 0), (3, 1), (3, 2), (3, 3)), 1e-3
     for slope, (part, axis) in zip(camera_jacobian(at, hypothesis_rays(tiny, at, pixels)), parts, strict=True):
         there = []
         for step in (-small, small):
@@ -58,7 +58,7 @@ def test_rays_turn_with_every_number_of_a_camera_as_by_small_steps(tiny: Model, 
 
 def test_a_camera_may_be_the_further_off_the_more_else_can_make_up_for_it(tiny: Model):
     one, pixels = HypothesisBatch.of(Parameters(*(part[:1] for part in parameters_of()))), pixels_of(tiny)
-    turned = torch.tensor([[True, True, False, False, False, False]])
+    turned = torch.tensor([[True, True, False, False, False, False, False, False]])
 
     def off(free: torch.Tensor) -> float:
         return camera_uncertainty(tiny, one, pixels, STAGE, OBJECTIVE, free, 0)
@@ -73,15 +73,15 @@ def test_two_views_share_codes_and_not_cameras(tiny: Model):
     one = parameters_of(2)
     both = Parameters(*(part.repeat(1, 2, *[1] * (part.ndim - 2)) for part in one[:4]), *one[4:])
     found = normal_equations(tiny, both, pixels, None, STAGE, OBJECTIVE)
-    assert found.hessian.shape == (2, 16, 16)
-    assert not bool(found.hessian[:, :6, 6:12].any())
-    assert bool(found.hessian[:, 6:10, 12:].any())
+    assert found.hessian.shape == (2, 20, 20)
+    assert not bool(found.hessian[:, :8, 8:16].any())
+    assert bool(found.hessian[:, 8:12, 16:].any())
 
 
 def test_a_given_camera_stays_wherever_it_is(tiny: Model):
     one = parameters_of(1)
     beyond = one._replace(angles=torch.full((1, 1, 2), math.pi / 2), distance=torch.full((1, 1), -2.0))
-    pixels, still = pixels_of(tiny), torch.zeros(1, 6, dtype=torch.bool)
+    pixels, still = pixels_of(tiny), torch.zeros(1, 8, dtype=torch.bool)
     batch = step_of(tiny, HypothesisBatch.of(beyond), pixels, still)
     assert torch.equal(batch.parameters.angles, beyond.angles)
     assert torch.equal(batch.parameters.distance, beyond.distance)
@@ -93,7 +93,7 @@ def test_a_given_camera_stays_wherever_it_is(tiny: Model):
 def test_steps_go_down_and_leave_alone_what_is_given(tiny: Model):
     batch = first = HypothesisBatch.of(parameters_of())
     pixels = pixels_of(tiny)
-    free = torch.tensor([[True, False, True, False, False, False]])
+    free = torch.tensor([[True, False, True, False, False, False, False, False]])
     losses = []
     for _ in range(STAGE.steps + 1):
         batch = step_of(tiny, batch, pixels, free)
@@ -103,7 +103,7 @@ def test_steps_go_down_and_leave_alone_what_is_given(tiny: Model):
     assert torch.equal(batch.parameters.angles[..., 1], first.parameters.angles[..., 1])
     assert not torch.equal(batch.parameters.angles[..., 0], first.parameters.angles[..., 0])
     assert torch.equal(batch.parameters.zoom, first.parameters.zoom)
-    assert torch.equal(batch.parameters.shift, first.parameters.shift)
+    assert torch.equal(batch.parameters.picture, first.parameters.picture)
 
 
 def test_one_that_diverged_stays_out_and_the_others_go_on(tiny: Model):

@@ -20,7 +20,7 @@ from tests.core.tiny import tiny_model
 def standing(distance: float, elevation: float = 0.5, views: int = 1, zoom: float = 0.0) -> Parameters:
     angles = torch.tensor([0.0, elevation]).expand(1, views, 2)
     away, lens = (torch.full((1, views), value) for value in (distance, zoom))
-    return Parameters(angles, away, lens, torch.zeros(1, views, 2), torch.zeros(1, 2), torch.zeros(1, 2))
+    return Parameters(angles, away, lens, torch.zeros(1, views, 4), torch.zeros(1, 2), torch.zeros(1, 2))
 
 
 def test_another_focal_length_keeps_the_object_as_large_as_it_is():
@@ -37,7 +37,7 @@ def random_parameters(count: int) -> Parameters:
         torch.rand(count, 1, 2, generator=generator),
         0.1 * torch.randn(count, 1, generator=generator),
         torch.zeros(count, 1),
-        torch.zeros(count, 1, 2),
+        torch.zeros(count, 1, 4),
         torch.randn(count, 2, generator=generator),
         torch.randn(count, 2, generator=generator),
     )

@@ -108,7 +108,7 @@ def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model
     assert len(batch) == len(second.unique(dim=0)) == 6
     assert len(first.unique(dim=0)) == 1
     assert not batch.parameters.zoom.any()
-    assert not batch.parameters.shift.any()
+    assert not batch.parameters.picture.any()
 
 
 def test_unknown_cameras_take_turns_in_focal_lengths_a_pair_at_a_time(tiny: Model, given: list[Camera]):
@@ -122,7 +122,9 @@ def test_one_hypothesis_resumes_where_another_fit_ended(tiny: Model, given: list
     photos = photos_of(tiny, given, (True, False))
     found = [tiny.camera(5.0, 0.1), replace(tiny.camera(2.5, 0.2, 1.3 * tiny.distance), focal=1.3 * tiny.focal)]
     spaces = tiny.codes.shape_space, tiny.codes.texture_space
-    hypothesis = Hypothesis(3, 1.0, tuple(found), tiny.codes[1], torch.tensor([[0.0, 0.0], [0.01, -0.02]]))
+    hypothesis = Hypothesis(
+        3, 1.0, tuple(found), tiny.codes[1], torch.tensor([[0.0, 0.0, 0.0, 0.0], [0.1, 0.02, 0.01, -0.02]])
+    )
     batch = resume_from(tiny, photos, given, hypothesis, spaces)
     back = to_cameras(tiny, batch.parameters, 0, given)
     assert batch.origin.tolist() == [3]

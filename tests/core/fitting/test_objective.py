@@ -10,7 +10,7 @@ from core.fitting.gauss_newton import normal_equations
 from core.fitting.hypotheses import Parameters
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
-    CROPPED_DISTANCE_SCALE,
+    MOVED_SCALE,
     Objective,
     Term,
     camera_prior_term,
@@ -28,8 +28,8 @@ from core.models.viewpoint import directions
 from core.rendering.folded_field import AxisLookup
 from tests.core.tiny import photo_of
 
-KNOWN = (math.inf, math.inf, math.inf)
-CROPPED = (CAMERA_PRIOR_SCALE[0], CROPPED_DISTANCE_SCALE, CAMERA_PRIOR_SCALE[2])
+KNOWN = (math.inf,) * 7
+MOVED = (*CAMERA_PRIOR_SCALE[:3], MOVED_SCALE, CAMERA_PRIOR_SCALE[4], math.inf, math.inf)
 ROBUST = [math.inf, 0.2, 0.02]
 
 
@@ -38,7 +38,7 @@ def parameters_of(count: int = 3, elevation: float = 0.5) -> Parameters:
     angles = torch.tensor([0.5, elevation]) + 0.2 * torch.rand(count, 1, 2, generator=generator)
     distance, zoom = 0.1 * torch.randn(count, 1, generator=generator), torch.full((count, 1), 0.1)
     shape, texture = (torch.randn(count, 2, generator=generator) for _ in range(2))
-    return Parameters(angles, distance, zoom, torch.zeros(count, 1, 2), shape, texture)
+    return Parameters(angles, distance, zoom, torch.zeros(count, 1, 4), shape, texture)
 
 
 def pixels_of(model: Model, rays: int = 96) -> PixelBatch:
@@ -68,15 +68,18 @@ def test_residuals_of_the_mask_and_of_codes_have_the_gradient_of_their_value(tin
     agrees(lambda code: code_prior_term(code, 1e-3), parameters_of().shape)
 
 
+@pytest.mark.parametrize("expected", [None, torch.linspace(-0.5, 0.5, len(directions()[0]))[None]])
 @pytest.mark.parametrize("elevation", [0.5, -0.9])
-def test_residuals_of_cameras_have_the_gradient_of_their_value(elevation: float):
-    at, objective = parameters_of(elevation=elevation), Objective(1e-4)
+def test_residuals_of_cameras_have_the_gradient_of_their_value(elevation: float, expected: torch.Tensor | None):
+    at, objective = parameters_of(elevation=elevation), Objective(1e-4, expected_scale=expected)
 
     def term(numbers: torch.Tensor) -> Term:
-        moved = at._replace(angles=numbers[..., :2], distance=numbers[..., 2], zoom=numbers[..., 3])
+        angles, distance, zoom, picture = numbers.split((2, 1, 1, 4), -1)
+        moved = at._replace(angles=angles, distance=distance[..., 0], zoom=zoom[..., 0], picture=picture)
         return camera_prior_term(moved, objective)
 
-    agrees(term, torch.cat((at.angles, at.distance[..., None], at.zoom[..., None], at.shift), -1))
+    picture = torch.tensor([0.1, -0.02, 0.03, 0.01]).expand(3, 1, 4)
+    agrees(term, torch.cat((at.angles, at.distance[..., None], at.zoom[..., None], picture), -1))
 
 
 @pytest.mark.parametrize("elevation", [0.5, -0.3])
@@ -119,10 +122,15 @@ def test_autograd_sees_the_objective_as_small_steps_do(tiny: Model):
 def standing(distance: float, elevation: float = 0.5, views: int = 1, zoom: float = 0.0) -> Parameters:
     angles = torch.tensor([0.0, elevation]).expand(1, views, 2)
     away, focal = (torch.full((1, views), value) for value in (distance, zoom))
-    return Parameters(angles, away, focal, torch.zeros(1, views, 2), torch.zeros(1, 2), torch.zeros(1, 2))
+    return Parameters(angles, away, focal, torch.zeros(1, views, 4), torch.zeros(1, 2), torch.zeros(1, 2))
 
 
-def cost(at: Parameters, *scales: tuple[float, float, float]) -> float:
+def shown(scale: float, right: float = 0.0, views: int = 1) -> Parameters:
+    picture = torch.tensor([scale, 0.0, right, 0.0]).expand(1, views, 4)
+    return standing(0.0, views=views)._replace(picture=picture)
+
+
+def cost(at: Parameters, *scales: tuple[float, ...]) -> float:
     return float(camera_prior_term(at, Objective(1e-4, torch.tensor(scales or [CAMERA_PRIOR_SCALE]))).value)
 
 
@@ -132,13 +140,22 @@ def test_the_usual_distance_costs_nothing_and_a_camera_below_the_ground_somethin
     assert cost(standing(0.0, zoom=0.4)) > 0
 
 
-def test_a_photo_that_was_cropped_says_less_about_its_distance():
-    assert 0 < cost(standing(0.05), CROPPED) < cost(standing(0.05)) / 2
+def test_a_photo_that_was_moved_says_less_about_its_scale_and_nothing_about_its_middle():
+    assert 0 < cost(shown(0.05), MOVED) < cost(shown(0.05)) / 2
+    assert cost(shown(0.0, right=0.2), MOVED) == 0 < cost(shown(0.0, right=0.02))
+
+
+def test_a_scale_is_judged_by_what_objects_have_from_there():
+    expected = torch.zeros(1, len(directions()[0])).add_(0.4)
+    objective = Objective(1e-4, expected_scale=expected)
+    usual, as_expected = (camera_prior_term(shown(scale), objective) for scale in (0.0, 0.4))
+    assert float(as_expected.value) == pytest.approx(0, abs=1e-6)
+    assert float(usual.value) > 1e-3
 
 
 def test_every_photo_has_a_scale_of_its_own():
-    alone = cost(standing(0.05)) + cost(standing(0.05), CROPPED)
-    assert cost(standing(0.05, views=2), CAMERA_PRIOR_SCALE, CROPPED) == pytest.approx(alone / 2)
+    alone = cost(shown(0.05)) + cost(shown(0.05), MOVED)
+    assert cost(shown(0.05, views=2), CAMERA_PRIOR_SCALE, MOVED) == pytest.approx(alone / 2)
 
 
 def test_a_given_camera_costs_nothing_wherever_it_stands():

@@ -32,3 +32,30 @@ def test_what_was_not_seen_is_not_sampled(tiny: Model):
     edge = observation.pixels.reshape(*photo.mask.shape, 2)[0, 2 * photo.mask.shape[1] // 3, 0]
     assert bool((pixels.pixels[..., 0] < edge).all())
     assert abs(float(pixels.weights.sum()) - 1) < 1e-5
+
+
+def test_pixels_beside_edges_that_may_be_off_count_less(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    sure, unsure = (Observation.of(replace(photo, edge_error=error), tiny).certainty for error in (0.0, 2.0))
+    assert bool((sure == 1).all())
+    assert 0 < float(unsure.min()) < 0.2
+    assert float(unsure[0]) > 0.9  # a corner, far from the object
+
+
+def test_opacity_is_fitted_where_it_is_known(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    soft = Observation.of(replace(photo, opacity=0.5 * photo.mask), tiny)
+    assert soft.target_opacity.unique().tolist() == [0, 0.5]
+
+
+def test_a_pixel_of_a_blurred_photo_is_the_mean_of_rays_that_spread_as_its_blur_does(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.9, 0.3))
+    sharp, blurred = (Observation.of(replace(photo, blur=blur), tiny) for blur in (0.0, 3.0))
+    one = sample_pixels([sharp], 400, torch.Generator().manual_seed(0))
+    assert torch.equal(one.points, one.pixels)
+    both = sample_pixels([sharp, blurred], 400, torch.Generator().manual_seed(0))
+    assert both.points.shape == (2, 800, 2)
+    assert not bool(both.footprints[0].any())
+    spread = both.footprints[1].flatten(0, 1)
+    torch.testing.assert_close(spread.T.cov(correction=0), (3 / tiny.focal) ** 2 * torch.eye(2), rtol=1e-3, atol=1e-7)
+    torch.testing.assert_close(both.mean_of_rays(both.points[None])[0], both.pixels, rtol=1e-4, atol=1e-6)

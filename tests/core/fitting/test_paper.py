@@ -50,6 +50,6 @@ def test_the_paper_with_known_and_with_several_cameras(tiny: Model):
 
 def test_the_paper_resumes_from_a_given_camera(tiny: Model):
     truth = tiny.camera(1.2, 0.3)
-    begin = Hypothesis(0, 0.0, (truth,), tiny.codes.mean, torch.zeros(1, 2))
+    begin = Hypothesis(0, 0.0, (truth,), tiny.codes.mean, torch.zeros(1, 4))
     first = next(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), PAPER, resume_from=begin)))
     assert rotation_error(first.cameras[0], truth) < 10  # AdamW's first step is its rate: 0.1 rad

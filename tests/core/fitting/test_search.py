@@ -10,9 +10,9 @@ import torch
 from core.fitting import fit as fits
 from core.fitting import search
 from core.fitting.fit import FitJob, FitSettings, FitStep, fit
-from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters
+from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters, to_cameras
 from core.fitting.initial import initial_hypotheses
-from core.fitting.objective import CROPPED_DISTANCE_SCALE, TRUNCATED_DISTANCE_SCALE
+from core.fitting.objective import CAMERA_PRIOR_SCALE, MOVED_SCALE, SCALED_SCALE
 from core.fitting.problem import Problem
 from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
 from core.fitting.search import SearchResult, better_of, optimise, prune, refine, score, select
@@ -68,12 +68,28 @@ def test_an_early_stop_is_as_good_in_fewer_steps(tiny: Model):
     assert steps > 0
 
 
-def test_the_distance_is_free_where_an_edge_cuts_the_object_off(tiny: Model):
-    photo = replace(stool(tiny), cropped=True)
-    truncated = replace(photo, unseen=~photo.mask)
-    known = replace(truncated, camera=tiny.camera(0.9, 0.3))
-    scale = problem_of(tiny, photo, truncated, known).objective(math.inf).camera_scale[:, 1]
-    torch.testing.assert_close(scale, torch.tensor([CROPPED_DISTANCE_SCALE, TRUNCATED_DISTANCE_SCALE, math.inf]))
+def test_a_crop_is_a_zoom_and_its_scale_is_free_where_its_size_says_nothing(tiny: Model):
+    whole = stool(tiny)
+    moved, scaled = replace(whole, cropped=True), replace(whole, cropped=True, scaled=True)
+    problem = problem_of(tiny, whole, moved, scaled, replace(scaled, camera=tiny.camera(0.9, 0.3)))
+    distance, scale = problem.free[:, 2].tolist(), problem.free[:, 4].tolist()
+    assert (distance, scale) == ([True, False, False, False], [False, True, True, False])
+    prior = problem.objective(math.inf).camera_scale
+    torch.testing.assert_close(prior[:, 3], torch.tensor([CAMERA_PRIOR_SCALE[3], MOVED_SCALE, SCALED_SCALE, math.inf]))
+    assert prior[:, 5].isinf().tolist() == [False, True, True, True]
+    expected = problem.objective(math.inf).expected_scale
+    assert expected is not None
+    assert expected.any(1).tolist() == [False, False, True, False]
+
+
+def test_where_the_focal_length_is_known_the_distance_is_searched_for(tiny: Model):
+    photo = replace(stool(tiny), cropped=True, scaled=True, focal=2 * tiny.focal)
+    problem = problem_of(tiny, photo)
+    assert problem.free[0, 2:5].tolist() == [True, False, False]
+    batch = initial_hypotheses(problem, 4, seeded())
+    cameras = to_cameras(tiny, batch.parameters, 0, problem.cameras)
+    assert cameras[0].focal == pytest.approx(2 * tiny.focal)
+    assert cameras[0].distance == pytest.approx(2 * tiny.distance, rel=0.3)
 
 
 def test_components_that_are_off_leave_the_objective(tiny: Model):
@@ -240,7 +256,7 @@ def ends_well(model: Model, seed: int) -> None:
             (random(4, 1, 2) - 0.5) * torch.tensor([2 * math.pi, math.pi]),
             3 * random(4, 1) - 1.5,
             random(4, 1) - 0.5,
-            0.4 * random(4, 1, 2) - 0.2,
+            0.4 * random(4, 1, 4) - 0.2,
             8 * random(4, 2) - 4,
             8 * random(4, 2) - 4,
         )

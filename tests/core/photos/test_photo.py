@@ -1,3 +1,4 @@
+import math
 import struct
 import sys
 import zlib
@@ -6,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from PIL import Image, ImageDraw
+from PIL import ExifTags, Image, ImageDraw
 from pillow_heif import register_heif_opener
 
 from core.models.model import Model
@@ -59,6 +60,22 @@ def check_found(photo: Photo, model: Model) -> None:
 )
 def test_any_usual_file_is_cut_out_and_framed(tmp_path: Path, tiny: Model, name: str, mode: str):
     check_found(load_photo(saved(drawing().convert(mode), tmp_path / name), tiny), tiny)
+
+
+@pytest.mark.parametrize("times, orientation", [(1, 1), (1, 6), (10, 6)])
+def test_the_focal_length_that_a_camera_wrote_is_that_of_the_crop(
+    tmp_path: Path, tiny: Model, times: int, orientation: int
+):
+    exif = Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.FocalLengthIn35mmFilm] = 52
+    image = drawing((300 * times, 200 * times))
+    photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny)
+    shown = 100 / (apparent_size(tiny).median * SIDE)  # px of the drawing in one of the crop
+    assert photo.scaled
+    assert photo.focal == pytest.approx(52 / math.hypot(36, 24) * math.hypot(300, 200) / shown, rel=0.05)
+    written = load_photo(saved(image, tmp_path / "b.jpg"), tiny)
+    assert written.focal is None
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "1", "I;16", "I", "F"])

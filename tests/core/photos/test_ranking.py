@@ -6,7 +6,7 @@ import torch
 from core.metrics import rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
-from core.photos.ranking import ObjectImage, rank_cameras, shape_similarity
+from core.photos.ranking import ObjectImage, expected_scales, rank_cameras, shape_similarity
 from core.photos.view_bank import view_bank
 from core.rendering.reference import Rendered, render_exact
 
@@ -55,6 +55,16 @@ def test_the_distance_follows_from_the_apparent_size(tiny: Model, factor: float)
     seen = render_exact(tiny, tiny.codes[1], camera, 48)
     candidates = rank_cameras(view_bank(tiny), image_of(seen, camera.focal), 4)
     assert float(candidates.distance[0]) == pytest.approx(camera.distance, rel=0.3)
+
+
+def test_how_large_an_object_is_compared_with_others_from_there(tiny: Model):
+    bank = view_bank(tiny)
+    usual, larger = (
+        expected_scales(bank, image_of(render_exact(tiny, tiny.codes[2], tiny.camera(1.0, 0.5), 48), focal))
+        for focal in (tiny.focal, tiny.focal / 2)
+    )
+    assert float(usual.abs().median()) < 0.3
+    torch.testing.assert_close(larger - usual, torch.full_like(usual, math.log(2)))
 
 
 @pytest.mark.parametrize("side", [0, 1])

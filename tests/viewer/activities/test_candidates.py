@@ -12,7 +12,7 @@ def step(model: Model, seconds: float, *active: tuple[int, float, float]) -> Fit
     """Of hypotheses as start, azimuth and loss."""
     codes = model.codes.mean
     hypotheses = tuple(
-        Hypothesis(start, loss, (model.camera(azimuth, 0.3),), codes, torch.zeros(1, 2))
+        Hypothesis(start, loss, (model.camera(azimuth, 0.3),), codes, torch.zeros(1, 4))
         for start, azimuth, loss in active
     )
     best = hypotheses[0]

@@ -63,7 +63,7 @@ def test_all_comes_back_from_a_file(saved: SavedSession, workspace: Workspace, t
     assert last.codes == expected.codes
     assert len(last.hypotheses) == len(expected.hypotheses)
     assert [len(step.hypotheses) for step in found.fit.steps[:-1]] == [1] * 9
-    assert (last.hypotheses[0].shift == expected.hypotheses[0].shift).all()
+    assert (last.hypotheses[0].picture == expected.hypotheses[0].picture).all()
     assert [tile.eliminated_at for tile in found.tiles] == [tile.eliminated_at for tile in saved.tiles]
     assert found.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
     found.check(workspace.model)
@@ -87,12 +87,15 @@ def test_a_photo_keeps_what_no_image_can_hold(model: Model, saved: SavedSession,
     mask = torch.zeros(8, 8, dtype=torch.bool)
     mask[2:5] = True
     photo = Photo(torch.rand(8, 8, 3), mask, model.camera(0.1, 0.2).resized(8, 8), True, ~mask)
+    photo = replace(photo, scaled=True, opacity=0.9 * mask, edge_error=1.5, focal=50.0, blur=2.0)
     fitted = FittedPhoto.of(PhotoSource(tmp_path / "b.png"), photo)
     pending = (FitRequest(FitHistory((fitted.source,), (fitted,))),)
     Project("chairs", (replace(saved, pending=pending),)).save(tmp_path / "a.codenerf")
     found = Project.load(tmp_path / "a.codenerf").sessions[0].pending[0].history.photos[0].photo
     assert (found.camera, found.cropped) == (photo.camera, True)
     assert (found.unseen == photo.unseen).all()
+    assert torch.equal(found.opacity, photo.opacity)
+    assert (found.scaled, found.edge_error, found.focal, found.blur) == (True, 1.5, 50.0, 2.0)
 
 
 @pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "no key", "bad number", "format", "bad photo"])
