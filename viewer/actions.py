@@ -86,10 +86,11 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             lambda context: context.next_view_mode(),
             _ready,
         ),
-        Gesture("The badge", "amber: a preview, being refined; green: the finished render"),
+        Gesture("The badge", "green and Sharp: every pixel of the view is rendered; amber: on the way"),
     ),
-    "Objects": (
+    "Library": (
         Gesture("Click", "show the object; it is A"),
+        Gesture("Click the number", "the variants of its form, shown or folded away"),
         Gesture("Right click", "take only its shape or texture, make it B, add it to the grid; rename, remove, export"),
         Gesture("Drag", "onto a slot (shape, texture, B) or onto the grid"),
     ),
@@ -97,7 +98,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Lock", "keeps shape or texture from being changed"),
         Gesture("Drag in the pad", "across: shape from A to B; upwards: texture"),
     ),
-    "Grid": (Gesture("Click", "make a pair current; at the border: take the object out"),),
+    "Shape × texture grid": (Gesture("Click", "make a pair current; at the border: take the object out"),),
     "Sliders": (
         Action(
             *("sample_all", "Random", "R", "a random shape and texture; what is locked stays"),
@@ -123,31 +124,32 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Click or drag a keyframe", "show it, move it in time; right click to replace or remove it"),
     ),
     "History": (Gesture("Click a thumbnail", "go back, or forward, to that state"),),
-    "Fit": (
+    "Photo": (
         Action(
-            *("fit_image", "Fit image…", "Ctrl+I", "choose an image of one object, and fit it"),
+            *("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and rebuild it"),
             lambda context: context.fit_image(),
             _idle,
         ),
-        Action("paste", "Paste image", "Ctrl+V", "fit the image in the clipboard", lambda c: c.paste(), _idle),
+        Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard", lambda c: c.paste(), _idle),
         Gesture("Drag in wipe, onion skin", "more of the photo, or of the render"),
         Gesture("Hold F", "the photo in place of the render"),
-        Gesture("Drag along the curves", "see any step of the fit, here and in the view"),
+        Gesture("Drag along the curves", "under Details: see any step of the fit, here and in the view"),
         Action(
             *("follow", "Follow", "", "show the fit under way, from where the photo was taken"),
             lambda context: context.fitting.follow(),
             lambda context: context.ready and context.fitting.can_follow,
         ),
         Gesture("Click a candidate", "prefer it: the fit continues from there alone"),
-        Gesture("Refit", "from the step shown, from the camera in the view, or from the beginning"),
+        Gesture("Rebuild", "from the step shown, from the camera in the view, or from the beginning"),
     ),
-    "Segment": (
+    "Cut out": (
         Gesture("Drag", "a box around the object, or strokes that add or remove"),
+        Gesture("Wheel, middle drag", "zoom, and move the photo"),
         Gesture("Ctrl+Z", "take the last box or stroke back"),
     ),
     "Files": (
-        Gesture("Drop an image", "fit the object in it"),
-        Gesture("Drop several", "of one object: fit them together; poses (.txt) go with images of their names"),
+        Gesture("Drop a photo", "rebuild the object in it"),
+        Gesture("Drop several", "of one object: rebuilt from all; poses (.txt) go with images of their names"),
         Gesture("Drop an image saved here", "a png brings its codes and camera back"),
         Gesture("Drop a project", "bring all back that was made, with every model"),
         Action(
@@ -213,8 +215,13 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             checked=lambda context: context.preferences.smooth,
         ),
         Action(
-            "reset_layout", "Reset layout", "", "all panels where they were", lambda context: context.reset_layout()
+            "reset_layout",
+            "Reset layout",
+            "",
+            "all panels as they were first",
+            lambda context: context.reset_layout(),
         ),
+        Gesture("Esc", "close what is on top: a menu, a dialog, the help"),
         Action(
             *("help", "Keys and mouse", "F1, ?", "this help"),
             lambda context: setattr(context, "help_open", not context.help_open),
@@ -246,7 +253,7 @@ def _is_allowed(action: Action, context: PanelContext) -> bool:
 
 
 def chords(keys: str) -> list[int]:
-    """Key chords, for imgui, as numbers: ``Ctrl++`` has two, as there are two keys with a plus."""
+    """Key chords, for imgui, as numbers: ``Ctrl++`` has three, as two keys have a plus, one of them with Shift."""
     return [sum(chord) for text in keys.split(", ") if text for chord in _chord(text)]
 
 
@@ -272,7 +279,7 @@ def _key(name: str) -> list[tuple[imgui.Key, ...]]:
 
 _MODIFIERS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift}
 _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
-    "plus": [(imgui.Key.equal,), (imgui.Key.keypad_add,)],
+    "plus": [(imgui.Key.equal,), (imgui.Key.mod_shift, imgui.Key.equal), (imgui.Key.keypad_add,)],
     "-": [(imgui.Key.minus,), (imgui.Key.keypad_subtract,)],
     "?": [(imgui.Key.mod_shift, imgui.Key.slash)],
 }

@@ -30,6 +30,8 @@ _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
 touches anything meanwhile."""
 _TOUCHED = 0.7
 """s for which a touch counts."""
+_INSPECTOR, _LIBRARY, _STRIP, _DRAWER = 390.0, 232.0, 142.0, 250.0
+"""px of a 96 ppi screen: width of the inspector and of the library, height of the strip and of the drawer"""
 
 
 class App:
@@ -93,11 +95,17 @@ class App:
         self.params.app_shall_exit = True
 
     def _reset_layout(self) -> None:
-        self.params.docking_params.layout_reset = True
+        """Every panel where it is at first, and as it is at first: shown or folded away."""
+        docking = self.params.docking_params
+        docking.docking_splits = self._splits(*(imgui.get_main_viewport().size / hello_imgui.dpi_window_size_factor()))
+        for panel in self.panels:
+            docking.dockable_window_of_name(panel.title).is_visible = not panel.folded
+        docking.layout_reset = True
+        self.context.focus = "Mix"
 
     def _connect(self) -> None:
         calls = self.params.callbacks
-        calls.load_additional_fonts = theme.load_fonts
+        calls.load_additional_fonts = self._load_fonts
         calls.setup_imgui_style = theme.set_spacing
         calls.post_init = self._opened
         calls.before_exit = self._closing
@@ -111,21 +119,46 @@ class App:
         window_params.show_menu_bar = True
         window_params.show_menu_app = window_params.show_menu_view = False
         window_params.show_menu_view_themes = False
-        right, down, up = imgui.Dir.right, imgui.Dir.down, imgui.Dir.up
         docking = self.params.docking_params
-        docking.main_dock_space_node_flags = imgui.DockNodeFlags_.auto_hide_tab_bar
-        docking.docking_splits = [
-            hello_imgui.DockingSplit("MainDockSpace", "Upper", right, 0.36),
-            hello_imgui.DockingSplit("Upper", "Lower", down, 0.5),
-            hello_imgui.DockingSplit("Upper", "Top", up, 0.34),
-            hello_imgui.DockingSplit("MainDockSpace", "Strip", down, 0.23),
-        ]
+        docking.docking_splits = self._splits(*self._size)
         docking.dockable_windows = [self._dockable(panel) for panel in self.panels]
 
+    @staticmethod
+    def _splits(width: float, height: float) -> list[hello_imgui.DockingSplit]:
+        """The library on the left, the inspector on the right, a strip below; the drawer opens above the strip.
+
+        Args:
+            width, height: of the window, px of a 96 ppi screen.
+        """
+        dirs = imgui.Dir
+        right, strip = min(_INSPECTOR, 0.4 * width), min(_STRIP, 0.25 * height)
+        left = min(_LIBRARY, 0.22 * width)
+        return [
+            hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),
+            hello_imgui.DockingSplit("MainDockSpace", "Left", dirs.left, left / (width - right)),
+            hello_imgui.DockingSplit("MainDockSpace", "Strip", dirs.down, strip / height),
+            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, min(_DRAWER / (height - strip), 0.45)),
+        ]
+
     def _dockable(self, panel: Panel) -> hello_imgui.DockableWindow:
-        place = "MainDockSpace" if panel.dock == "View" else panel.dock
-        closable = panel.dock != "View"
-        return hello_imgui.DockableWindow(panel.title, place, lambda: self._draw_panel(panel), can_be_closed_=closable)
+        view = panel.dock == "View"
+        place = "MainDockSpace" if view else panel.dock
+        window = hello_imgui.DockableWindow(panel.title, place, lambda: self._draw_panel(panel))
+        window.can_be_closed, window.is_visible = not view, not panel.folded
+        if view:  # the one panel whose subject needs no words
+            window.call_begin_end = False
+            window.gui_function = lambda: self._draw_view(panel)
+        return window
+
+    def _draw_view(self, panel: Panel) -> None:
+        """The view has no tab, and never scrolls: what lies over it must not change its size."""
+        bare = imgui.WindowClass()
+        bare.dock_node_flags_override_set = imgui.DockNodeFlags_.auto_hide_tab_bar
+        imgui.set_next_window_class(bare)
+        fixed = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.no_scroll_with_mouse
+        if imgui.begin(panel.title, None, fixed)[0]:
+            self._draw_panel(panel)
+        imgui.end()
 
     def _draw_panel(self, panel: Panel) -> None:
         """Draw a panel; one that fails says so, and the others work on."""
@@ -152,6 +185,9 @@ class App:
             return error
         return None
 
+    def _load_fonts(self) -> None:
+        self.context.bold = theme.load_fonts()[1]
+
     def _opened(self) -> None:
         self._gl = moderngl.get_context()
         self._software = window.in_software(self._gl)
@@ -162,6 +198,7 @@ class App:
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
         window.on_drop(self._dropped)
+        window.limit_size()
         if self._headless:
             window.resize(*self._size)
 
@@ -183,7 +220,6 @@ class App:
     def _before_frame(self) -> None:
         try:
             self.session.tick()
-            self.context.follow_fit()
             if self.context.autosave:
                 self.context.autosave.tick()
         except Exception as error:  # of one callback; the others run in the next frame
@@ -213,6 +249,7 @@ class App:
         """All that is not docked."""
         context = self.context
         self._guard("This key failed", lambda: run_keys(context))
+        self._guard("This key failed", lambda: self._close_top(context))
         self._guard("The messages failed", lambda: messages.draw(context))
         self._guard("The help failed", lambda: help.draw(context))
         self._guard("The last session cannot be offered", lambda: recovery.draw(context))
@@ -221,13 +258,25 @@ class App:
         self._guard("Cannot take this file", context.files.draw)
         if context.ready and self._guard("The photo cannot be segmented", lambda: self._segmenting.draw(context)):
             context.segmenting.close()
-        for title in filter(None, (context.focus_other_dock, context.focus)):
-            self.params.docking_params.focus_dockable_window(title)
-        context.focus_other_dock = context.focus = ""
+        if context.focus:
+            docking = self.params.docking_params
+            docking.dockable_window_of_name(context.focus).is_visible = True
+            docking.focus_dockable_window(context.focus)
+            context.focus = ""
         assert context.images is not None
         context.images.sweep()
         if not imgui.is_any_mouse_down():
             self._save_preferences()
+
+    @staticmethod
+    def _close_top(context: PanelContext) -> None:
+        """Esc closes what is on top: a menu or a list, else the help; dialogs close themselves."""
+        if not imgui.is_key_pressed(imgui.Key.escape):
+            return
+        if imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
+            imgui.internal.close_popups_except_modals()
+        else:
+            context.help_open = False
 
     def _save_preferences(self) -> None:
         """Write them as soon as they change, so that a crash does not lose them."""

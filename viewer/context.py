@@ -47,10 +47,10 @@ class PanelContext:
     help_open: bool = False
     canvas: Canvas | None = None
     images: Images | None = None
-    focus: str = "Sliders"
+    bold: imgui.ImFont | None = None
+    """the font of headings"""
+    focus: str = "Mix"
     """the panel to bring to the front"""
-    focus_other_dock: str = ""
-    """another one, of another dock"""
     dragged: str = ""
     """the object that is dragged to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
@@ -62,7 +62,6 @@ class PanelContext:
     autosave: Autosave | None = None
     """None where nothing is kept"""
     clipboard: Clipboard = field(default_factory=Clipboard)
-    _fit_ran: bool = False
 
     # What belongs to the open model; panels are drawn only once there is one
 
@@ -153,21 +152,25 @@ class PanelContext:
 
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""
-        self.files.ask(FileRequest("Image to fit", self.fit, IMAGE_SUFFIXES))
+        self.files.ask(FileRequest("Photo of one object", self.fit, IMAGE_SUFFIXES))
 
     def fit(self, *paths: Path) -> None:
         """Fit images of one object and show how it goes."""
-        self.focus = "Fit"
         for path in paths:
             if path.suffix.lower() in IMAGE_SUFFIXES:
                 self._remember(path)
+        self.rebuild(*paths)
+
+    def rebuild(self, *paths: Path) -> None:
+        """Fit images that are not to be among the recent files, and show how it goes."""
+        self.focus = "Photo"
         self.session.fit_photos(*paths)
 
     def paste(self) -> None:
         """Fit the images in the clipboard."""
         jobs, images = self.session.jobs, partial(self.clipboard.images, imgui.get_clipboard_text())
         ended = jobs.reporting("Cannot paste")
-        jobs.submit(Job("paste", images, lambda paths: self.session.fit_photos(*paths), ended))
+        jobs.submit(Job("paste", images, lambda paths: self.rebuild(*paths), ended))
 
     def open_file(self) -> None:
         """Ask for a project, a scene, or an image that holds one, and open it."""
@@ -210,12 +213,6 @@ class PanelContext:
         if others:
             self.fit(*others)
 
-    def follow_fit(self) -> None:
-        """Bring the candidates to the front when a fit begins, and the objects, which the result joins, at its end."""
-        if self._fit_ran != self.session.fitting_runs:
-            self._fit_ran = self.session.fitting_runs
-            self.focus_other_dock = "Candidates" if self._fit_ran else "Objects"
-
     def _remember(self, path: Path) -> None:
         if is_there(path):
             self.preferences = self.preferences.with_recent(path)
@@ -227,7 +224,9 @@ class Panel(Protocol):
 
     title: str
     dock: str
-    """View, Top, Upper, Lower or Strip"""
+    """View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)"""
+    folded: bool
+    """not shown until it is chosen in the menu Panels"""
     waiting: str
     """what it says until a model is open; empty: it draws itself from the start"""
 

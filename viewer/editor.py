@@ -78,8 +78,9 @@ class Editor:
     # The camera
 
     def set_camera(self, camera: Camera, gesture: str = "") -> None:
-        """See the object from another place."""
-        self._edit(replace(self.scene, camera=camera), gesture=gesture)
+        """See the object from another place. Gestures that follow each other, as turning and zooming, are one step."""
+        scene = replace(self.scene, camera=camera)
+        self._go(self.history.changed(replace(self.state, scene=scene), gesture, moves=bool(gesture)))
 
     # One code
 

@@ -52,6 +52,7 @@ class Workspace:
 
     def tick(self) -> None:
         """Once a frame: what advances with time."""
+        self.viewport.tick()
         self.player.tick()
         self.thumbnails.tick()
         if self._unclear and not self.segmenting.active:

@@ -67,8 +67,8 @@ class Scene:
             found = about["model"]
             camera = Camera(**about["camera"])
             codes = Codes(torch.tensor(about["shape"]).float(), torch.tensor(about["texture"]).float())
-        except (json.JSONDecodeError, KeyError, TypeError, RuntimeError) as error:
-            raise ValueError(f"not a scene file ({type(error).__name__}: {error})") from None
+        except (json.JSONDecodeError, KeyError, TypeError, RuntimeError):
+            raise ValueError("not a scene file, or damaged") from None
         config = model.field.config
         sizes = (config.shape_latent,), (config.texture_latent,)
         if found != model.fingerprint or (codes.shape.shape, codes.texture.shape) != sizes:

@@ -12,6 +12,8 @@ MAX_PIXELS = 400_000_000
 """of a file, 20,000 x 20,000: beyond, decoding it may take more memory than a small machine has."""
 WORKING_SIDE = 1024
 """px: the longer side at which images are cut out"""
+_NARROWEST = 128
+"""The longest side of an image, in its shorter ones: of a narrower one 8 px would not be left at the working size."""
 _HEIF = (".heic", ".heif", ".hif")
 """what phones write"""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", *_HEIF, ".bmp", ".tif", ".tiff")
@@ -32,6 +34,8 @@ def read_rgba(path: Path) -> Image.Image:
                 if image.width * image.height > MAX_PIXELS:
                     size = f"{image.width}x{image.height}"
                     raise ValueError(f"the image is too large ({size} px); make it smaller first")
+                if max(image.size) > _NARROWEST * min(image.size):
+                    raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
                 image.draft("RGB", (WORKING_SIDE, WORKING_SIDE))
                 image.load()
                 return _small_rgba(image)

@@ -78,7 +78,7 @@ class Driver:
 
     def choose(self, name: str, item: str) -> None:
         """Choose from the menu of an object."""
-        self.click(f"Objects/**/show {name}", 1)
+        self.click(f"Library/**/show {name}", 1)
         self.click(f"**/{item}")
 
     def set(self, name: str, value: float) -> None:
@@ -91,6 +91,12 @@ class Driver:
         self.ctx.set_ref("##MainMenuBar")
         self.ctx.menu_click(path)
         self._check(path)
+
+    def set_quality(self, level: int) -> None:
+        """Choose how fine the view is rendered."""
+        self.click("View/###view options")
+        self.set("$FOCUSED/##quality", level)
+        self.press(imgui.Key.escape)
 
     def exists(self, name: str) -> bool:
         """Whether a widget is there."""

@@ -31,7 +31,14 @@ def test_every_action_and_every_key_is_there_once() -> None:
             "Ctrl+Y, Ctrl+Shift+Z",
             [imgui.Key.mod_ctrl + imgui.Key.y, imgui.Key.mod_ctrl + imgui.Key.mod_shift + imgui.Key.z],
         ),
-        ("Ctrl++", [imgui.Key.mod_ctrl + imgui.Key.equal, imgui.Key.mod_ctrl + imgui.Key.keypad_add]),
+        (
+            "Ctrl++",
+            [
+                imgui.Key.mod_ctrl + imgui.Key.equal,
+                imgui.Key.mod_ctrl + imgui.Key.mod_shift + imgui.Key.equal,
+                imgui.Key.mod_ctrl + imgui.Key.keypad_add,
+            ],
+        ),
         ("Ctrl+-", [imgui.Key.mod_ctrl + imgui.Key.minus, imgui.Key.mod_ctrl + imgui.Key.keypad_subtract]),
     ],
 )

@@ -16,6 +16,7 @@ from tests.viewer.stand_ins import endless_fit
 from viewer import app
 from viewer.panels import all_panels
 from viewer.services.backend import Backend
+from viewer.services.messages import UNFORESEEN
 from viewer.values import orbit
 from viewer.values.history import History
 from viewer.values.preferences import Preferences
@@ -34,11 +35,11 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         before = hello_imgui.em_size()
         window.press(imgui.Key.mod_ctrl, imgui.Key.minus)
         assert hello_imgui.em_size() < before
-        window.set("View/##quality", 2)
+        window.set_quality(2)
         kept.append(window.context.preferences)
         window.ctx.yield_(2)
         assert Preferences.load(folder) == kept[0]
-        window.menu("View/###reset_layout")
+        window.menu("Panels/###reset_layout")
         window.ctx.yield_(5)
         window.drag("View/orbit", 30)
 
@@ -91,7 +92,7 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
 
     def first(window: Driver) -> None:
         workspace = window.workspace
-        window.click("Objects/**/show object 3")
+        window.click("Library/**/show object 3")
         window.context.drop([str(photo)])
         window.wait(lambda: len(workspace.fitting.history.steps) > 3)
         window.context.autosave.every = 0.0
@@ -150,16 +151,18 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
             imgui.push_id("left open too")
             raise KeyError("a mistake")
 
-        drawn = window.app.panels[2].draw
-        window.app.panels[2].draw = fail
+        library = next(panel for panel in window.app.panels if panel.title == "Library")
+        drawn = library.draw
+        library.draw = fail
         window.wait(lambda: bool(session.messages.errors))
         window.ctx.yield_(5)
-        assert session.messages.errors == ["The panel Objects failed: KeyError: 'a mistake'"]
+        assert session.messages.errors == [f"The panel Library failed: {UNFORESEEN}"]
+        assert session.messages.log[-1].detail == "KeyError: 'a mistake'"
         window.drag("View/orbit", 30)
         assert editor.history.past
-        window.app.panels[2].draw = drawn
-        window.click("Objects/Try again")
-        window.click("Objects/**/show object 3")
+        library.draw = drawn
+        window.click("Library/Try again")
+        window.click("Library/**/show object 3")
         assert editor.state.mix.a.shape == "object 3"
 
     drive(act, strict=False)
@@ -178,7 +181,34 @@ def test_closing_while_a_fit_runs_ends_at_once(drive: Drive, backend: Backend, p
     assert not any(thread.name == "worker" for thread in threading.enumerate())
 
 
-@pytest.mark.parametrize("size", [(640, 400), (1280, 800), (2560, 1600)])
+def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
+    def seen(window: Driver) -> set[str]:
+        window.ctx.yield_(10)
+        found = {panel.title: imgui.internal.find_window_by_name(panel.title) for panel in window.app.panels}
+        return {title for title, seen in found.items() if seen is not None and seen.active}
+
+    def act(window: Driver) -> None:
+        def corner(panel: str) -> imgui.ImVec2:
+            return window.ctx.window_info(f"//{panel}").window.pos
+
+        first = {"Library", "View", "Mix", "Sliders", "Photo", "History"}
+        assert {*first} - {"Sliders", "Photo"} <= seen(window) <= first
+        assert corner("Library").x < corner("View").x < corner("Mix").x
+        assert corner("View").y < corner("History").y
+        for lone in ("Library", "History"):  # its bar has its name
+            assert not window.ctx.window_info(f"//{lone}").window.dock_node.is_hidden_tab_bar()
+        window.show("Timeline")
+        assert corner("View").y < corner("Timeline").y < corner("History").y
+        window.menu("Panels/Library")
+        window.menu("Panels/Mix")
+        assert not {"Library", "Mix"} & seen(window)
+        window.menu("Panels/###reset_layout")
+        assert {"Library", "Mix"} <= seen(window) <= first
+
+    drive(act)
+
+
+@pytest.mark.parametrize("size", [(900, 600), (1280, 800), (3840, 2160)])
 def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
@@ -214,20 +244,20 @@ def test_bad_files_are_reported_and_change_nothing(
 
 
 def test_a_layout_of_an_older_version_still_holds(drive: Drive, tmp_path: Path) -> None:
-    folder, renamed = tmp_path / "config", {"Grid": "Sheet", "Performance": "Speed", "Sliders": "Codes"}
+    folder, renamed = tmp_path / "config", {"Shape × texture grid": "Sheet", "Performance": "Speed", "Sliders": "Codes"}
 
     def place(window: Driver) -> tuple[float, float]:
-        window.show("Grid")
-        corner = window.ctx.window_info("//Grid").window.pos
+        window.show("Shape × texture grid")
+        corner = window.ctx.window_info("//Shape × texture grid").window.pos
         return corner.x, corner.y
 
     places: list[tuple[float, float]] = []
     drive(lambda window: places.append(place(window)), folder=folder)
-    layout = (folder / "window.ini").read_text()
+    layout = (folder / "window.ini").read_text("utf-8")
     for new, old in renamed.items():
         assert f"[Window][{new}]" in layout
         layout = layout.replace(f"[Window][{new}]", f"[Window][{old}]")
-    (folder / "window.ini").write_text(layout)
+    (folder / "window.ini").write_text(layout, "utf-8")
     drive(lambda window: places.append(place(window)), folder=folder)
     assert places[0] == places[1]
-    assert "[Window][Sheet]" not in (folder / "window.ini").read_text()
+    assert "[Window][Sheet]" not in (folder / "window.ini").read_text("utf-8")

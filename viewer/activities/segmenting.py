@@ -33,6 +33,8 @@ class Segmentation:
     """the photo with its background darkened"""
     cropped: UInt8[np.ndarray, "size size 3"] | None = None
     """as it will be fitted; None until that is known"""
+    crop: Crop | None = None
+    """where the object is in that"""
 
 
 class Segmenting:
@@ -77,6 +79,12 @@ class Segmenting:
                 self._jobs.report("Cannot open this image", error)
 
         self._jobs.submit(Job("segmentation", lambda: (read_rgba(source.path),), read, ended))
+
+    @property
+    def settled(self) -> bool:
+        """The result belongs to the hints and to the place in the frame as they are now."""
+        result = self.result
+        return bool(result and result.cropped is not None and (result.hints, result.crop) == (self.hints, self.crop))
 
     def begin_change(self) -> None:
         """What follows, up to the next call, is one step for :meth:`undo`."""
@@ -142,7 +150,8 @@ def _segment(image: Image.Image, hints: Hints) -> Segmentation:
 
 def _cropped(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
     photo = prepare_photo(result.found, model, crop=crop)
-    return replace(result, cropped=(photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+    pixels = (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+    return replace(result, cropped=pixels, crop=crop)
 
 
 def _on_white(image: Image.Image) -> UInt8[np.ndarray, "height width 3"]:

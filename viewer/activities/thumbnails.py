@@ -18,6 +18,8 @@ _SAMPLES = 40
 """intervals along the longest side of the scene's box"""
 _MAX_KEPT = 1000
 """thumbnails: of 64 px they take 60 kB each"""
+_COARSE, _COARSE_SAMPLES = 32, 24
+"""px and intervals of what is shown until a thumbnail is there"""
 _BATCH = 6
 """thumbnails rendered before the queue is read again"""
 _SHARE = 0.3
@@ -54,23 +56,36 @@ class Thumbnails:
         return self.get(codes, self._home.resized(size, size), samples=samples)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
-        """The thumbnail at the camera's size; None until it is rendered. To be called in every frame that shows it.
+        """The thumbnail at the camera's size; until that is rendered a coarse one, before it None. To be called in
+        every frame that shows it. Coarse ones are rendered before all others, as they take a fraction of the time.
 
         Args:
             soon: before the others, as someone waits for it.
         """
-        key = _Key(codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes(), camera, samples)
+        shape, texture = codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes()
+        key = _Key(shape, texture, camera, samples)
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
-        if key not in self._failed:
-            wanted = {key: RenderJob(codes, camera, RenderSettings(samples, divisors=(1,)))}
-            self._queue = wanted | self._queue if soon else self._queue | wanted
-        return None
+        if min(camera.width, camera.height) <= _COARSE:
+            self._want(key, codes, soon)
+            return None
+        coarse = _Key(shape, texture, camera.resized(_COARSE, _COARSE), min(samples, _COARSE_SAMPLES))
+        found = self._frames.get(coarse)
+        self._want(key if found or coarse in self._failed else coarse, codes, soon)
+        return found
+
+    def _want(self, key: _Key, codes: Codes, soon: bool) -> None:
+        if key in self._failed:
+            return
+        wanted = {key: RenderJob(codes, key.camera, RenderSettings(key.samples, divisors=(1,)))}
+        self._queue = wanted | self._queue if soon else self._queue | wanted
 
     def tick(self) -> None:
         """Once a frame: begin with what panels wanted since the last one."""
-        batch, self._queue = list(self._queue.items())[:_BATCH], {}
+        # Coarse ones first; the sort keeps the order otherwise.
+        queue = sorted(self._queue.items(), key=lambda one: one[0].camera.width > _COARSE)
+        batch, self._queue = queue[:_BATCH], {}
         if not batch or self._jobs.busy("thumbnails"):
             return
 

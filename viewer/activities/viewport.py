@@ -1,5 +1,6 @@
 """The view: how its image is rendered, how large and how fine, and what is on screen."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
@@ -15,6 +16,10 @@ from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
 Source = Literal["scene", "timeline", "fit"]
 _SUPERSAMPLING = 2
 """Pixels rendered across each pixel of the finished image."""
+_REST = 0.4
+"""s without a change after which the image is rendered at the view's own resolution"""
+_REST_SHARE = 0.5
+"""of the worker's time, for that"""
 
 
 @dataclass(eq=False)
@@ -42,6 +47,10 @@ class Viewport:
         """the whole frame, and what of it is shown"""
         self.times: tuple[tuple[tuple[int, int], float], ...] = ()
         """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
+        self.sharp = False
+        """the frame on screen is finished, and has every pixel of the view"""
+        self._rested: float | None = None
+        """s on the monotonic clock, when the image was finished that has fewer pixels than the view"""
         self.keep_following: Callable[[], bool] = lambda: False
         """called after an edit while a fit is shown: whether it still is"""
         editor.scene_changed = self._scene_changed
@@ -77,26 +86,61 @@ class Viewport:
         """Render the scene, in place of a render under way; not while the timeline plays or a fit is followed."""
         if self.source != "scene":
             return
-        quality, scene, budget = self.settings.quality, self._editor.scene, self.settings.budget
-        crop = orbit.fit_to_panel(scene.camera, *self.settings.panel, quality.detail, self.settings.pan)
+        self._rested = None
+        budget, detail = self.settings.budget, min(self.settings.quality.detail, self._sides)
         stages = budget.divisors
-        settings = RenderSettings(quality.samples, stages, supersampling=_SUPERSAMPLING)
-        job = RenderJob(scene.codes, crop.camera, settings)
 
-        def rendered(frame: Frame) -> None:
+        def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
             earlier = self.times if self.full_frame and self.full_frame[1] is crop else ()
             self.times = (*earlier, (frame.resolution, frame.seconds))
             self._show(frame, crop)
+            self.sharp = frame.final and detail == self._sides
             if frame.stage == 0:
                 budget.observe(stages[0], frame.seconds)
+            if frame.final and not self.sharp:
+                self._rested = time.monotonic()
 
-        frames, model = self._jobs.backend.frames, self._editor.model
+        self._submit(detail, stages, rendered, urgent=True)
+
+    def tick(self) -> None:
+        """Once a frame: give the image all pixels of the view, once the hand rests and no fit needs the time."""
+        if self._rested is None or time.monotonic() - self._rested < _REST or self._jobs.busy("fit"):
+            return
+        self._rested = None
+
+        def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
+            self.times = (*self.times, (frame.resolution, self.times[-1][1] + frame.seconds))
+            self._show(frame, crop)
+            self.sharp = frame.final
+
+        self._submit(self._sides, (1,), rendered, share=_REST_SHARE)
+
+    @property
+    def _sides(self) -> int:
+        """px of the view's shorter side."""
+        return min(self.settings.panel)
+
+    def _submit(
+        self,
+        detail: int,
+        stages: tuple[int, ...],
+        rendered: Callable[[Frame, orbit.PanelCrop], None],
+        urgent: bool = False,
+        share: float = 1.0,
+    ) -> None:
+        """Render the scene, so many px along the view's shorter side."""
+        scene, frames, model = self._editor.scene, self._jobs.backend.frames, self._editor.model
+        crop = orbit.fit_to_panel(scene.camera, *self.settings.panel, detail, self.settings.pan)
+        settings = RenderSettings(self.settings.quality.samples, stages, supersampling=_SUPERSAMPLING)
+        job = RenderJob(scene.codes, crop.camera, settings)
         ended = self._jobs.reporting("Cannot render the object")
-        self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent=True))
+        self._jobs.submit(
+            Job("view", lambda: frames(model, job), lambda frame: rendered(frame, crop), ended, urgent, share)
+        )
 
     def hold(self, source: Source) -> None:
         """Render no scene until :meth:`release`: this source will display frames of its own."""
-        self.source = source
+        self.source, self._rested = source, None
         self._jobs.cancel("view")
 
     def display(self, frame: Frame, crop: orbit.PanelCrop, source: Source) -> None:
@@ -117,4 +161,4 @@ class Viewport:
         self.render()
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
-        self.full_frame, self.frame = (frame, crop), crop.cropped(frame)
+        self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False

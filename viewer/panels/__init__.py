@@ -4,12 +4,13 @@ from viewer.context import Panel
 from viewer.panels.camera import CameraPanel
 from viewer.panels.candidates import CandidatesPanel
 from viewer.panels.export import ExportPanel
-from viewer.panels.fit import FitPanel
 from viewer.panels.grid import GridPanel
 from viewer.panels.history import HistoryPanel
+from viewer.panels.library import LibraryPanel
+from viewer.panels.log import LogPanel
 from viewer.panels.mix import MixPanel
-from viewer.panels.objects import ObjectsPanel
 from viewer.panels.performance import PerformancePanel
+from viewer.panels.photo import PhotoPanel
 from viewer.panels.realism import RealismPanel
 from viewer.panels.sliders import SlidersPanel
 from viewer.panels.timeline import TimelinePanel
@@ -18,7 +19,6 @@ from viewer.panels.view import ViewPanel
 
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
-    top = MixPanel(), ObjectsPanel(), CandidatesPanel()
-    lower = SlidersPanel(), RealismPanel(), GridPanel(), FitPanel(), ExportPanel()
-    strip = HistoryPanel(), TimelinePanel(), CameraPanel(), PerformancePanel()
-    return [ViewPanel(), *top, *lower, *strip]
+    inspector = MixPanel(), SlidersPanel(), PhotoPanel(), RealismPanel(), GridPanel(), ExportPanel()
+    drawer = TimelinePanel(), CandidatesPanel(), CameraPanel(), PerformancePanel(), LogPanel()
+    return [LibraryPanel(), ViewPanel(), *inspector, *drawer, HistoryPanel()]

@@ -16,7 +16,8 @@ class CameraPanel:
     """Azimuth, elevation and distance to drag or to type, and a button for each usual view."""
 
     title = "Camera"
-    dock = "Strip"
+    dock = "Drawer"
+    folded = True
     waiting = "The camera comes with the model"
 
     def draw(self, context: PanelContext) -> None:

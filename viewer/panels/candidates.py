@@ -27,7 +27,8 @@ class CandidatesPanel:
     """Live while a fit runs; a click prefers a hypothesis to all others."""
 
     title = "Candidates"
-    dock = "Upper"
+    dock = "Drawer"
+    folded = True
     waiting = "The candidates come with a fit"
 
     def __init__(self) -> None:

@@ -25,7 +25,8 @@ class ExportPanel:
     """What can be written to a file."""
 
     title = "Export"
-    dock = "Lower"
+    dock = "Right"
+    folded = True
     waiting = "There is something to export once the model is open"
 
     def __init__(self) -> None:

@@ -24,8 +24,9 @@ _INVITATION = (
 class GridPanel:
     """Chosen objects along both borders, and every pair of them; a click makes a pair current."""
 
-    title = "Grid"
-    dock = "Lower"
+    title = "Shape × texture grid"
+    dock = "Right"
+    folded = True
     waiting = "The grid comes with the model"
 
     def draw(self, context: PanelContext) -> None:

@@ -16,6 +16,7 @@ class HistoryPanel:
 
     title = "History"
     dock = "Strip"
+    folded = False
     waiting = "Every state that undo remembers comes here"
 
     def __init__(self) -> None:
@@ -26,7 +27,7 @@ class HistoryPanel:
         """The row, which scrolls to what is shown."""
         history = context.editor.history
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
-        side = max(2 * em, min(6 * em, room.y - 1.2 * em))
+        side = max(2 * em, min(object_tiles.THUMBNAIL * em, room.y - imgui.get_style().scrollbar_size))
         if imgui.begin_child("row", (0, 0), 0, imgui.WindowFlags_.horizontal_scrollbar):
             imgui.push_style_var(imgui.StyleVar_.item_spacing, (0.3 * em, 0.3 * em))
             for index, state in enumerate(history.states):

@@ -8,22 +8,24 @@ from imgui_bundle import hello_imgui, imgui
 from core.models.library import sample_images, shipped_models
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
-from viewer.widgets.controls import tooltip
+from viewer.widgets.controls import button, tooltip
+
+_SWITCH_HELP = "What you have made stays with its model, and comes back with it"
 
 
 def draw(context: PanelContext) -> None:
-    """Menus, and at their right what is under way."""
+    """Menus, the switch between the models, and at the right what is under way."""
     project = ("new_project", "open_scene", _draw_recent, _draw_earlier, None, "save_project", "save_project_as")
     _menu(
         context,
         "File",
         ("fit_image", "paste", _draw_samples, None, *project, None, "save_scene", None, "quit"),
     )
-    _draw_models(context)
     _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
-    look = ("dark", "smooth", None, "larger_text", "smaller_text")
-    _menu(context, "View", (_draw_panels, "reset_layout", None, *look))
+    _menu(context, "View", ("dark", "smooth", None, "larger_text", "smaller_text"))
+    _menu(context, "Panels", (_draw_panels, None, "reset_layout"))
     _menu(context, "Help", ("help",))
+    _draw_models(context)
     _draw_status(context)
 
 
@@ -59,18 +61,23 @@ def _draw_panels(context: PanelContext) -> None:
 
 
 def _draw_models(context: PanelContext) -> None:
+    """A switch, of which the open model is the lit part."""
     session = context.session
-    if imgui.begin_menu("Model"):
-        for name in shipped_models():
-            here = session.model_name == name
-            if imgui.menu_item(name, "", here, not (session.loading or session.fitting_runs))[0] and not here:
-                session.open_model(name)
-            tooltip("What you have made stays with its model, and comes back with it; undo begins anew")
-        imgui.end_menu()
+    imgui.same_line(0, 1.5 * hello_imgui.em_size())
+    for name in shipped_models():
+        here = session.model_name == name
+        imgui.begin_disabled(bool(session.loading or session.fitting_runs) and not here)
+        pressed = button(
+            f"{name.capitalize()}###model {name}", _SWITCH_HELP, colour=context.palette.accent if here else None
+        )
+        imgui.end_disabled()
+        imgui.same_line(0, 1)
+        if pressed and not here:
+            session.open_model(name)
 
 
 def _draw_samples(context: PanelContext) -> None:
-    if imgui.begin_menu("Fit a sample", ACTIONS["fit_image"].enabled(context)):
+    if imgui.begin_menu("Samples", ACTIONS["fit_image"].enabled(context)):
         for path in sample_images(context.editor.model.category):
             if imgui.menu_item_simple(path.stem):
                 context.fit(path)
@@ -108,5 +115,7 @@ def _draw_status(context: PanelContext) -> None:
         parts.append(f"{context.editor.model.category}: {len(context.editor.objects.names)} objects")
     text = "      ".join(parts)
     width = imgui.calc_text_size(text).x + 2 * hello_imgui.em_size()
-    imgui.same_line(imgui.get_window_width() - width)
-    imgui.text_disabled(text)
+    imgui.same_line()
+    if imgui.get_content_region_avail().x > width:  # else it would lie over the switch
+        imgui.same_line(imgui.get_window_width() - width)
+        imgui.text_disabled(text)

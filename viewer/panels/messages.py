@@ -22,8 +22,8 @@ _FLAGS = (
 
 
 def draw(context: PanelContext) -> None:
-    """The newest at the bottom. Information fades, an error stays until it is dismissed."""
-    due = [message for message in context.session.messages.all if not message.faded]
+    """One column, the newest at the bottom; each fades by itself, and stays in the log."""
+    due = context.session.messages.shown
     if not due:
         return
     em = hello_imgui.em_size()

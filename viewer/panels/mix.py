@@ -5,10 +5,15 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.history import PARTS, Part
+from viewer.values.variety import readable
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import button, tooltip
+from viewer.widgets.controls import button, flow, labelled_slider, tooltip
+from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _OPEN, _LOCKED = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
+_PAD = 10.0
+"""em: 160 px at the usual size of text"""
+_PAD_WORDS = "Across: shape. Up: texture."
 _PAD_HELP = "Drag: to the right the shape goes from A to B, upwards the texture does"
 
 
@@ -16,29 +21,28 @@ class MixPanel:
     """Two slots to take a shape and a texture from, and a pad and two sliders that mix them with B's."""
 
     title = "Mix"
-    dock = "Top"
+    dock = "Right"
+    folded = False
     waiting = "The objects come with the model"
 
     def draw(self, context: PanelContext) -> None:
-        """The slots, the pad, the sliders, B."""
-        gap, side = imgui.get_style().item_spacing.x, 3.4 * hello_imgui.em_size()
+        """The slots, the pad, the sliders."""
+        gaps = 2 * imgui.get_style().item_spacing.x
+        side = min(object_tiles.THUMBNAIL * hello_imgui.em_size(), (imgui.get_content_region_avail().x - gaps) / 3)
         for part in PARTS:
             self._draw_slot(context, part, side)
             imgui.same_line()
-        room = imgui.get_content_region_avail()
-        self._draw_pad(context, max(side, min(room.y, room.x / 3)))
-        imgui.same_line()
+        self._draw_b(context, side)
+        imgui.spacing()
+        heading(context, "From A to B")
+        self._draw_pad(context, min(_PAD * hello_imgui.em_size(), imgui.get_content_region_avail().x))
+        flow(_PAD_WORDS)
         imgui.begin_group()
-        width = imgui.get_content_region_avail().x - side - gap
-        self._draw_sliders(context, width)
-        self._draw_swap(context, width)
+        caption(context, _PAD_WORDS)
+        if button("Swap###swap", "The shape from where the texture was taken, and the other way round"):
+            context.editor.swap()
         imgui.end_group()
-        imgui.same_line()
-        b = context.editor.state.mix.b
-        _draw_face(context, b, "B", WARM, side)
-        tooltip(f"B is {b}\nDrop an object here to make it B")
-        if dropped := object_tiles.dropped(context):
-            context.editor.set_b(dropped)
+        self._draw_sliders(context)
 
     def _draw_slot(self, context: PanelContext, part: Part, side: float) -> None:
         editor = context.editor
@@ -48,18 +52,24 @@ class MixPanel:
         invited = (
             "It is locked: the lock below lets it change" if locked else f"Drop an object here to take only its {part}"
         )
-        tooltip(f"The {part} is taken from {name}\n{invited}")
+        tooltip(f"The {part} is taken from {readable(name)}\n{invited}")
         if not locked and (dropped := object_tiles.dropped(context)):
             editor.take(part, dropped)
+        _draw_caption(context, f"A's {part}", side)
         what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or sampled"
-        if button(f"{_LOCKED if locked else _OPEN}###lock {part}", what, width=3.4):
+        if button(f"{_LOCKED if locked else _OPEN}###lock {part}", what, side / hello_imgui.em_size()):
             editor.lock(part, not locked)
         imgui.end_group()
 
-    def _draw_swap(self, context: PanelContext, width: float) -> None:
-        if imgui.button("Swap###swap", (width, 0)):
-            context.editor.swap()
-        tooltip("The shape from where the texture was taken, and the other way round")
+    def _draw_b(self, context: PanelContext, side: float) -> None:
+        b = context.editor.state.mix.b
+        imgui.begin_group()
+        _draw_face(context, b, "B", WARM, side)
+        tooltip(f"B is {readable(b)}\nDrop an object here to make it B")
+        if dropped := object_tiles.dropped(context):
+            context.editor.set_b(dropped)
+        _draw_caption(context, "B", side)
+        imgui.end_group()
 
     def _draw_pad(self, context: PanelContext, side: float) -> None:
         editor, corner = context.editor, imgui.get_cursor_screen_pos()
@@ -73,20 +83,23 @@ class MixPanel:
             tooltip(_PAD_HELP)
         _paint_pad(context, corner, side)
 
-    def _draw_sliders(self, context: PanelContext, width: float) -> None:
+    def _draw_sliders(self, context: PanelContext) -> None:
         for part in PARTS:
             imgui.begin_disabled(part in context.editor.locked)
-            imgui.set_next_item_width(width)
             amount = getattr(context.editor.state.mix, part)
-            wide = width > imgui.calc_text_size("Texture  0.00").x
-            label = f"{part.capitalize() if wide else object_tiles.ICONS[part]}  %.2f"
-            moved, to = imgui.slider_float(f"##mix {part}", amount, 0.0, 1.0, label)
+            label = part.capitalize()
+            moved, to = labelled_slider(f"mix {part}", label, amount, (0.0, 1.0), f"{amount:.0%}")
             imgui.end_disabled()
             if moved:
                 context.editor.mix(part, _within(to), gesture=f"mix {part}")
             if imgui.is_item_deactivated():
                 context.editor.end_gesture()
-            tooltip(f"Slide the {part} from A to B; the other stays as it is")
+            tooltip(f"Slide the {part} from A to B; the other stays as it is. Ctrl+click to type 0 to 1")
+
+
+def _draw_caption(context: PanelContext, words: str, width: float) -> None:
+    paint_caption(context, words, imgui.get_cursor_screen_pos(), width)
+    imgui.dummy((width, small_height()))
 
 
 def _paint_pad(context: PanelContext, corner: ImVec2, side: float) -> None:
@@ -98,12 +111,13 @@ def _paint_pad(context: PanelContext, corner: ImVec2, side: float) -> None:
     )
     opposite = corner + ImVec2(side, side)
     draw.add_rect_filled(corner, opposite, packed(palette.raised), object_tiles.rounding())
+    draw.add_rect(corner, opposite, packed(palette.line), object_tiles.rounding())
     place = corner + ImVec2(mix.shape, 1 - mix.texture) * side
     line = packed(mixed(palette.raised, palette.text, 0.25))
     draw.add_line((place.x, corner.y), (place.x, opposite.y), line)
     draw.add_line((corner.x, place.y), (opposite.x, place.y), line)
     draw.add_text(ImVec2(corner.x + 0.3 * em, opposite.y - 1.2 * em), packed(palette.accent), "A")
-    draw.add_text(ImVec2(opposite.x - 0.9 * em, corner.y + 0.1 * em), packed(WARM), "B")
+    draw.add_text(ImVec2(opposite.x - 0.9 * em, corner.y + 0.1 * em), packed(palette.warm), "B")
     draw.add_circle_filled(place, 0.35 * em, packed(palette.accent))
 
 

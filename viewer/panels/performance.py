@@ -14,7 +14,8 @@ class PerformancePanel:
     """The stages of the frame on the left, the machine on the right."""
 
     title = "Performance"
-    dock = "Strip"
+    dock = "Drawer"
+    folded = True
     waiting = "The numbers come with the first render"
 
     def draw(self, context: PanelContext) -> None:

@@ -26,7 +26,8 @@ class RealismPanel:
     """For each code a meter, which is the slider that scales it, and the trained object that is nearest."""
 
     title = "Realism"
-    dock = "Lower"
+    dock = "Right"
+    folded = True
     waiting = "The meters come with the model"
 
     def draw(self, context: PanelContext) -> None:

@@ -12,13 +12,16 @@ from viewer.context import PanelContext
 from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, tooltip
 
-_TITLE = "Segment###segment"
+_TITLE = "Cut out###segment"
+_FARTHEST = 8.0
+"""times: the largest zoom"""
 _TOOLS = ("Box", "Add", "Remove")
 _TIPS = (
     "Drag a box around the whole object; everything outside is background",
     "Paint over what belongs to the object and was left out",
     "Paint over what does not belong to the object",
 )
+_CUTTING = "Cutting …"
 _COLUMN = 14.5
 """em, of tools and preview"""
 _WITHIN = imgui.SliderFlags_.always_clamp
@@ -28,7 +31,7 @@ _LEAST = 0.01
 
 
 class SegmentingDialog:
-    """Open while there is a photo to be segmented. Everything is live; nothing is fitted until Fit is pressed."""
+    """Open while there is a photo to be segmented. Everything is live; nothing is rebuilt until that is pressed."""
 
     def __init__(self) -> None:
         self._tool = "Box"
@@ -37,6 +40,8 @@ class SegmentingDialog:
         self._before = Hints()
         """where the drag under way began"""
         self._start = (0.0, 0.0)
+        self._zoom, self._left, self._top = 1.0, 0.0, 0.0
+        """how large the photo is shown, and what share of it lies beyond the left and the upper edge"""
         self._line: tuple[tuple[float, float], ...] = ()
 
     def draw(self, context: PanelContext) -> None:
@@ -44,6 +49,7 @@ class SegmentingDialog:
         segmenting, viewport = context.segmenting, imgui.get_main_viewport()
         if segmenting.active and not imgui.is_popup_open(_TITLE):
             imgui.open_popup(_TITLE)
+            self._zoom = 1.0
         if not imgui.is_popup_open(_TITLE):
             return
         imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.always, (0.5, 0.5))
@@ -79,18 +85,40 @@ class SegmentingDialog:
         corner += ImVec2((room.x - size.x) / 2, 0)
         imgui.set_cursor_screen_pos(corner)
         imgui.invisible_button("canvas", size)
-        self._react(segmenting, corner, size)
+        origin, whole = self._zoomed(corner, size)
+        self._react(segmenting, origin, whole)
         shown = segmenting.result.shown if segmenting.result else segmenting.plain
         draw = imgui.get_window_draw_list()
-        draw.add_image(context.images.texture(shown, context.palette), corner, corner + size)
+        draw.push_clip_rect(corner, corner + size, True)
+        draw.add_image(context.images.texture(shown, context.palette), origin, origin + whole)
         if segmenting.hints.box:
             left, top, right, bottom = segmenting.hints.box
-            low, high = ImVec2(left * size.x, top * size.y), ImVec2(right * size.x, bottom * size.y)
-            draw.add_rect(corner + low, corner + high, packed(WARM), thickness=2.0)
+            low, high = ImVec2(left * whole.x, top * whole.y), ImVec2(right * whole.x, bottom * whole.y)
+            draw.add_rect(origin + low, origin + high, packed(WARM), thickness=2.0)
         if imgui.is_item_hovered() and self._tool != "Box":
-            radius = self._brush * max(size.x, size.y)
+            radius = self._brush * max(whole.x, whole.y)
             colour = context.palette.accent if self._tool == "Add" else context.palette.error
             draw.add_circle(imgui.get_mouse_pos(), radius, packed(colour), thickness=2.0)
+        draw.pop_clip_rect()
+
+    def _zoomed(self, corner: ImVec2, size: ImVec2) -> tuple[ImVec2, ImVec2]:
+        """Where the whole photo lies (px of the window), and how large it is, after wheel and middle drag."""
+        io = imgui.get_io()
+        if imgui.is_item_hovered() and io.mouse_wheel:
+            at = imgui.get_mouse_pos() - corner
+            mouse = at.x / size.x, at.y / size.y
+            before, self._zoom = self._zoom, max(1.0, min(_FARTHEST, self._zoom * 1.2**io.mouse_wheel))
+            self._left, self._top = (
+                place + share * (1 / before - 1 / self._zoom)
+                for place, share in zip((self._left, self._top), mouse, strict=True)
+            )
+        if imgui.is_item_hovered() and imgui.is_mouse_down(imgui.MouseButton_.middle):
+            self._left -= io.mouse_delta.x / (size.x * self._zoom)
+            self._top -= io.mouse_delta.y / (size.y * self._zoom)
+        most = 1 - 1 / self._zoom
+        self._left, self._top = max(0.0, min(most, self._left)), max(0.0, min(most, self._top))
+        whole = size * self._zoom
+        return corner - ImVec2(self._left * whole.x, self._top * whole.y), whole
 
     def _react(self, segmenting: Segmenting, corner: ImVec2, size: ImVec2) -> None:
         """A drag over the photo makes a box or a stroke."""
@@ -140,11 +168,19 @@ def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
         texture = context.images.texture(segmenting.result.cropped, context.palette)
         draw.add_image(texture, corner, corner + ImVec2(side, side))
     else:
-        label = "Crop …" if segmenting.result else f"{segmenting.problem[:1].upper()}{segmenting.problem[1:]}"
+        label = (
+            _CUTTING
+            if segmenting.result or not segmenting.problem
+            else f"{segmenting.problem[:1].upper()}{segmenting.problem[1:]}"
+        )
         pad = 0.6 * hello_imgui.em_size()
         font, colour = imgui.get_font(), packed(context.palette.text)
         draw.add_text(font, imgui.get_font_size(), corner + ImVec2(pad, pad), colour, label, wrap_width=side - 2 * pad)
-    tooltip("As it will be fitted")
+    if segmenting.result and not segmenting.settled:
+        draw.add_rect_filled(corner, corner + ImVec2(side, side), packed(context.palette.panel, 0.6))
+        pad = 0.6 * hello_imgui.em_size()
+        draw.add_text(corner + ImVec2(pad, pad), packed(context.palette.text), _CUTTING)
+    tooltip("As it will be rebuilt")
     crop, width = segmenting.crop, -1.0
     imgui.set_next_item_width(width)
     scale = imgui.slider_float("##scale", crop.scale, 0.5, 1.5, "Size %.2f", _WITHIN)[1]
@@ -156,8 +192,8 @@ def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
 
 
 def _draw_end(context: PanelContext, segmenting: Segmenting) -> None:
-    if button("Fit###fit segmentation", "Find this object", 6, segmenting.result is not None):
-        context.focus = "Fit"
+    if button("Rebuild###fit segmentation", "Find this object", 6, segmenting.settled):
+        context.focus = "Photo"
         segmenting.fit()
         return
     imgui.same_line()

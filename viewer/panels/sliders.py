@@ -36,7 +36,8 @@ class SlidersPanel:
     """Two columns of sliders. A slider changes its coordinate and nothing else."""
 
     title = "Sliders"
-    dock = "Lower"
+    dock = "Right"
+    folded = False
     waiting = "The sliders come with the model"
 
     def __init__(self) -> None:
@@ -130,7 +131,6 @@ class SlidersPanel:
         codes = (replace(editor.scene.codes, **{part: end}) for end in ends)
         low, high = (context.thumbnails.get(one, camera, soon=True) for one in codes)
         if low is None or high is None:
-            imgui.text_disabled("Looking for what it changes …")
             return
         if self._influence is None or self._influence[1:3] != (low, high):
             self._influence = part, low, high, CodeInfluence.between(low, high)
@@ -154,9 +154,11 @@ class SlidersPanel:
                 context.editor.set_coordinate(part, index, float(to))
             tooltip(f"Direction {index + 1} at {to:+d}" if to else f"Direction {index + 1} at the mean")
             if seen:
-                object_tiles.paint_frame(context, self._thumbnail(context, part, index, to), place, side)
+                frame, stale = self._thumbnail(context, part, index, to)
+                object_tiles.paint_frame(context, frame, place, side, stale)
 
-    def _thumbnail(self, context: PanelContext, part: Part, index: int, to: int) -> Frame | None:
+    def _thumbnail(self, context: PanelContext, part: Part, index: int, to: int) -> tuple[Frame | None, bool]:
+        """The newest there is, and whether it is stale: of the object before it was changed."""
         model, basis, place = context.editor.model, self._basis, (part, index, to)
         assert basis is not None
         if place not in self._targets:
@@ -165,7 +167,7 @@ class SlidersPanel:
         found = context.thumbnails.get(*self._targets[place])
         if found:
             self._last[place] = found
-        return self._last.get(place)
+        return self._last.get(place), found is None
 
 
 def _leak(part: Part, leak: float) -> str:

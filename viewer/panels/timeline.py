@@ -26,7 +26,8 @@ class TimelinePanel:
     """Buttons above a line of time with the keys on it."""
 
     title = "Timeline"
-    dock = "Strip"
+    dock = "Drawer"
+    folded = True
     waiting = "The timeline comes with the model"
 
     def __init__(self) -> None:

@@ -8,11 +8,12 @@ from core.rendering.progressive import Frame
 from viewer.actions import ACTIONS, run_keys
 from viewer.activities.viewport import Viewport
 from viewer.context import PanelContext
-from viewer.screen.theme import packed
+from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
 from viewer.values import orbit
 from viewer.values.quality import QUALITIES
 from viewer.values.view_modes import MODES, in_mode
-from viewer.widgets.controls import action_button, choose, tooltip
+from viewer.widgets.controls import action_button, button, choose, tooltip
+from viewer.widgets.welcome import Welcome
 
 _KEY_TURN = 0.12
 """rad a key press"""
@@ -26,7 +27,14 @@ _BUTTONS = {
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
 }
 """actions, and the icons of their buttons"""
-_HINT = "Drag to turn    Wheel to zoom    Drop a photo to fit it    F1 for help"
+_MODE = 7.0
+"""em"""
+_HINT = "Drag to turn    Wheel to zoom    F1 for help"
+_GEAR = icons_fontawesome_4.ICON_FA_COG
+_LOW = 24.0
+"""em: in a lower view there is no room for the hint above the way in"""
+_NARROW = 26.0
+"""em: in a narrower view the mode is among the options"""
 
 
 class ViewPanel:
@@ -34,10 +42,12 @@ class ViewPanel:
 
     title = "View"
     dock = "View"
+    folded = False
     waiting = ""
 
     def __init__(self) -> None:
         self._nudged = 0.0
+        self._welcome = Welcome()
         self._cached: tuple[Frame, str, Frame] | None = None
         """of which frame and mode, the frame that is shown"""
 
@@ -68,10 +78,14 @@ class ViewPanel:
         every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
         imgui.invisible_button("orbit", size, every)
         self._react(context, size)
-        _draw_badge(viewport, viewport.frame, corner, size)
         _draw_buttons(context, corner, size)
-        if context.preferences.newcomer:
+        begins = self._welcome.is_due(context)
+        if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
             _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
+        if begins:
+            self._welcome.draw(context, corner, size)
+        else:
+            _draw_badge(viewport, viewport.frame, corner, size)
 
     def _in_mode(self, viewport: Viewport, mode: str) -> Frame:
         """The frame as the mode shows it, computed once."""
@@ -129,50 +143,72 @@ class ViewPanel:
 
 
 def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) -> None:
+    """Whether the image is as sharp as the view; the numbers are in its tooltip."""
     width, height = frame.resolution
-    text = f"{width} x {height} px   {frame.samples} samples"
-    if frame.supersampling > 1:
-        text += f", smoothed {frame.supersampling} x {frame.supersampling}"
     live = viewport.source == "fit"
-    if live:
-        text = f"The fit under way   {width} x {height} px"
-    elif not frame.final:
-        text = f"Preview {frame.stage + 1} of {frame.stage_count}   {text}"
+    words = "The fit under way" if live else "Sharp" if viewport.sharp else "Sharpening …"
     em = hello_imgui.em_size()
-    extent = imgui.calc_text_size(text)
+    extent = imgui.calc_text_size(words)
     low = ImVec2(corner.x + 0.7 * em, corner.y + size.y - extent.y - 1.2 * em)
     high = ImVec2(low.x + extent.x + 2.1 * em, low.y + extent.y + 0.5 * em)
     draw = imgui.get_window_draw_list()
-    draw.add_rect_filled(low, high, packed((0.07, 0.08, 0.09), 0.72), 0.35 * em)
-    dot = (0.35, 0.8, 0.5) if frame.final and not live else (0.95, 0.7, 0.25)
+    draw.add_rect_filled(low, high, packed(PLATE, PLATE_OPACITY), 0.35 * em)
+    dot = (0.35, 0.8, 0.5) if viewport.sharp and not live else (0.95, 0.7, 0.25)
     draw.add_circle_filled(ImVec2(low.x + 0.75 * em, (low.y + high.y) / 2), 0.24 * em, packed(dot))
-    draw.add_text(ImVec2(low.x + 1.4 * em, low.y + 0.25 * em), packed((0.95, 0.95, 0.96)), text)
+    draw.add_text(ImVec2(low.x + 1.4 * em, low.y + 0.25 * em), packed(ON_PLATE), words)
+    imgui.set_cursor_screen_pos(low)
+    imgui.invisible_button("badge", high - low)
+    stage = "finished" if frame.final else f"stage {frame.stage + 1} of {frame.stage_count}"
+    smoothed = f", smoothed {frame.supersampling} x {frame.supersampling}" if frame.supersampling > 1 else ""
+    tooltip(f"{width} x {height} px, {frame.samples} samples{smoothed}; {stage}")
 
 
 def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    em = hello_imgui.em_size()
+    em, gap = hello_imgui.em_size(), 0.3 * hello_imgui.em_size()
     imgui.set_cursor_screen_pos(corner + ImVec2(0.7 * em, 0.7 * em))
     for number, (action, icon) in enumerate(_BUTTONS.items()):
         if number:
-            imgui.same_line(0, 0.3 * em)
+            imgui.same_line(0, gap)
         action_button(context, action, icon)
-    imgui.set_cursor_screen_pos(corner + ImVec2(size.x - 17.2 * em, 0.7 * em))
+    gear = imgui.calc_text_size(_GEAR).x + 2 * imgui.get_style().frame_padding.x
+    wide = size.x > _NARROW * em
+    left = size.x - 0.7 * em - gear - (_MODE * em + gap if wide else 0.0)
+    imgui.set_cursor_screen_pos(corner + ImVec2(left, 0.7 * em))
+    if wide:
+        _draw_mode(context)
+        imgui.same_line(0, gap)
+    if button(f"{_GEAR}###view options", "How the view is rendered"):
+        imgui.open_popup("view options")
+    if imgui.begin_popup("view options"):
+        if not wide:
+            _draw_mode(context)
+        _draw_quality(context)
+        imgui.end_popup()
+
+
+def _draw_mode(context: PanelContext) -> None:
     hint = ACTIONS["next_mode"].hint()
-    context.view_mode = choose("mode", context.view_mode, _MODES, f"What the view shows: {hint}")
-    imgui.same_line(0, 0.3 * em)
-    imgui.set_next_item_width(9 * em)
+    context.view_mode = choose("mode", context.view_mode, _MODES, f"What the view shows: {hint}", _MODE)
+
+
+def _draw_quality(context: PanelContext) -> None:
+    imgui.align_text_to_frame_padding()
+    imgui.text("Quality")
+    imgui.same_line()
+    imgui.set_next_item_width(9 * hello_imgui.em_size())
     level, last = context.preferences.quality, len(QUALITIES) - 1
-    moved, to = imgui.slider_int("##quality", level, 0, last, "Quality", imgui.SliderFlags_.always_clamp)
+    quality = context.viewport.settings.quality
+    moved, to = imgui.slider_int("##quality", level, 0, last, "", imgui.SliderFlags_.always_clamp)
     if moved and to != level:
         context.set_preference(quality=to)
         context.viewport.set_quality(QUALITIES[to])
-    quality = context.viewport.settings.quality
-    tooltip(f"The finished render: {quality.detail} px, {quality.samples} samples; finer takes longer")
+    tooltip(f"At once {quality.detail} px, {quality.samples} samples; all pixels of the view when the hand rests")
 
 
 def _note(centre: ImVec2, text: str) -> None:
     em = hello_imgui.em_size()
-    half = imgui.calc_text_size(text) * 0.5
+    room = max(8 * em, imgui.get_content_region_avail().x - 4 * em)
+    half = imgui.calc_text_size(text, wrap_width=room) * 0.5
     draw, pad = imgui.get_window_draw_list(), ImVec2(em, 0.5 * em)
-    draw.add_rect_filled(centre - half - pad, centre + half + pad, packed((0.07, 0.08, 0.09), 0.72), 0.5 * em)
-    draw.add_text(centre - half, packed((0.95, 0.95, 0.96)), text)
+    draw.add_rect_filled(centre - half - pad, centre + half + pad, packed(PLATE, PLATE_OPACITY), 0.5 * em)
+    draw.add_text(imgui.get_font(), imgui.get_font_size(), centre - half, packed(ON_PLATE), text, wrap_width=room)

@@ -5,8 +5,16 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui, implot
 
 Colour = tuple[float, float, float]
-FONT = "fonts/Roboto/Roboto-Regular.ttf"
-"""Comes with imgui-bundle."""
+FONT, BOLD = "fonts/Roboto/Roboto-Regular.ttf", "fonts/Roboto/Roboto-Bold.ttf"
+"""Come with imgui-bundle; their figures are all of one width."""
+SIZE = 16.0
+"""px of the text, before it is scaled to screen and preferences"""
+HEADING, SMALL = 1.15, 0.84
+"""sizes of headings and of captions, relative to the text"""
+PLATE: Colour = (0.07, 0.08, 0.09)
+"""behind text that is laid over the view"""
+ON_PLATE: Colour = (0.95, 0.95, 0.96)
+PLATE_OPACITY = 0.88
 
 
 WARM: Colour = (0.93, 0.63, 0.27)
@@ -23,9 +31,16 @@ class Palette:
     line: Colour
     text: Colour
     accent: Colour
+    warm: Colour
+    """of text about B, and of warnings"""
     error: Colour
     background: tuple[Colour, Colour]
     """behind the object: at the top and at the bottom of the view"""
+
+    @property
+    def quiet(self) -> Colour:
+        """Of text that matters less."""
+        return mixed(self.text, self.panel, 0.3)
 
 
 DARK = Palette(
@@ -35,6 +50,7 @@ DARK = Palette(
     line=(0.2, 0.215, 0.24),
     text=(0.89, 0.9, 0.915),
     accent=(0.33, 0.64, 0.88),
+    warm=WARM,
     error=(0.9, 0.38, 0.36),
     background=((0.93, 0.94, 0.95), (0.68, 0.7, 0.73)),
 )
@@ -42,9 +58,10 @@ LIGHT = Palette(
     back=(0.86, 0.87, 0.885),
     panel=(0.955, 0.96, 0.968),
     raised=(0.885, 0.895, 0.91),
-    line=(0.8, 0.81, 0.83),
+    line=(0.68, 0.7, 0.73),
     text=(0.12, 0.13, 0.15),
     accent=(0.16, 0.45, 0.76),
+    warm=(0.6, 0.32, 0.0),
     error=(0.78, 0.2, 0.2),
     background=((0.99, 0.99, 1.0), (0.84, 0.85, 0.87)),
 )
@@ -56,16 +73,35 @@ def mixed(first: Colour, second: Colour, share: float) -> Colour:
     return red, green, blue
 
 
+def contrast(first: Colour, second: Colour) -> float:
+    """The contrast ratio of two colours, 1..21, as WCAG 2 defines it."""
+    low, high = sorted((_luminance(first), _luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def on(colour: Colour) -> Colour:
+    """Black or white, whichever is easier to read on a colour."""
+    dark, light = (0.04, 0.05, 0.06), (1.0, 1.0, 1.0)
+    return dark if contrast(dark, colour) > contrast(light, colour) else light
+
+
+def _luminance(colour: Colour) -> float:
+    linear = (value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4 for value in colour)
+    return sum(weight * value for weight, value in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+
+
 def packed(colour: Colour, opacity: float = 1.0) -> int:
     """A colour as draw lists take it."""
     return imgui.color_convert_float4_to_u32(ImVec4(*colour, opacity))
 
 
 def apply(palette: Palette) -> None:
-    """Colour every widget."""
+    """Colour every widget. On light colours they have borders, as their shades are near each other."""
     style = imgui.get_style()
-    base = imgui.style_colors_dark if sum(palette.panel) < 1.5 else imgui.style_colors_light
+    dark = sum(palette.panel) < 1.5
+    base = imgui.style_colors_dark if dark else imgui.style_colors_light
     base()
+    style.frame_border_size = 0.0 if dark else 1.0
     for name, colour in _colours(palette).items():
         style.set_color_(getattr(imgui.Col_, name), ImVec4(*colour, 1.0))
     style.set_color_(imgui.Col_.modal_window_dim_bg, ImVec4(*palette.back, 0.55))
@@ -80,7 +116,7 @@ def _colours(p: Palette) -> dict[str, Colour]:
     quiet, lit = mixed(p.raised, p.panel, 0.35), mixed(p.raised, p.text, 0.1)
     strong = mixed(p.raised, p.accent, 0.45)
     return {
-        "text": p.text, "text_disabled": mixed(p.text, p.panel, 0.42),
+        "text": p.text, "text_disabled": p.quiet,
         "window_bg": p.panel, "popup_bg": mixed(p.panel, p.raised, 0.4), "menu_bar_bg": p.back,
         "border": p.line, "separator": p.line, "separator_hovered": p.accent, "separator_active": p.accent,
         "frame_bg": quiet, "frame_bg_hovered": lit, "frame_bg_active": strong,
@@ -112,6 +148,6 @@ def set_spacing() -> None:
     style.separator_text_border_size = 1
 
 
-def load_fonts() -> None:
-    """One font, with the icons that buttons carry."""
-    hello_imgui.load_font_ttf_with_font_awesome_icons(FONT, 16.0)
+def load_fonts() -> list[imgui.ImFont]:
+    """The font of the text, with the icons that buttons carry, and a bold one for headings."""
+    return [hello_imgui.load_font_ttf_with_font_awesome_icons(font, SIZE) for font in (FONT, BOLD)]

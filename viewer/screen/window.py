@@ -11,11 +11,16 @@ import glfw  # isort: skip
 import moderngl
 
 NAME = "CodeNeRF Viewer"
+SMALLEST = 900, 600
+"""px of a 96 ppi screen: the smallest size of the window"""
 _RENAMED_PANELS = {
     "Codes": "Sliders",
+    "Fit": "Photo",
+    "Grid": "Shape × texture grid",
+    "Objects": "Library",
     "Plausible": "Realism",
     "Race": "Candidates",
-    "Sheet": "Grid",
+    "Sheet": "Shape × texture grid",
     "Speed": "Performance",
     "Visited": "History",
 }
@@ -98,11 +103,11 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
 def _rename_panels(layout: Path) -> None:
     """Let a layout that an older version wrote hold for the panels as they are called now."""
     with suppress(OSError, ValueError):
-        text = before = layout.read_text()
+        text = before = layout.read_text("utf-8")
         for old, new in _RENAMED_PANELS.items():
             text = text.replace(f"[Window][{old}]", f"[Window][{new}]")
         if text != before:
-            layout.write_text(text)
+            layout.write_text(text, "utf-8")
 
 
 def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) -> None:
@@ -126,6 +131,16 @@ def on_drop(dropped: Callable[[list[str]], None]) -> None:
     """Call ``dropped`` with the paths of files that are dropped on the window."""
     window = glfw_utils.glfw_window_hello_imgui()
     glfw.set_drop_callback(window, lambda _, paths: dropped(list(paths)))  # type: ignore[arg-type, misc]
+
+
+def limit_size() -> None:
+    """Let nobody make the window so small that controls would be out of reach."""
+    glfw.set_window_size_limits(
+        glfw_utils.glfw_window_hello_imgui(),
+        *SMALLEST,
+        glfw.DONT_CARE,
+        glfw.DONT_CARE,
+    )
 
 
 def resize(width: int, height: int) -> None:

@@ -1,18 +1,27 @@
 """Lines for the person at the window, errors included."""
 
+import json
 import logging
+import re
 import time
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import Enum
+from pathlib import Path
 
 import torch
 
-_SECONDS = 5.0
-"""for which information stays"""
-_MAX_OLDER = 3
-"""lines of information that stay beside a new one, until they fade"""
+_SECONDS, _ERROR_SECONDS = 5.0, 15.0
+"""for which information stays on screen, and an error"""
+_MAX_OLDER, _MAX_ERRORS = 3, 2
+"""lines of information that stay beside a new one until they fade, and errors shown at a time"""
+_LOGGED = 500
+"""lines that the log keeps"""
 _NO_MEMORY = "can't allocate memory"
 """What torch says in a RuntimeError where the processor's memory does not suffice."""
+_FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
+"""the folders of an absolute path"""
+UNFORESEEN = "an error in the program; the log has it (menu Panels)"
 
 
 class Kind(Enum):
@@ -28,37 +37,53 @@ class Message:
 
     text: str
     kind: Kind = Kind.INFO
+    detail: str = ""
+    """for the log alone: what an error nobody foresaw says of itself"""
     born: float = field(default_factory=time.monotonic)
     """s on the monotonic clock"""
+    written: datetime = field(default_factory=datetime.now)
 
     @property
     def faded(self) -> bool:
-        """Information goes after a while; an error stays until it is dismissed."""
-        return self.kind is Kind.INFO and time.monotonic() - self.born > _SECONDS
+        """Everything goes from the screen by itself, an error later."""
+        return time.monotonic() - self.born > (_ERROR_SECONDS if self.kind is Kind.ERROR else _SECONDS)
 
 
 class Messages:
-    """The lines on screen, the newest at the end."""
+    """The lines on screen, the newest at the end, and the log of all there were."""
 
     def __init__(self) -> None:
         self.all: list[Message] = []
+        self.log: list[Message] = []
+        """all lines of this run, the oldest first"""
 
     @property
     def errors(self) -> list[str]:
-        """What went wrong and was not dismissed."""
+        """What went wrong and was not dismissed, on screen or not any more."""
         return [message.text for message in self.all if message.kind is Kind.ERROR]
 
-    def notify(self, text: str, kind: Kind = Kind.INFO) -> None:
+    @property
+    def shown(self) -> list[Message]:
+        """What is on screen: information that has not faded, and the newest errors."""
+        due = [message for message in self.all if not message.faded]
+        errors = [message for message in due if message.kind is Kind.ERROR][-_MAX_ERRORS:]
+        return [message for message in due if message.kind is Kind.INFO or message in errors]
+
+    def notify(self, text: str, kind: Kind = Kind.INFO, detail: str = "") -> None:
         """Show a line, in place of the same one, if that is still there."""
-        left = [message for message in self.all if not message.faded and (message.text, message.kind) != (text, kind)]
-        older = [message for message in left if message.kind is Kind.INFO][:-_MAX_OLDER]
-        self.all = [*(message for message in left if message not in older), Message(text, kind)]
+        left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
+        infos = [message for message in left if message.kind is Kind.INFO]
+        gone = [message for message in infos if message.faded or message not in infos[-_MAX_OLDER:]]
+        self.all = [*(message for message in left if message not in gone), Message(text, kind, detail)][-_LOGGED:]
+        self.log = [*self.log, self.all[-1]][-_LOGGED:]
 
     def report(self, what: str, error: Exception) -> None:
         """Show what went wrong; what nobody foresaw is logged with its trace as well."""
+        detail = ""
         if not isinstance(error, ValueError | OSError | MemoryError):
             logging.getLogger(__name__).error(what, exc_info=error)
-        self.notify(f"{what}: {error_text(error)}", Kind.ERROR)
+            detail = f"{type(error).__name__}: {error}"
+        self.notify(f"{what}: {error_text(error)}", Kind.ERROR, detail)
 
     def dismiss(self, message: Message) -> None:
         """Take a message away."""
@@ -70,8 +95,26 @@ class Messages:
 
 
 def error_text(error: Exception) -> str:
-    """An exception as a line of text; its type is named where the message alone would not do."""
+    """An exception as a line of text that a person understands: no folders, no words of the programming language."""
     text = (str(error).strip().splitlines() or [""])[0]
     if isinstance(error, MemoryError | torch.OutOfMemoryError) or _NO_MEMORY in text:
         return "not enough memory; try a smaller size"
-    return text if isinstance(error, ValueError) and text else f"{type(error).__name__}: {text}"
+    if isinstance(error, json.JSONDecodeError | UnicodeError):
+        return "the file is damaged, or of another kind"
+    if isinstance(error, OSError) and error.strerror:
+        name = f"{Path(str(error.filename)).name}: " if error.filename else ""
+        return name + error.strerror[:1].lower() + error.strerror[1:]
+    if isinstance(error, ValueError | OSError) and text:
+        return without_folders(text)
+    return UNFORESEEN
+
+
+def without_folders(text: str) -> str:
+    """A text in which absolute paths are the names of their files.
+
+    >>> without_folders("no such image: /home/me/my photos/chair.png")
+    'no such image: chair.png'
+    >>> without_folders("PNG / JPEG, 3/4 of it")
+    'PNG / JPEG, 3/4 of it'
+    """
+    return _FOLDERS.sub("", text)

@@ -64,14 +64,18 @@ class History:
     future: tuple[State, ...] = ()
     gesture: str = ""
     """the drag under way, whose edits change the state that it began"""
+    moved: bool = field(default=False, compare=False)
+    """the newest step is a move of the camera, which the next move continues"""
 
-    def changed(self, state: State, gesture: str = "") -> History:
-        """Edited. Edits of one gesture, until :meth:`without_gesture`, are one step."""
+    def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
+        """Edited. Edits of one gesture, until :meth:`without_gesture`, are one step; so are moves of the camera
+        (``moves``) that follow each other.
+        """
         if state == self.now:
             return self
-        same = bool(gesture) and gesture == self.gesture
+        same = (bool(gesture) and gesture == self.gesture) or (moves and self.moved)
         past = self.past if same else (*self.past, self.now)[-_DEPTH:]
-        return History(state, past, (), gesture)
+        return History(state, past, (), gesture, moves)
 
     def without_gesture(self) -> History:
         """The drag has ended: the next edit is a step of its own."""

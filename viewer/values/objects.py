@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+import torch
+
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
+from viewer.values.variety import families
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +35,9 @@ class ObjectLibrary:
             self.add(EditableObject(model.codes.objects[index].name, model.codes[index]))
         if not self._objects:
             self.add(EditableObject("mean", model.codes.mean))
+        shapes = torch.stack([one.codes.shape for one in self._objects.values()])
+        self.families = families(list(self._objects), shapes)
+        """of the model's objects: one of each form, the most different forms first, and its variants"""
         self._trained = len(self._objects)
 
     def __getitem__(self, name: str) -> EditableObject:
@@ -39,8 +45,13 @@ class ObjectLibrary:
 
     @property
     def names(self) -> list[str]:
-        """Added objects first, the newest in front, then the model's own."""
-        return [one.name for one in reversed(self.added)] + list(self._objects)[: self._trained]
+        """Added objects first, the newest in front, then the model's own: one of each form, then the variants."""
+        return [*self.own, *self.families, *(name for variants in self.families.values() for name in variants)]
+
+    @property
+    def own(self) -> list[str]:
+        """The names of added objects, the newest in front."""
+        return [one.name for one in reversed(self.added)]
 
     def __contains__(self, name: str) -> bool:
         return name in self._objects

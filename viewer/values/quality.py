@@ -1,13 +1,13 @@
-"""How fine the finished render is."""
+"""How fine the image is that is rendered at once; once the hand rests it gets all pixels of the view."""
 
 from typing import NamedTuple
 
 
 class Quality(NamedTuple):
-    """Of the finished render."""
+    """Of the image that is rendered at once."""
 
     detail: int
-    """px along its shorter side"""
+    """px along its shorter side, if the view has as many"""
     samples: int
     """intervals along the longest side of the scene's box"""
 

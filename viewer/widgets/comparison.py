@@ -27,6 +27,9 @@ class Comparison:
         for number, mode in enumerate(_MODES):
             if number:
                 imgui.same_line(0, gap)
+                if imgui.get_content_region_avail().x < imgui.calc_text_size(mode).x + gap:
+                    imgui.new_line()
+                    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
             if imgui.selectable(mode, self._mode == mode, size=ImVec2(imgui.calc_text_size(mode).x, 0))[0]:
                 self._mode = mode
 

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from typing import TypeVar
 
-from imgui_bundle import hello_imgui, imgui
+from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.actions import ACTIONS
 from viewer.activities.exporting import Kind
 from viewer.context import PanelContext
+from viewer.screen.theme import Colour, on
 
 T = TypeVar("T")
 
@@ -17,21 +18,28 @@ def tooltip(text: str) -> None:
     imgui.set_item_tooltip(text)
 
 
-def button(label: str, text: str, width: float = 0.0, enabled: bool = True) -> bool:
-    """A button (width in em, 0 fits the label) with a tooltip."""
+def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colour: Colour | None = None) -> bool:
+    """A button (width in em, 0 fits the label, -1 fills the line) with a tooltip."""
+    if colour:
+        imgui.push_style_color(imgui.Col_.button, (*colour, 1.0))
+        imgui.push_style_color(imgui.Col_.text, (*on(colour), 1.0))
     imgui.begin_disabled(not enabled)
-    pressed = imgui.button(label, (hello_imgui.em_size(width) if width else 0, 0))
+    pressed = imgui.button(label, (hello_imgui.em_size(width) if width > 0 else width, 0))
     imgui.end_disabled()
+    if colour:
+        imgui.pop_style_color(2)
     tooltip(text)
     return pressed
 
 
-def action_button(context: PanelContext, action: str, label: str = "", width: float = 0.0) -> None:
+def action_button(
+    context: PanelContext, action: str, label: str = "", width: float = 0.0, colour: Colour | None = None
+) -> None:
     """A button for an action of the table, by its id, which is also the button's id; its words are the label."""
     found = ACTIONS[action]
     hint = found.hint()
     text = f"{label or found.words}###{action}"
-    if button(text, hint[:1].upper() + hint[1:], width, found.enabled(context)):
+    if button(text, hint[:1].upper() + hint[1:], width, found.enabled(context), colour):
         found.run(context)
 
 
@@ -41,6 +49,33 @@ def flow(label: str) -> None:
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
         imgui.new_line()
+
+
+def labelled_slider(
+    name: str, label: str, value: float, limits: tuple[float, float], shown: str, columns: tuple[float, float] = (4, 3)
+) -> tuple[bool, float]:
+    """A slider between its label and its value, neither under the handle; whether it moved, and where to.
+
+    Args:
+        shown: the value in words; imgui's item is the slider, for tooltips and gestures.
+        columns: widths in em of label and value.
+    """
+    em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
+    before, after = (columns[0] * em if label else 0.0), columns[1] * em
+    if before + after > 0.6 * room:  # narrow: the label has a line of its own
+        imgui.text(label)
+        before = 0.0
+    left = imgui.get_cursor_pos_x()
+    imgui.align_text_to_frame_padding()
+    corner, width = imgui.get_cursor_screen_pos(), imgui.calc_text_size(shown).x
+    draw, colour = imgui.get_window_draw_list(), imgui.get_color_u32(imgui.Col_.text)
+    down = imgui.get_style().frame_padding.y
+    if before:
+        draw.add_text(corner + ImVec2(0, down), colour, label)
+    draw.add_text(corner + ImVec2(room - width, down), colour, shown)
+    imgui.set_cursor_pos_x(left + before)
+    imgui.set_next_item_width(max(em, room - before - after))
+    return imgui.slider_float(f"##{name}", value, *limits, "")
 
 
 def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:

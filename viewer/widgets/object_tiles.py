@@ -4,9 +4,13 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.rendering.progressive import Frame
 from viewer.context import PanelContext
-from viewer.screen.theme import Colour, packed
+from viewer.screen.theme import Colour, on, packed
 from viewer.values.history import Part
 
+THUMBNAIL = 4.5
+"""em, of most thumbnails: 72 px at the usual size of text"""
+_DIMMED = 0.55
+"""how much of what is stale is hidden"""
 DRAGGED = "object"
 """the kind of payload that is dragged to a slot"""
 ICONS: dict[Part, str] = {
@@ -20,14 +24,24 @@ def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None
     paint_frame(context, context.thumbnails.of_object(context.editor.objects[name].codes), corner, side)
 
 
-def paint_frame(context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float) -> None:
-    """A small frame with round corners; None is an empty square."""
+def paint_frame(
+    context: PanelContext, thumbnail: Frame | None, corner: ImVec2, side: float, stale: bool = False
+) -> None:
+    """A small frame with round corners; None is an empty square.
+
+    Args:
+        stale: a newer one is on its way: this one is dimmed.
+    """
     draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
     if thumbnail is None or context.images is None:
         draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
         return
     texture = context.images.texture(thumbnail, context.palette)
     draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
+    if stale:
+        draw.add_rect_filled(corner, opposite, packed(context.palette.panel, _DIMMED), rounding())
+    if not context.preferences.dark:
+        draw.add_rect(corner, opposite, packed(context.palette.line), rounding())
 
 
 def outline(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:
@@ -41,7 +55,7 @@ def mark(corner: ImVec2, label: str, colour: Colour) -> None:
     draw, em = imgui.get_window_draw_list(), hello_imgui.em_size()
     draw.add_rect_filled(corner, corner + ImVec2(1.2, 1.2) * em, packed(colour), rounding())
     place = corner + ImVec2(0.6, 0.6) * em - imgui.calc_text_size(label) * 0.5
-    draw.add_text(place, packed((0.06, 0.07, 0.08)), label)
+    draw.add_text(place, packed(on(colour)), label)
 
 
 def dropped(context: PanelContext) -> str:

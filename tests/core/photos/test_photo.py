@@ -268,6 +268,11 @@ def test_what_is_too_small(tmp_path: Path, tiny: Model, size: tuple[int, int]):
     assert "too small" in refused(saved(Image.new("RGB", size), tmp_path / "a.png"), tiny)
 
 
+def test_what_is_too_narrow_is_called_so_in_its_own_size(tmp_path: Path, tiny: Model):
+    refusal = refused(saved(Image.new("RGB", (20_000, 10)), tmp_path / "a.png"), tiny)
+    assert "too narrow (20000 x 10 px)" in refusal
+
+
 def test_what_is_too_large(tmp_path: Path, tiny: Model, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("core.photos.decode.MAX_PIXELS", 1000)
     assert "too large" in refused(saved(drawing(), tmp_path / "a.png"), tiny)

@@ -100,8 +100,6 @@ def test_a_full_disk_is_reported_and_leaves_nothing(
     scene = editor.scene
     workspace.exporting.image(tmp_path / "a.png", size=16)
     finish(session)
-    assert session.messages.errors == [
-        f"Cannot save the image: cannot write {tmp_path / 'a.png'}: No space left on device"
-    ]
+    assert session.messages.errors == ["Cannot save the image: cannot write a.png: No space left on device"]
     assert list(tmp_path.iterdir()) == []
     assert editor.scene == scene

@@ -77,3 +77,21 @@ def test_thumbnails_are_rendered_when_they_are_requested(
     assert workspace.thumbnails.of_object(editor.objects[names[2]].codes) is None
     finish(session)
     assert workspace.thumbnails.of_object(editor.objects[names[2]].codes)
+
+
+def test_coarse_thumbnails_come_first(session: Session, workspace: Workspace, model: Model) -> None:
+    rendered: list[int] = []
+
+    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+        rendered.append(job.camera.width)
+        return quick_frames(model, job)
+
+    session.jobs.backend = replace(session.jobs.backend, frames=counted)
+    camera = model.camera(0.1, 0.2).resized(64, 64)
+    sizes: list[int] = []
+    for _ in range(3):
+        found = [workspace.thumbnails.get(model.codes[index], camera) for index in range(3)]
+        sizes.append(min(frame.image.shape[0] if frame else 0 for frame in found))
+        finish(session)
+    assert sizes == [0, 32, 64]
+    assert rendered == [32, 32, 32, 64, 64, 64]

@@ -135,6 +135,7 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
     def act(window: Driver) -> None:
         session, workspace, editor = window.session, window.workspace, window.workspace.editor
         window.drag("View/orbit", 90, -20)
+        window.show("Sliders")
         window.click("Sliders/**/###Random shape")
         scene = editor.scene
         window.show("Export")
@@ -142,7 +143,7 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
         window.type(str(tmp_path / "mine.png"))
         window.wait()
         window.click("View/###reset_view")
-        window.click("Objects/**/show object 4")
+        window.click("Library/**/show object 4")
         window.context.drop([str(tmp_path / "mine.png")])
         assert editor.scene == scene
         before = editor.history

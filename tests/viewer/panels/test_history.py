@@ -10,7 +10,7 @@ def test_a_click_in_the_history_restores_a_state(drive: Drive, tmp_path: Path) -
         first = editor.state
         window.drag("View/orbit", 60)
         second = editor.state
-        window.click("Objects/**/show object 3")
+        window.click("Library/**/show object 3")
         third = editor.state
         window.wait()
         window.click("History/**/state 1")

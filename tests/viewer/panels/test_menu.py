@@ -49,24 +49,24 @@ def test_menus_help_and_theme(drive: Drive) -> None:
     drive(act)
 
 
-def test_models_and_samples_are_in_the_menus(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_models_are_a_switch_and_samples_in_a_menu(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     def act(window: Driver) -> None:
         session, editor = window.session, window.workspace.editor
         assert session.model_name == "chairs"
         window.drag("View/orbit", 30)
-        window.menu("Model/chairs")  # which is there already
+        window.click("##MainMenuBar/##MenuBar/###model chairs")  # which is there already
         assert not session.loading
         assert editor.history.past
-        window.menu("Model/cars")
+        window.click("##MainMenuBar/##MenuBar/###model cars")
         window.wait()
         assert session.model_name == "cars"
         assert not window.workspace.editor.history.past
-        window.menu("Model/chairs")
+        window.click("##MainMenuBar/##MenuBar/###model chairs")
         window.wait()
         assert window.workspace.editor.history.past
         started = list[Path]()
         monkeypatch.setattr(window.workspace.fitting, "start", started.append)
-        window.menu("File/Fit a sample/cushion")
+        window.menu("File/Samples/cushion")
         assert [path.name for path in started] == ["cushion.png"]
         assert started[0].is_file()
 
@@ -102,14 +102,14 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
     drive(act)
 
 
-def test_panels_are_closed_and_opened_in_the_view_menu(drive: Drive) -> None:
+def test_panels_are_closed_and_opened_in_the_menu_panels(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.show("Camera")
         assert window.exists("Camera/###see_front")
-        window.menu("View/Camera")
+        window.menu("Panels/Camera")
         window.ctx.yield_(3)
         assert not window.exists("Camera/###see_front")
-        window.menu("View/Camera")
+        window.menu("Panels/Camera")
         window.show("Camera")
         assert window.exists("Camera/###see_front")
 

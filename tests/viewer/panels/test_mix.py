@@ -10,7 +10,7 @@ from tests.viewer.driver import Drive, Driver
 def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
-        window.click("Objects/**/show object 2")
+        window.click("Library/**/show object 2")
         window.choose("object 4", "Make it B")
         assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
         assert editor.scene.codes == model.codes[2]
@@ -32,7 +32,7 @@ def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
 def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
-        window.click("Objects/**/show object 2")
+        window.click("Library/**/show object 2")
         window.choose("object 4", "Make it B")
         before = editor.state
         window.click("Mix/mix pad")
@@ -55,10 +55,10 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
 def test_shape_and_texture_are_taken_from_different_thumbnails(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
-        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.drop("Library/**/show object 3", "Mix/slot shape")
         window.choose("object 2", "Take only its texture")
         assert editor.scene.codes == Codes(model.codes[3].shape, model.codes[2].texture)
-        window.drop("Objects/**/show object 5", "Mix/slot B")
+        window.drop("Library/**/show object 5", "Mix/slot B")
         assert (editor.state.mix.a, editor.state.mix.b) == (("object 3", "object 2"), "object 5")
         window.click("Mix/###swap")
         assert editor.scene.codes == Codes(model.codes[2].shape, model.codes[3].texture)
@@ -71,13 +71,15 @@ def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
         window.click("Mix/###lock shape")
-        window.click("Objects/**/show object 2")
-        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.click("Library/**/show object 2")
+        window.drop("Library/**/show object 3", "Mix/slot shape")
+        window.show("Sliders")
         window.click("Sliders/**/###Random texture")
+        window.show("Mix")
         assert torch.equal(editor.code("shape"), model.codes[0].shape)
         assert len(editor.history.past) == 2
         window.click("Mix/###lock shape")
-        window.drop("Objects/**/show object 3", "Mix/slot shape")
+        window.drop("Library/**/show object 3", "Mix/slot shape")
         assert torch.equal(editor.code("shape"), model.codes[3].shape)
 
     drive(act)

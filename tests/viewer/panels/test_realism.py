@@ -5,7 +5,7 @@ def test_a_code_is_measured_and_brought_back(drive: Drive) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
         window.show("Realism")
-        window.click("Objects/**/show object 3")
+        window.click("Library/**/show object 3")
         assert [editor.nearest(part)[0] for part in ("shape", "texture")] == ["object 3", "object 3"]
         before, far = editor.state, editor.distance("shape")
         window.drag("Realism/**/##distance shape", -60)

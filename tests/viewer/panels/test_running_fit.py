@@ -49,12 +49,12 @@ def test_a_finished_fit_waits_to_be_shown_while_another_object_is_edited(
         window.context.drop([str(photo)])
         window.context.drop([str(second)])
         window.wait(lambda: bool(fitting.history.steps))
-        assert window.exists("Fit/###clear queue")
+        assert window.exists("Photo/###clear queue")
         window.press(imgui.Key.r)  # another shape and texture
         before = editor.state
-        window.click("Fit/###stop fit")
+        window.click("Photo/###stop fit")
         window.wait(lambda: fitting.history.name == "block two" and len(fitting.history.steps) > 3)
-        window.click("Fit/###stop fit")
+        window.click("Photo/###stop fit")
         window.wait()
         assert editor.state is before
         assert {one.name for one in editor.objects.added} == {"block", "block two"}

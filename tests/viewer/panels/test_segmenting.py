@@ -28,7 +28,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert not window.context.help_open
         assert session.messages.errors == []
         assert editor.history is before
-        canvas = "//Segment###segment/**/canvas"
+        canvas = "//Cut out###segment/**/canvas"
         box = ctx.item_info(canvas).rect_full
         width, height = box.max.x - box.min.x, box.max.y - box.min.y
 
@@ -50,20 +50,30 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         draw((0.15, 0.15), (0.4, 0.5), (0.7, 0.85))
         assert segmenting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
         assert covered(0.38, 0.5)
-        window.click("Segment###segment/**/Remove")
+        window.click("Cut out###segment/**/Remove")
         draw((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
         assert not covered(0.58, 0.37)
-        window.click("Segment###segment/**/Add")
+        window.click("Cut out###segment/**/Add")
         draw((0.55, 0.7), (0.6, 0.7))
         assert covered(0.58, 0.7)
         window.undo()
         window.wait()
         assert not covered(0.58, 0.7)
-        window.set("Segment###segment/**/##scale", 0.8)
+        ctx.mouse_move_to_pos(imgui.ImVec2(box.min.x + 0.5 * width, box.min.y + 0.5 * height))
+        ctx.mouse_wheel_y(4.0)
+        ctx.yield_(2)
+        before_zoom = segmenting.hints
+        draw((0.4, 0.4), (0.6, 0.6))  # nearer, so a stroke of half the length
+        (near,) = segmenting.hints.strokes[len(before_zoom.strokes) :]
+        assert 0.05 < near.points[-1][0] - near.points[0][0] < 0.15
+        window.undo()
+        window.wait()
+        assert segmenting.settled
+        window.set("Cut out###segment/**/##scale", 0.8)
         window.wait()
         assert segmenting.crop.scale == pytest.approx(0.8)
         hints = segmenting.hints
-        window.click("Segment###segment/**/###fit segmentation")
+        window.click("Cut out###segment/**/###fit segmentation")
         assert not segmenting.active
         window.wait(lambda: not workspace.fitting.running)
         assert editor.objects.names[0] == "busy"
@@ -71,19 +81,19 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert fitted is not None
         assert fitted.source.hints == hints
         assert fitted.photo.cropped
-        window.click("Fit/###segment")
+        window.click("Photo/###segment")
         window.wait(lambda: segmenting.result is not None)
         assert segmenting.hints == hints
-        window.click("Segment###segment/**/###clear hints")
+        window.click("Cut out###segment/**/###clear hints")
         window.wait()
         assert segmenting.result is None
-        window.click("Segment###segment/**/###undo hints")
+        window.click("Cut out###segment/**/###undo hints")
         window.wait()
         assert segmenting.hints == hints
-        window.click("Segment###segment/**/###cancel segmentation")
+        window.click("Cut out###segment/**/###cancel segmentation")
         window.wait()
         assert not segmenting.active
-        window.click("Fit/###segment")
+        window.click("Photo/###segment")
         window.wait(lambda: segmenting.result is not None)
         window.context.drop([str(tmp_path / "missing.png")])
         window.wait(lambda: bool(session.messages.errors))

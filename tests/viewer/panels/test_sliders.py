@@ -73,9 +73,11 @@ def test_a_random_object_keeps_what_is_locked(drive: Drive) -> None:
         editor = window.workspace.editor
         before = editor.scene.codes
         window.click("Mix/###lock texture")
+        window.show("Sliders")
         window.click("Sliders/###sample_all")
         assert not torch.equal(editor.code("shape"), before.shape)
         assert torch.equal(editor.code("texture"), before.texture)
+        window.show("Mix")
         window.click("Mix/###lock texture")
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.r)
@@ -89,6 +91,7 @@ def test_the_slider_under_the_mouse_shows_what_it_changes(drive: Drive, real_bac
     def act(window: Driver) -> None:
         editor = window.workspace.editor
         panel = next(panel for panel in window.app.panels if isinstance(panel, SlidersPanel))
+        window.show("Sliders")
         window.click("Sliders/###strips")
         found: dict[str, CodeInfluence] = {}
         for part in PARTS:

@@ -26,7 +26,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.click("Timeline/###add_key")
         first = editor.scene
         made.seek(2.0)
-        window.click("Objects/**/show object 3")
+        window.click("Library/**/show object 3")
         window.drag("View/orbit", 120, 30)
         window.press(imgui.Key.k)
         second = editor.scene
@@ -86,7 +86,7 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
         window.show("Timeline")
         window.press(imgui.Key.k)
         player.seek(2.0)
-        window.click("Objects/**/show object 3")
+        window.click("Library/**/show object 3")
         window.press(imgui.Key.k)
         before, past = editor.state, len(editor.history.past)
         window.click("Timeline/###play")

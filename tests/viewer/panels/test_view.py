@@ -39,6 +39,23 @@ def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
     drive(act)
 
 
+def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    def act(window: Driver) -> None:
+        started = list[Path]()
+        monkeypatch.setattr(window.workspace.fitting, "start", started.append)
+        window.click("View/**/sample cushion")
+        assert [path.name for path in started] == ["cushion.png"]
+        window.click("View/**/###fit_image")
+        assert window.context.files.asking
+        window.ctx.item_click("//Choose a file###ask/Cancel")
+        window.drag("View/orbit", 40)
+        window.ctx.yield_(2)
+        assert not window.exists("View/**/sample cushion")
+        assert window.exists("View/badge")
+
+    drive(act, size=(900, 600))
+
+
 def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive: Drive) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
@@ -53,7 +70,7 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
         ctx.yield_(2)
         window.press(imgui.Key.right_arrow)
         assert editor.scene.camera.azimuth > home.azimuth
-        assert len(editor.history.past) == 2
+        assert len(editor.history.past) == 1  # moves of the camera are one step
         ctx.item_double_click("//View/orbit")
         ctx.yield_(2)
         assert editor.scene.camera == home
@@ -147,11 +164,12 @@ def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_backend:
 def test_the_size_of_the_finished_image_can_be_chosen(drive: Drive) -> None:
     def act(window: Driver) -> None:
         workspace, editor = window.workspace, window.workspace.editor
-        window.set("View/##quality", 2)
-        window.wait(lambda: workspace.viewport.frame.final and workspace.viewport.frame.samples == 128)
-        frame = workspace.viewport.frame
-        assert frame is not None
-        assert min(frame.resolution) == 192
+        window.set_quality(2)
+        window.wait(lambda: bool(workspace.viewport.times) and workspace.viewport.frame.samples == 128)
+        window.wait(lambda: workspace.viewport.sharp)
+        sizes = [min(size) for size, _ in workspace.viewport.times]
+        assert sizes[-1] == min(workspace.viewport.settings.panel)
+        assert 192 in sizes
         assert editor.scene.camera == orbit.home(workspace.model)
 
     drive(act)
@@ -170,16 +188,16 @@ def test_a_real_scene_is_rendered_and_the_frame_rate_is_the_windows(drive: Drive
     drive(act, real_backend)
 
 
-def test_seven_images_of_drag_drag_undo_undo_redo_redo(drive: Drive) -> None:
+def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
     def act(window: Driver) -> None:
         def image() -> np.ndarray:
-            window.ctx.mouse_move("//Sliders/###sample_all")  # the tooltip is not in the view
+            window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
             window.wait()
             return window.capture_view(border=80)
 
         window.context.set_preference(newcomer=False)
         images = [image()]
-        for step in (drag_aside, drag_up, Driver.undo, Driver.undo, Driver.redo, Driver.redo):
+        for step in (turn, see_the_side, Driver.undo, Driver.undo, Driver.redo, Driver.redo):
             step(window)
             images.append(image())
         first, second, third = images[:3]
@@ -187,10 +205,10 @@ def test_seven_images_of_drag_drag_undo_undo_redo_redo(drive: Drive) -> None:
         for shown, expected in zip(images[3:], (second, first, second, third), strict=True):
             np.testing.assert_allclose(shown, expected, atol=1)
 
-    def drag_aside(window: Driver) -> None:
+    def turn(window: Driver) -> None:
         window.drag("View/orbit", 150)
 
-    def drag_up(window: Driver) -> None:
-        window.drag("View/orbit", 0, 90)
+    def see_the_side(window: Driver) -> None:
+        window.press(imgui.Key._2)
 
     drive(act)

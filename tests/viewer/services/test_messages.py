@@ -1,4 +1,9 @@
-from viewer.services.messages import Kind
+import json
+from dataclasses import replace
+
+import pytest
+
+from viewer.services.messages import UNFORESEEN, Kind, Messages, error_text
 from viewer.session import Session
 
 
@@ -8,3 +13,27 @@ def test_errors_stay_and_are_reported_once(session: Session) -> None:
         session.messages.notify(f"news {number}")
     assert session.messages.errors == [f"wrong {number}" for number in range(1, 7)]
     assert [one.text for one in session.messages.all if one.kind is Kind.INFO] == [f"news {n}" for n in (3, 4, 5, 6)]
+
+
+def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
+    messages = Messages()
+    for number in range(4):
+        messages.notify(f"wrong {number}", Kind.ERROR)
+    assert [message.text for message in messages.shown] == ["wrong 2", "wrong 3"]
+    messages.all = [replace(message, born=message.born - 60) for message in messages.all]
+    assert messages.shown == []
+    assert len(messages.errors) == len(messages.log) == 4
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (ValueError("no such image: /home/me/my photos/chair.png"), "no such image: chair.png"),
+        (ValueError(r"C:\Users\me\a.json is not a scene file"), "a.json is not a scene file"),
+        (FileNotFoundError(2, "No such file or directory", "/tmp/a/b.json"), "b.json: no such file or directory"),
+        (KeyError("model"), UNFORESEEN),
+        (json.JSONDecodeError("Expecting value", "", 0), "the file is damaged, or of another kind"),
+    ],
+)
+def test_errors_are_said_in_plain_words(error: Exception, text: str) -> None:
+    assert error_text(error) == text

@@ -18,10 +18,10 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         assert editor.objects.names[:2] == ["block (2)", "block"]
         workspace.grid.add("block")
         window.ctx.mouse_move("//View/orbit")
-        whole, box = window.capture(), window.ctx.item_info("//Objects/**/show block").rect_full
+        whole, box = window.capture(), window.ctx.item_info("//Library/**/show block").rect_full
         tile = whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
         assert (np.abs(tile / 255 - colour).max(-1) < 0.05).sum() > 10
-        window.click("Objects/**/show block", 1)
+        window.click("Library/**/show block", 1)
         window.ctx.item_click("//**/###rename object")
         window.ctx.item_click("//**/##new name")
         window.ctx.key_chars_replace_enter("Red chair")
@@ -33,7 +33,7 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         window.choose("Red chair", "###export object")
         window.type(str(tmp_path / "out.json"))
         assert Scene.load(tmp_path / "out.json", workspace.model).codes == editor.objects["Red chair"].codes
-        window.click("Objects/**/show block (2)", 1)
+        window.click("Library/**/show block (2)", 1)
         window.ctx.item_click("//**/###remove object")
         window.ctx.item_click("//**/###remove for good")
         window.ctx.yield_(3)
@@ -45,7 +45,7 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         window.menu("File/###new_project")
         editor = window.workspace.editor
         assert [one.name for one in editor.objects.added] == ["Red chair"]
-        window.click("Objects/**/show Red chair")
+        window.click("Library/**/show Red chair")
         assert editor.scene.codes == editor.objects["Red chair"].codes
 
     drive(first, folder=folder)

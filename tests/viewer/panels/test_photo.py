@@ -13,7 +13,7 @@ from core.models.model import Model
 from core.photos.photo import Photo
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit, quick_frames, quick_photo
-from viewer.panels.fit import in_words
+from viewer.panels.photo import in_words
 from viewer.services.backend import Backend
 
 
@@ -26,7 +26,7 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
         window.wait()
         assert editor.scene.codes == model.codes[3]
         assert editor.objects.names[0] == "block"
-        assert window.exists("Objects/**/show block")
+        assert window.exists("Library/**/show block")
         window.undo()
         assert editor.state == before
 
@@ -37,7 +37,7 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
     def shown(window: Driver, mode: str = "wipe") -> np.ndarray:
         window.ctx.mouse_move("//View/orbit")
         window.ctx.yield_(2)
-        box = window.ctx.item_info(f"//Fit/{mode}").rect_clipped
+        box = window.ctx.item_info(f"//Photo/{mode}").rect_clipped
         whole = window.capture()
         # Without captions and borders.
         return whole[int(box.min.y) + 40 : int(box.max.y) - 5, int(box.min.x) + 5 : int(box.max.x) - 5]
@@ -49,28 +49,28 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         window.wait()
         found = editor.scene.camera
         window.click("View/###reset_view")
-        window.click("Fit/###photo camera")
+        window.click("Photo/###photo camera")
         assert editor.scene.camera == found
-        window.click("Fit/Wipe")
+        window.click("Photo/Wipe")
         before = editor.history
-        window.drag("Fit/wipe", 400)
+        window.drag("Photo/wipe", 400)
         whole_photo = shown(window)
-        window.drag("Fit/wipe", -400)
+        window.drag("Photo/wipe", -400)
         whole_render = shown(window)
         assert np.abs(whole_photo - whole_render).mean() > 5
-        window.click("Fit/Onion skin")
-        window.drag("Fit/onion skin", -400)
+        window.click("Photo/Onion skin")
+        window.drag("Photo/onion skin", -400)
         np.testing.assert_allclose(shown(window, "onion skin"), whole_render, atol=3)
-        window.drag("Fit/onion skin", 400)
+        window.drag("Photo/onion skin", 400)
         np.testing.assert_allclose(shown(window, "onion skin"), whole_photo, atol=3)
-        window.click("Fit/Difference")
-        assert window.exists("Fit/difference")
+        window.click("Photo/Difference")
+        assert window.exists("Photo/difference")
         unlike = shown(window, "difference")
         window.ctx.key_down(imgui.Key.f)
         np.testing.assert_allclose(shown(window, "difference"), whole_photo, atol=3)
         window.ctx.key_up(imgui.Key.f)
         np.testing.assert_array_equal(shown(window, "difference"), unlike)
-        window.click("Fit/Side by side")
+        window.click("Photo/Side by side")
         assert editor.history is before
 
     drive(act)
@@ -84,7 +84,8 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
         window.wait(lambda: not fitting.running)
         window.wait()
         found, past = editor.state, len(editor.history.past)
-        window.drag("Fit/scrub", -60)
+        window.click("Photo/Details")
+        window.drag("Photo/scrub", -60)
         history = fitting.history
         assert history.selected is not None
         assert 0 < history.selected < 5
@@ -94,12 +95,12 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
         window.wait()
         window.undo()
         assert editor.state == found
-        window.click("Fit/###keep step")
+        window.click("Photo/###keep step")
         name = f"block at {history.steps[history.selected].seconds:.1f} s"
         assert editor.objects.names[0] == name
         assert editor.state.mix.a == (name, name)
         assert editor.scene.codes == history.steps[history.selected].codes
-        window.click("Fit/###newest")
+        window.click("Photo/###newest")
         assert editor.scene.codes == found.scene.codes
         assert fitting.history.selected is None
 
@@ -112,9 +113,10 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
         fitting = workspace.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: not fitting.running)
-        window.click("Fit/scrub")
+        window.click("Photo/Details")
+        window.click("Photo/scrub")
         kept = fitting.history.steps[: (fitting.history.selected or 0) + 1]
-        window.click("Fit/###refit")
+        window.click("Photo/###refit")
         window.click("**/###resume")
         window.wait(lambda: not fitting.running)
         assert fitting.history.steps[: len(kept)] == kept
@@ -125,16 +127,16 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
         assert editor.objects.names[:2] == ["block (2)", "block"]
         window.drag("View/orbit", 150)
         turned = editor.scene.camera
-        window.click("Fit/###refit")
+        window.click("Photo/###refit")
         window.click("**/###resume from view")
         window.wait(lambda: not fitting.running)
         assert fitting.camera == turned
-        window.click("Fit/##preset")
-        window.click("**/Estimate focal length")
-        assert fitting.options.estimate_focal
-        window.click("**/Estimate focal length")
+        window.click("Photo/##preset")
         window.click("**/draft")
-        window.click("Fit/###refit")
+        window.click("Photo/Estimate focal length")
+        assert fitting.options.estimate_focal
+        window.click("Photo/Estimate focal length")
+        window.click("Photo/###refit")
         window.click("**/###restart")
         window.wait(lambda: not fitting.running)
         assert fitting.options.preset == "draft"
@@ -151,7 +153,7 @@ def test_a_doubtful_fit_is_seen_from_its_other_viewpoint(drive: Drive, photo: Pa
         window.wait(lambda: not workspace.fitting.running)
         window.wait()
         found, past = editor.state, len(editor.history.past)
-        window.click("Fit/###other viewpoint")
+        window.click("Photo/###other viewpoint")
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
         assert editor.scene.camera.width == found.scene.camera.width
         assert editor.scene.codes == found.scene.codes
@@ -168,8 +170,8 @@ def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backe
         window.context.drop([str(photo)])
         window.wait(lambda: not workspace.fitting.running)
         window.wait()
-        assert window.exists("Fit/###photo camera")
-        assert not window.exists("Fit/###other viewpoint")
+        assert window.exists("Photo/###photo camera")
+        assert not window.exists("Photo/###other viewpoint")
 
     def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, runner_up=None, margin=None) for step in quick_fit(model, job))
@@ -186,13 +188,13 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, pho
     def act(window: Driver) -> None:
         workspace, editor = window.workspace, window.workspace.editor
         fitting = workspace.fitting
-        window.show("Fit")
-        window.click("Fit/###fit_image")
+        window.show("Photo")
+        window.click("Photo/###fit_image")
         window.type(str(photo))
         window.wait(lambda: len(fitting.history.steps) > 3)
         assert fitting.running
         window.drag("View/orbit", 50)  # the window lives meanwhile
-        window.click("Fit/###stop fit")
+        window.click("Photo/###stop fit")
         assert not fitting.running
         window.wait()
         assert editor.objects.names[0] == "block"
@@ -215,14 +217,14 @@ def test_several_photos_are_fitted_together_with_known_poses(
         window.context.drop([str(photo), str(tmp_path / "block b.png"), str(tmp_path / "block b.txt")])
         window.wait(lambda: bool(fitting.history.steps) and not fitting.running)
         assert [source.pose is not None for source in fitting.history.sources] == [False, True]
-        window.click("Fit/###photo 2")
+        window.click("Photo/###photo 2")
         window.wait()
         assert fitting.camera.azimuth == pytest.approx(2.0)
-        window.click("Fit/###add photo")
+        window.click("Photo/###add photo")
         window.type(str(tmp_path / "block c.png"))
         window.wait(lambda: len(fitting.history.photos) == 3 and not fitting.running)
-        window.click("Fit/###photo 3")
-        window.click("Fit/###pose")
+        window.click("Photo/###photo 3")
+        window.click("Photo/###pose")
         window.type(str(tmp_path / "other.txt"))
         window.wait(lambda: not fitting.running)
         assert fitting.history.photo_index == 2
@@ -254,10 +256,10 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, ba
         fitting = workspace.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: fitting.history.photo is not None)
-        window.click("Fit/###stop fit")
-        window.click("Fit/###photo camera")
+        window.click("Photo/###stop fit")
+        window.click("Photo/###photo camera")
         begin.set()
-        window.click("Fit/###refit")
+        window.click("Photo/###refit")
         window.click("**/###restart")
         window.wait(lambda: not fitting.running)
         assert editor.objects.names[0] == "block"

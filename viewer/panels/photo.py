@@ -2,22 +2,22 @@
 
 from functools import partial
 
-from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
+from imgui_bundle import icons_fontawesome_4, imgui
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.fitting import CHOICES, Fitting
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
-from viewer.screen.theme import WARM
 from viewer.widgets.comparison import Comparison
-from viewer.widgets.controls import action_button, button, flow, tooltip
+from viewer.widgets.controls import action_button, button, choose, flow, tooltip
 from viewer.widgets.fit_curve import FitCurve
+from viewer.widgets.text import heading
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
 _ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS
 _SEGMENT = icons_fontawesome_4.ICON_FA_CUT
-_REFIT = f"Refit  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
+_REFIT = f"Rebuild  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 
 _RUNNER_UP_HELP = """Try the runner-up, the camera that explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
@@ -26,25 +26,29 @@ Except in a draft, a camera in doubt is searched for once more."""
 _RESUME_HELP = "Improve the fit from the step that is shown, for a third of the steps of a new one; can be repeated"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then continue from there:
 for a camera that was not found"""
-_SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and refit"
+_SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
+_TALLEST = 1.0
+"""height of the comparison, relative to the panel's width"""
 _SURE = 0.9
 """Nearly all cameras of more confidence were right."""
 
 
-class FitPanel:
+class PhotoPanel:
     """Live while a fit runs; afterwards it shows how the last one went."""
 
-    title = "Fit"
-    dock = "Lower"
-    waiting = "Fitting comes with the model"
+    title = "Photo"
+    dock = "Right"
+    folded = False
+    waiting = "Rebuilding comes with the model"
 
     def __init__(self) -> None:
         self._comparison = Comparison()
         self._curve = FitCurve()
 
     def draw(self, context: PanelContext) -> None:
-        """Buttons, the comparison, and the curve."""
+        """Buttons, the comparison, and what few look at: how the search goes, and how the next one is made."""
         fitting = context.fitting
+        heading(context, "Rebuild from photo")
         if fitting.running:
             _draw_progress(fitting)
         else:
@@ -53,14 +57,23 @@ class FitPanel:
             imgui.spacing()
             what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
+        else:
+            if not fitting.running:
+                _draw_more(context, fitting)
+            _draw_photos(fitting)
+            self._comparison.draw_choice()
+            self._comparison.draw(context, _TALLEST * imgui.get_content_region_avail().x)
+        self._draw_details(context, fitting)
+
+    def _draw_details(self, context: PanelContext, fitting: Fitting) -> None:
+        if not imgui.collapsing_header("Details"):
             return
-        if not fitting.running:
-            _draw_more(context, fitting)
-        _draw_photos(fitting)
-        self._comparison.draw_choice()
-        _draw_result(fitting)
-        self._comparison.draw(context, imgui.get_content_region_avail().y - self._curve.height(fitting))
-        self._curve.draw(context)
+        _draw_preset(fitting)
+        if button("Candidates###show candidates", "Which cameras and shapes are tried for the photo, the best first"):
+            context.focus = "Candidates"
+        if fitting.history.photo is not None:
+            _draw_result(fitting)
+            self._curve.draw(context)
 
 
 def _draw_progress(fitting: Fitting) -> None:
@@ -68,11 +81,16 @@ def _draw_progress(fitting: Fitting) -> None:
         fitting.stop()
     imgui.same_line()
     history, last = fitting.history, fitting.history.last
-    label = f"{last.psnr:.1f} dB    {last.seconds:.0f} s" if last else "Starting …"
-    if last and last.restart:
-        label += "    Checking from other sides"
-    imgui.progress_bar(history.progress, (-1, 0), label)
-    tooltip(f"{last.active} candidates left" if last else "Ranking the views of the view bank for the photo")
+    if last is None:
+        label = "Starting …"
+    else:
+        label = "Checking from other sides" if last.restart else "Finding camera, shape and texture"
+    imgui.progress_bar(history.progress, (-1, 0), "")
+    if last:
+        tooltip(f"{last.seconds:.0f} s, {last.psnr:.1f} dB, {last.active} candidates left")
+    else:
+        tooltip("Ranking the views of the view bank for the photo")
+    imgui.text(label)
     _draw_queue(fitting)
 
 
@@ -92,20 +110,9 @@ def _draw_queue(fitting: Fitting) -> None:
 def _draw_start(context: PanelContext, fitting: Fitting) -> None:
     """How to begin a fit."""
     fitted = fitting.history.photo is not None
-    action_button(context, "fit_image", f"{_ICON}  Fit…")
-    imgui.same_line()
-    imgui.set_next_item_width(hello_imgui.em_size(5))
-    if imgui.begin_combo("##preset", fitting.options.preset):
-        for preset in CHOICES:
-            if imgui.selectable(preset, preset == fitting.options.preset)[0]:
-                fitting.options.preset = preset
-        imgui.separator()
-        fitting.options.estimate_focal = imgui.checkbox("Estimate focal length", fitting.options.estimate_focal)[1]
-        tooltip("For photos from nearer or further away than the model's training images")
-        imgui.end_combo()
-    tooltip(_PRESET_HELP)
+    action_button(context, "fit_image", f"{_ICON}  Open photo…")
     flow(_ADD)
-    if button(f"{_ADD}###add photo", "Refit with another photo of the same object beside this one", enabled=fitted):
+    if button(f"{_ADD}###add photo", "Rebuild with another photo of the same object beside this one", enabled=fitted):
         context.ask(
             FileRequest("Another photo of the same object", partial(fitting.add_photo, fitting.history), IMAGE_SUFFIXES)
         )
@@ -113,8 +120,16 @@ def _draw_start(context: PanelContext, fitting: Fitting) -> None:
     if button(f"{_SEGMENT}###segment", _SEGMENT_HELP, enabled=fitted):
         context.workspace.segment_photo()
     flow(_PLACE)
-    if button(f"{_PLACE}###pose", "Refit with the known camera of this photo (an SRN pose file)", enabled=fitted):
+    if button(f"{_PLACE}###pose", "Rebuild with the known camera of this photo (an SRN pose file)", enabled=fitted):
         context.ask(FileRequest("Pose of this photo", partial(fitting.set_pose, fitting.history), (".txt",)))
+
+
+def _draw_preset(fitting: Fitting) -> None:
+    """How the next fit is made."""
+    fitting.options.preset = choose("preset", fitting.options.preset, {name: name for name in CHOICES}, _PRESET_HELP)
+    flow("Estimate focal length        ")
+    fitting.options.estimate_focal = imgui.checkbox("Estimate focal length", fitting.options.estimate_focal)[1]
+    tooltip("For photos from nearer or further away than the model's training images")
 
 
 def _draw_more(context: PanelContext, fitting: Fitting) -> None:
@@ -123,25 +138,17 @@ def _draw_more(context: PanelContext, fitting: Fitting) -> None:
     label = "Jump to the camera that the photo was found to be taken from"
     if button(f"{_CAMERA}###photo camera", label, enabled=bool(fitting.history.steps)):
         context.editor.set_camera(fitting.camera)
+    flow(_REFIT)
+    if button(f"{_REFIT}###refit", "Rebuild from the same photo once more: ways to begin"):
+        imgui.open_popup("refit")
+    if imgui.begin_popup("refit"):
+        _draw_ways(fitting)
+        imgui.end_popup()
     _draw_confidence(context, fitting)
     if (other := fitting.other_camera) is not None:
         flow("Try other viewpoint")
         if button("Try other viewpoint###other viewpoint", _RUNNER_UP_HELP):
             context.editor.set_camera(other)
-    flow(_REFIT)
-    if button(f"{_REFIT}###refit", "Fit the same photo once more: ways to begin"):
-        imgui.open_popup("refit")
-    if imgui.begin_popup("refit"):
-        _draw_ways(fitting)
-        imgui.end_popup()
-    _draw_cost(fitting)
-
-
-def _draw_cost(fitting: Fitting) -> None:
-    """What the fit took, in one line."""
-    step = fitting.history.last
-    if step is not None:
-        imgui.text_disabled(f"{step.step} steps")
 
 
 def _draw_ways(fitting: Fitting) -> None:
@@ -165,9 +172,8 @@ def _draw_confidence(context: PanelContext, fitting: Fitting) -> None:
         return
     words = in_words(step.confidence)
     label = f"Camera: {words}"
-    flow(label)
     imgui.align_text_to_frame_padding()
-    imgui.text_colored((*(WARM if words == "doubtful" else context.palette.text), 1.0), label)
+    imgui.text_colored((*(context.palette.warm if words == "doubtful" else context.palette.text), 1.0), label)
     tooltip(
         f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees; if so, it is off by "
         f"about {step.uncertainty:.1f}. A doubtful one may be seen from the object's other side"
@@ -175,17 +181,10 @@ def _draw_confidence(context: PanelContext, fitting: Fitting) -> None:
 
 
 def _draw_result(fitting: Fitting) -> None:
-    """At the end of the line of modes."""
+    """What the fit took and how near it came, in one line."""
     if (last := fitting.history.last) is not None and not fitting.running:
-        label = f"{last.psnr:.1f} dB"
-        imgui.same_line()
-        left = imgui.get_content_region_avail().x - imgui.calc_text_size(label).x
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, left))
-        imgui.text_disabled(label)
-        tooltip(
-            f"{fitting.history.name}, fitted in {last.seconds:.0f} s; "
-            "while it runs, the curve estimates it from fewer rays"
-        )
+        imgui.text_disabled(f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB")
+        tooltip(f"{fitting.history.name}; while it runs, the curve estimates the dB from fewer rays")
 
 
 def _draw_photos(fitting: Fitting) -> None:
@@ -213,6 +212,6 @@ def in_words(confidence: float) -> str:
 def _invitation(context: PanelContext) -> str:
     what = context.editor.model.category.removesuffix("s")
     return (
-        f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is segmented and cropped, "
+        f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is cut out and cropped, "
         "then its camera and its two codes are found. A plain background helps; on any other you point it out."
     )

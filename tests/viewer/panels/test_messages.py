@@ -1,0 +1,39 @@
+from imgui_bundle import imgui
+
+from tests.viewer.driver import Drive, Driver
+from viewer.services.messages import Kind
+
+
+def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        messages = window.session.messages
+        for number in range(4):
+            messages.notify(f"wrong {number}", Kind.ERROR)
+        window.ctx.yield_(3)
+        assert window.exists("Messages/###dismiss 1")
+        assert not window.exists("Messages/###dismiss 2")
+        window.menu("Panels/Log")
+        window.ctx.yield_(3)
+        assert window.ctx.window_info("//Log").window.active
+        assert [message.text for message in messages.log][-4:] == [f"wrong {number}" for number in range(4)]
+
+    drive(act)
+
+
+def test_esc_closes_what_is_on_top(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        context = window.context
+        window.press(imgui.Key.f1)
+        window.click("View/###view options")
+        assert imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        window.press(imgui.Key.escape)
+        assert not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        assert context.help_open
+        window.press(imgui.Key.escape)
+        assert not context.help_open
+        window.menu("File/###fit_image")
+        window.ctx.yield_(3)
+        window.press(imgui.Key.escape)
+        window.wait(lambda: not context.files.asking)
+
+    drive(act)

@@ -1,0 +1,152 @@
+"""Everything to begin with: a photo, what one has made oneself, and the model's objects as thumbnails."""
+
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+
+from viewer.context import PanelContext
+from viewer.screen.theme import WARM, Colour, mixed, packed
+from viewer.values.history import PARTS
+from viewer.values.objects import ObjectLibrary
+from viewer.values.variety import family, readable
+from viewer.widgets import mine, object_tiles
+from viewer.widgets.controls import action_button, tooltip
+from viewer.widgets.text import caption, heading, paint_caption, small_height
+
+_MINE = "What you rebuild from photos comes here."
+_PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
+_OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
+
+
+class LibraryPanel:
+    """Click an object to show it (it is A), drag it to a slot, or right click it to choose."""
+
+    title = "Library"
+    dock = "Left"
+    folded = False
+    waiting = "The objects come with the model"
+
+    def __init__(self) -> None:
+        self._mine_menu = mine.MineMenu()
+        self._unfolded = set[str]()
+        """the objects whose variants are shown"""
+
+    def draw(self, context: PanelContext) -> None:
+        """The button, one's own objects, the model's; those out of sight are not rendered."""
+        library = context.editor.objects
+        label = (
+            f"{_PHOTO}  Open photo…" if imgui.get_content_region_avail().x > hello_imgui.em_size(8) else "Open photo"
+        )
+        action_button(context, "fit_image", label, -1, context.palette.accent)
+        self._draw_objects(context, library)
+        self._mine_menu.apply(context)
+
+    def _draw_objects(self, context: PanelContext, library: ObjectLibrary) -> None:
+        if imgui.begin_child("objects"):
+            heading(context, "Mine")
+            self._draw_tiles(context, library.own) if library.own else caption(context, _MINE)
+            imgui.spacing()
+            heading(context, context.editor.model.category.capitalize() or "Objects")
+            self._draw_tiles(context, self._listed(library.families))
+        imgui.end_child()
+
+    def _listed(self, families: dict[str, tuple[str, ...]]) -> list[str]:
+        """One of each form, and the variants of those that are unfolded behind them."""
+        names = list[str]()
+        for head, variants in families.items():
+            names += [head, *variants] if head in self._unfolded else [head]
+        return names
+
+    def _draw_tiles(self, context: PanelContext, names: list[str]) -> None:
+        em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
+        gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
+        columns = max(1, int((room + gap) / (least + gap)))
+        side = min(room, 1.25 * least, (room - gap * (columns - 1)) / columns)
+        height = side + small_height()
+        imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
+        for first in range(0, len(names), columns):
+            if not imgui.is_rect_visible((room, height)):  # hundreds of objects cost nothing while scrolled away
+                imgui.dummy((room, height))
+                continue
+            for column, name in enumerate(names[first : first + columns]):
+                if column:
+                    imgui.same_line()
+                self._draw_tile(context, name, side, height)
+        imgui.pop_style_var()
+
+    def _draw_tile(self, context: PanelContext, name: str, side: float, height: float) -> None:
+        corner, after = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
+        imgui.set_next_item_allow_overlap()
+        _draw_object(context, name, corner, ImVec2(side, height), self._mine_menu)
+        head = name in context.editor.objects.families
+        paint_caption(context, readable(family(name) if head else name), corner + ImVec2(0, side), side)
+        if variants := context.editor.objects.families.get(name, ()):
+            self._draw_fold(context, name, len(variants), corner, side)
+        imgui.set_cursor_pos(after)
+        imgui.dummy((side, height))
+
+    def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
+        """The number of an object's variants, in the corner of its thumbnail."""
+        unfolded, em = name in self._unfolded, hello_imgui.em_size()
+        label = f"{_OPEN if unfolded else _SHUT} {count}"
+        size = imgui.calc_text_size(label) + ImVec2(0.5 * em, 0)
+        low = corner + ImVec2(side, side) - size
+        imgui.set_cursor_screen_pos(low)
+        if imgui.invisible_button(f"variants of {name}", size):
+            self._unfolded ^= {name}
+        colour = mixed(context.palette.panel, context.palette.accent, 0.5 if imgui.is_item_hovered() else 0.0)
+        tooltip(
+            "Fold its variants away" if unfolded else f"Show {count} variant{'s' if count > 1 else ''} of this form"
+        )
+        draw = imgui.get_window_draw_list()
+        draw.add_rect_filled(low, low + size, packed(colour, 0.85), object_tiles.rounding())
+        draw.add_text(low + ImVec2(0.25 * em, 0), packed(context.palette.text), label)
+
+
+def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2, mine_menu: mine.MineMenu) -> None:
+    editor, side = context.editor, size.x
+    if imgui.invisible_button(f"show {name}", size):
+        editor.show_object(name)
+    hovered = imgui.is_item_hovered()
+    about = f"{readable(name)}{mine.about(editor.objects[name])}"
+    tooltip(f"{about}\nClick to show it, drag it to a slot, right click to choose")
+    if imgui.begin_drag_drop_source():
+        context.dragged = name
+        imgui.set_drag_drop_payload_py_id(object_tiles.DRAGGED, 0)
+        imgui.text(readable(name))
+        imgui.end_drag_drop_source()
+    if imgui.begin_popup_context_item():
+        _draw_menu(context, name)
+        if name in editor.objects.own:
+            mine_menu.draw(context, name)
+        imgui.end_popup()
+    object_tiles.paint(context, name, corner, side)
+    draw = imgui.get_window_draw_list()
+    for number, (label, colour) in enumerate(_marks(context, name)):
+        object_tiles.outline(corner, side, colour, inset=2.0 * number)
+        object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
+    if hovered:
+        draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), object_tiles.rounding())
+    mine.draw_dot(context, name, corner, side)
+
+
+def _draw_menu(context: PanelContext, name: str) -> None:
+    editor = context.editor
+    if imgui.menu_item_simple("Show it"):
+        editor.show_object(name)
+    for part in PARTS:
+        if imgui.menu_item_simple(f"Take only its {part}", enabled=part not in editor.locked):
+            editor.take(part, name)
+    if imgui.menu_item_simple("Make it B"):
+        editor.set_b(name)
+    if imgui.menu_item_simple("Add to the grid"):
+        context.grid.add(name)
+        context.focus = "Shape × texture grid"
+
+
+def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:
+    """What an object is just now: A, what A's shape or texture was taken from, B."""
+    mix, accent = context.editor.state.mix, context.palette.accent
+    if mix.a == (name, name):
+        marks = [("A", accent)]
+    else:
+        marks = [(object_tiles.ICONS[part], accent) for part in PARTS if getattr(mix.a, part) == name]
+    return [*marks, ("B", WARM)] if mix.b == name else marks

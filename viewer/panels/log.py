@@ -1,0 +1,29 @@
+"""All messages of this run, with their times."""
+
+from imgui_bundle import imgui
+
+from viewer.context import PanelContext
+from viewer.services.messages import Kind
+from viewer.widgets.text import caption
+
+
+class LogPanel:
+    """The newest at the top."""
+
+    title = "Log"
+    dock = "Drawer"
+    folded = True
+    waiting = ""
+
+    def draw(self, context: PanelContext) -> None:
+        """A line for each, and under it what is for developers alone."""
+        log = context.session.messages.log
+        if not log:
+            imgui.text_disabled("Nothing has been said yet")
+        for message in reversed(log):
+            colour = context.palette.error if message.kind is Kind.ERROR else context.palette.text
+            imgui.push_style_color(imgui.Col_.text, (*colour, 1.0))
+            imgui.text_wrapped(f"{message.written:%H:%M:%S}  {message.text}")
+            imgui.pop_style_color()
+            if message.detail:
+                caption(context, message.detail)

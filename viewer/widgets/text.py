@@ -1,0 +1,44 @@
+"""The three levels of type: headings, text, and captions, which are smaller and quieter."""
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.context import PanelContext
+from viewer.screen.theme import HEADING, SMALL, packed
+
+
+def heading(context: PanelContext, words: str) -> None:
+    """Bold, a little larger."""
+    imgui.push_font(context.bold, HEADING * imgui.get_style().font_size_base)
+    imgui.text_wrapped(words)
+    imgui.pop_font()
+
+
+def caption(context: PanelContext, words: str) -> None:
+    """Small and quiet, wrapped at the end of the line."""
+    push_small()
+    imgui.push_style_color(imgui.Col_.text, (*context.palette.quiet, 1.0))
+    imgui.text_wrapped(words)
+    imgui.pop_style_color()
+    imgui.pop_font()
+
+
+def push_small() -> None:
+    """Make what follows small, up to imgui's ``pop_font``."""
+    imgui.push_font(None, SMALL * imgui.get_style().font_size_base)
+
+
+def paint_caption(context: PanelContext, words: str, corner: ImVec2, width: float) -> None:
+    """Small and quiet, in the middle of a line of this width (px); what is too long ends in an ellipsis."""
+    push_small()
+    if imgui.calc_text_size(words).x > width:
+        while words and imgui.calc_text_size(f"{words}…").x > width:
+            words = words[:-1]
+        words += "…"
+    place = corner + ImVec2((width - imgui.calc_text_size(words).x) / 2, 0)
+    imgui.get_window_draw_list().add_text(place, packed(context.palette.quiet), words)
+    imgui.pop_font()
+
+
+def small_height() -> float:
+    """px of a line of captions."""
+    return SMALL * imgui.get_text_line_height()

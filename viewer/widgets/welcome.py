@@ -1,0 +1,100 @@
+"""The way in: a large button to open a photo, one sentence, and photos to try; there until something is made."""
+
+from pathlib import Path
+
+import numpy as np
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+from PIL import Image
+
+from core.models.library import sample_images
+from viewer.context import PanelContext
+from viewer.widgets import object_tiles
+from viewer.widgets.controls import action_button, tooltip
+from viewer.widgets.text import caption, heading
+
+_SENTENCE = "Drop a photo of a chair or a car: it is rebuilt in 3-D."
+_WIDEST, _MARGIN = 25.0, 0.7
+"""em, of the card and around it"""
+_NARROW = 14.0
+"""em: in a narrower card there is no room for a heading"""
+_PADDING = 0.8
+"""em"""
+_SAMPLE = 0.13
+"""of the view's height: the largest thumbnail of a sample"""
+
+
+class Welcome:
+    """A card at the bottom of the view."""
+
+    def __init__(self) -> None:
+        self._pixels: dict[Path, np.ndarray] = {}
+
+    @staticmethod
+    def is_due(context: PanelContext) -> bool:
+        """Whether nothing has been made, edited or begun yet."""
+        editor = context.editor
+        return not (
+            editor.history.past or editor.objects.added or context.fitting.running or context.fitting.history.photo
+        )
+
+    def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
+        """Into the bottom of a rectangle (px) of the window."""
+        em = hello_imgui.em_size()
+        width = min(_WIDEST * em, size.x - 2 * _MARGIN * em)
+        imgui.set_cursor_screen_pos(ImVec2(corner.x + (size.x - width) / 2, self._top(corner, size, em)))
+        imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
+        flags = imgui.ChildFlags_
+        shape = flags.auto_resize_y | flags.always_use_window_padding
+        if imgui.begin_child("welcome", (width, 0), shape):
+            narrow = width < _NARROW * em
+            imgui.text_wrapped(_SENTENCE) if narrow else heading(context, _SENTENCE)
+            label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
+            imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
+            action_button(context, "fit_image", label, -1, context.palette.accent)
+            imgui.pop_style_var()
+            self._draw_samples(context, size.y)
+        imgui.end_child()
+        self._height = imgui.get_item_rect_size().y
+        imgui.pop_style_var()
+        imgui.pop_style_color()
+
+    _height = 0.0
+    """px, in the last frame"""
+
+    def _top(self, corner: ImVec2, size: ImVec2, em: float) -> float:
+        return corner.y + max(0.0, size.y - self._height - _MARGIN * em)
+
+    def _draw_samples(self, context: PanelContext, height: float) -> None:
+        """As large as the height of the view allows, whose middle stays free."""
+        em, gap = hello_imgui.em_size(), 0.6 * hello_imgui.em_size()
+        paths = sample_images(context.editor.model.category)
+        if not paths:
+            return
+        room = imgui.get_content_region_avail().x
+        side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), _SAMPLE * height)
+        if side == object_tiles.THUMBNAIL * em:
+            caption(context, "Or try one of these:")
+        for number, path in enumerate(paths):
+            if number:
+                imgui.same_line(0, gap)
+            corner = imgui.get_cursor_screen_pos()
+            if imgui.invisible_button(f"sample {path.stem}", (side, side)):
+                context.fit(path)
+            hovered = imgui.is_item_hovered()
+            tooltip(f"Rebuild this photo: {path.stem}")
+            draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
+            if context.images:
+                texture = context.images.texture(self._of(path), context.palette)
+                draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, object_tiles.rounding())
+            object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)
+
+    def _of(self, path: Path) -> np.ndarray:
+        """The photo, small, on white."""
+        if path not in self._pixels:
+            with Image.open(path) as image:
+                image.thumbnail((128, 128))
+                square = Image.new("RGBA", (max(image.size),) * 2, "white")
+                square.alpha_composite(image.convert("RGBA"), tuple((square.width - side) // 2 for side in image.size))
+                self._pixels[path] = np.asarray(square.convert("RGB"))
+        return self._pixels[path]
