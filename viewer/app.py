@@ -17,6 +17,7 @@ from viewer.panels.segmenting import SegmentingDialog
 from viewer.screen import theme, window
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, is_there
+from viewer.services.clipboard import Clipboard
 from viewer.services.messages import error_text
 from viewer.services.mine import Mine
 from viewer.services.worker import Job
@@ -64,7 +65,7 @@ class App:
         if folder:
             self.context.preferences = Preferences.load(folder)
             session.view.quality = QUALITIES[self.context.preferences.quality]
-            session.mine = Mine(folder / "mine")
+            session.mine, self.context.clipboard = Mine(folder / "mine"), Clipboard(folder / "pasted")
             self.context.autosave = Autosave(session, folder)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None

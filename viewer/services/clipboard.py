@@ -9,13 +9,16 @@ from urllib.parse import unquote, urlparse
 
 from PIL import ImageGrab
 
+_MAX_KEPT = 50
+"""files in a folder that is kept"""
+
 
 class Clipboard:
-    """An image that is pasted is kept as a file, until the program ends."""
+    """An image that is pasted is kept as a file, as its object may be pointed out once more."""
 
-    def __init__(self) -> None:
-        self._folder: Path | None = None
-        self._count = 0
+    def __init__(self, folder: Path | None = None) -> None:
+        """``folder`` keeps files from one launch to the next, the newest ones; None: until the program ends."""
+        self._folder, self._is_kept = folder, folder is not None
 
     def images(self, text: str) -> Iterator[tuple[Path, ...]]:
         """The files, once: to be run as a job, as the system may have to start a program for it.
@@ -35,8 +38,7 @@ class Clipboard:
         if isinstance(found, list):
             yield tuple(map(Path, found))
         elif found is not None:
-            self._count += 1
-            path = self._made_folder() / f"pasted {self._count}.png"
+            path = self._free_path(self._made_folder())
             found.save(path)
             yield (path,)
         else:
@@ -46,7 +48,17 @@ class Clipboard:
         if self._folder is None:
             self._folder = Path(tempfile.mkdtemp(prefix="codenerf-viewer-"))
             weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        self._folder.mkdir(parents=True, exist_ok=True)
         return self._folder
+
+    def _free_path(self, folder: Path) -> Path:
+        """In a folder from which the oldest files go."""
+        numbers = {path: path.stem.removeprefix("pasted ") for path in folder.glob("pasted *.png")}
+        there = {int(number): path for path, number in numbers.items() if number.isdecimal()}
+        old = sorted(there)[: -_MAX_KEPT + 1] if self._is_kept else []
+        for number in old:
+            there[number].unlink(missing_ok=True)
+        return folder / f"pasted {max(there, default=0) + 1}.png"
 
 
 def _named(text: str) -> tuple[Path, ...]:

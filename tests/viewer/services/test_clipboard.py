@@ -17,6 +17,20 @@ def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
         assert image.size == (20, 10)
 
 
+def test_images_stay_for_the_next_launch_and_the_oldest_go(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(clipboard.ImageGrab, "grabclipboard", lambda: Image.new("RGB", (2, 1), "red"))
+    folder = tmp_path / "pasted"
+    ((first,),) = Clipboard(folder).images("")
+    board = Clipboard(folder)
+    ((second,),) = board.images("")
+    assert [path.name for path in (first, second)] == ["pasted 1.png", "pasted 2.png"]
+    for _ in range(50):
+        ((newest,),) = board.images("")
+    assert not (first.exists() or second.exists())
+    assert newest.name == "pasted 52.png"
+    assert len(list(folder.iterdir())) == 50
+
+
 def test_files_are_named_by_paths_and_addresses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clipboard.ImageGrab, "grabclipboard", lambda: None)
     paths = tmp_path / "a b.png", tmp_path / "c.png"
