@@ -154,6 +154,11 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             lambda context: context.save_scene(),
             _ready,
         ),
+        Action(
+            *("share", "Share…", "Ctrl+E", "save a turntable, a film, a picture or a mesh"),
+            lambda context: context.share(),
+            _ready,
+        ),
     ),
     "Everywhere": (
         Action(

@@ -88,7 +88,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
         "--distance",
         type=float,
         metavar="X",
-        help="scene units (an object's diagonal is 1; else the model's, or the scene's)",
+        help="scene units (an object's diagonal is 1; else a turntable, and an image of no scene, fills the frame)",
     )
 
 
@@ -106,7 +106,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back")
     command.add_argument("--frames", type=_count, default=72, help="number of frames")
     command.add_argument("--fps", type=_count, default=24, help="frames per second")
-    command.add_argument("--size", type=_count, default=256, metavar="PX", help="width and height")
+    command.add_argument("--size", type=_count, default=512, metavar="PX", help="width and height")
     command.add_argument("--quality", type=_count, default=85, help="1 to 100")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument(

@@ -3,7 +3,6 @@
 from viewer.context import Panel
 from viewer.panels.camera import CameraPanel
 from viewer.panels.candidates import CandidatesPanel
-from viewer.panels.export import ExportPanel
 from viewer.panels.fit import FitPanel
 from viewer.panels.grid import GridPanel
 from viewer.panels.history import HistoryPanel
@@ -19,6 +18,6 @@ from viewer.panels.view import ViewPanel
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
     top = MixPanel(), ObjectsPanel(), CandidatesPanel()
-    lower = SlidersPanel(), RealismPanel(), GridPanel(), FitPanel(), ExportPanel()
+    lower = SlidersPanel(), RealismPanel(), GridPanel(), FitPanel()
     strip = HistoryPanel(), TimelinePanel(), CameraPanel(), PerformancePanel()
     return [ViewPanel(), *top, *lower, *strip]

@@ -14,7 +14,7 @@ from viewer.widgets.controls import tooltip
 def draw(context: PanelContext) -> None:
     """Menus, and at their right what is under way."""
     scenes = ("open_scene", "save_scene", _draw_recent)
-    _menu(context, "File", ("fit_image", "paste", _draw_samples, None, *scenes, None, "quit"))
+    _menu(context, "File", ("fit_image", "paste", _draw_samples, None, *scenes, None, "share", None, "quit"))
     _draw_models(context)
     _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
     look = ("dark", "smooth", None, "larger_text", "smaller_text")

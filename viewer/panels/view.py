@@ -24,6 +24,7 @@ _BUTTONS = {
     "undo": icons_fontawesome_4.ICON_FA_UNDO,
     "redo": icons_fontawesome_4.ICON_FA_REDO,
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
+    "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }
 """actions, and the icons of their buttons"""
 _HINT = "Drag to turn    Wheel to zoom    Drop a photo to fit it    F1 for help"

@@ -57,6 +57,8 @@ def test_render_draws_objects_scenes_and_the_mean(file: str, model: Model, tmp_p
         30,
         "--elevation",
         10,
+        "--distance",
+        2,
         "--size",
         24,
         "--out",
@@ -85,9 +87,9 @@ def test_turntable_writes_a_video(file: str, tmp_path: Path):
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str, model: Model, tmp_path: Path):
-    words = ("--object", 0, "--morph-to", 1, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
+    words = ("--object", 0, "--morph-to", 1, "--distance", 2, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
     run("turntable", "--model", file, *words, "--out", tmp_path / "t.frames")
-    run("render", "--model", file, "--object", 1, "--azimuth", 240, "--size", 24, "--out", tmp_path / "there.png")
+    run("render", "--model", file, "--object", 1, "--azimuth", 240, *words[4:6], "--size", 24, "--out", there_png)
     assert len(list((tmp_path / "t.frames").iterdir())) == 4
     with Image.open(tmp_path / "t.frames/00002.png") as halfway, Image.open(tmp_path / "there.png") as there:
         white = Image.new("RGBA", halfway.size, "white")

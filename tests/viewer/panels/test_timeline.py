@@ -21,7 +21,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         session, workspace, editor = window.session, window.workspace, window.workspace.editor
         made = workspace.player
         window.show("Timeline")
-        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###video form", "time"))
+        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share film", "time"))
         assert line.min.y > buttons.max.y
         window.click("Timeline/###add_key")
         first = editor.scene
@@ -62,18 +62,16 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.set("Timeline/##length", 1.0)
         window.ctx.yield_(2)
         assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
-        window.click("Timeline/###video form")
-        window.click("$FOCUSED/##format")
-        window.click("**/webp")
-        window.click("$FOCUSED/##rate")
-        window.click("**/12 fps")
-        window.click("$FOCUSED/###transparent")
-        window.click("$FOCUSED/###export video")
+        window.click("Timeline/###share film")
+        for name, label in (("##video", "webp"), ("##rate", "12 a second"), ("##background", "Transparent")):
+            window.click(f"Share/{name}")
+            window.click(f"**/{label}")
+        window.click("Share/###save")
         window.type(str(tmp_path / "mine"))
         window.wait(lambda: not workspace.exporting.running)
         assert session.messages.errors == []
         with Image.open(tmp_path / "mine.webp") as video:
-            assert (video.size, video.mode) == ((16, 16), "RGBA")
+            assert (video.size, video.mode) == ((32, 32), "RGBA")
             assert 3 < video.n_frames <= 12  # equal images are one
 
     drive(act, replace(backend, video=small))
