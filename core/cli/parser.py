@@ -119,13 +119,23 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "mesh", "render.mesh", "write an object as a closed mesh with coloured vertices")
+    command = _command(commands, "mesh", "render.mesh", "write an object as a coloured mesh")
     _add_object_options(command)
     command.add_argument(
         "--resolution",
         type=_count,
         metavar="N",
         help="cells along the longest side (default: by the object's detail)",
+    )
+    command.add_argument(
+        "--texture",
+        type=_count,
+        default=0,
+        metavar="PX",
+        help="glb: colours in an image about so wide, not in vertices",
+    )
+    command.add_argument(
+        "--metres", type=float, metavar="M", help="the longest side; it stands on the ground (else in scene units)"
     )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
 

@@ -11,7 +11,7 @@ from core.cli.progress import require_writable, run_with_progress
 from core.export import keyframes as timeline
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
-from core.export.mesh import export_mesh
+from core.export.mesh import MeshSettings, export_mesh
 from core.export.video import WHITE, VideoSettings, write_video
 from core.geometry.camera import Camera
 from core.models.codes import Codes
@@ -58,7 +58,8 @@ def turntable(chosen: argparse.Namespace) -> None:
 def mesh(chosen: argparse.Namespace) -> None:
     """``mesh``: an object as triangles."""
     model, codes, _ = _load_selection(chosen)
-    shares = export_mesh(model, codes, chosen.out, chosen.resolution)
+    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture)
+    shares = export_mesh(model, codes, chosen.out, settings)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:
             bar.update(share - bar.n)

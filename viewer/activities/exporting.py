@@ -52,8 +52,8 @@ class Exporting:
         """
         timeline, backend = self._editor.state.timeline, self._jobs.backend
         if settings.kind == "mesh":
-            cells = settings.cells or None
-            self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, cells))
+            about = settings.mesh_settings(self._editor.model.category)
+            self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, about))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda model, scene: self._picture(model, scene, path, settings))
         elif settings.kind == "turntable" or timeline.keys:

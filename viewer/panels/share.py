@@ -9,6 +9,7 @@ import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
 from core.export.mesh import FORMATS as MESHES
+from core.export.mesh import TEXTURED
 from core.export.video import FORMATS as VIDEOS
 from core.export.video import Rgb, over
 from core.models.scene import IMAGE_FORMATS
@@ -30,12 +31,14 @@ _ABOUT = {
     "turntable": "The object turning once round, as a video",
     "film": "The timeline as a video",
     "picture": "The object as an image. A png holds codes and camera: drop it on the window to bring them back",
-    "mesh": "The object as a closed, coloured surface",
+    "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
+_PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
 _SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
 _RATES = {rate: f"{rate} a second" for rate in (12, 24, 30, 60)}
 _COUNTS = {count: f"{count} for one turn" for count in (36, 72, 144, 288)}
 _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
+_TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
 _SIDE, _LABEL, _WIDTH = 16, 6.5, 13
 """em: the preview, the labels, what stands beside them"""
 _CHECKS = 16
@@ -74,7 +77,7 @@ class ShareDialog:
         self._draw_preview(context, changed.on_view(_view_colour(context)), _SIDE * em)
         imgui.same_line(0, em)
         imgui.begin_group()
-        changed = _draw_form(changed)
+        changed = _draw_form(changed, context.editor.model.category)
         imgui.end_group()
         imgui.spacing()
         _draw_foot(context, changed)
@@ -91,7 +94,7 @@ class ShareDialog:
         if self._shown is None or self._shown[:2] != (frame, settings.rgb):
             self._shown = frame, settings.rgb, _on_checks(over(frame, settings.rgb))
         imgui.image(context.images.texture(self._shown[2], context.palette), (side, side))
-        tooltip("The first frame" if settings.kind in ("turntable", "film") else "As it is saved")
+        tooltip(_PREVIEW.get(settings.kind, "The first frame"))
 
 
 def _left_by_escape() -> bool:
@@ -128,11 +131,12 @@ def _draw_kinds(settings: ShareSettings) -> ShareSettings:
     return settings
 
 
-def _draw_form(settings: ShareSettings) -> ShareSettings:
+def _draw_form(settings: ShareSettings, category: str) -> ShareSettings:
     """What can be chosen for this kind of file, a line each."""
     if settings.kind == "mesh":
         settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, "glb opens in most programs")
-        return _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
+        settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
+        return _draw_mesh(settings, category)
     if settings.kind == "picture":
         settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
     else:
@@ -150,6 +154,19 @@ def _draw_form(settings: ShareSettings) -> ShareSettings:
     _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
     tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
     return replace(settings, fill=fill)
+
+
+def _draw_mesh(settings: ShareSettings, category: str) -> ShareSettings:
+    """Where a mesh has its colours, and how large it is."""
+    if settings.mesh in TEXTURED:
+        text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
+        settings = _row(settings, "texture", "Colours", _TEXTURES, text)
+    _label("Longest side")
+    imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
+    shown = settings.mesh_settings(category).metres or 1.0
+    changed, metres = imgui.drag_float("##metres", shown, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
+    tooltip("The object stands on the ground, this large. Drag, or Ctrl+click to type")
+    return replace(settings, metres=metres) if changed else settings
 
 
 def _draw_quality(settings: ShareSettings) -> ShareSettings:

@@ -2,15 +2,18 @@
 
 from dataclasses import dataclass, replace
 
-from core.export import mesh, video
+from core.export import video
 from core.export.framing import filling_frame
 from core.export.keyframes import Timeline, View, turntable
+from core.export.mesh import FORMATS, MAX_RESOLUTION, TEXTURED, MeshSettings
 from core.export.video import WHITE, Rgb, VideoSettings
 from core.models.model import Model
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 
 KINDS = {"turntable": "Turntable", "film": "Film", "picture": "Picture", "mesh": "Mesh"}
 """what can be shared, and its name"""
+USUAL_METRES = {"chairs": 0.9, "cars": 4.5}
+"""the longest side of an object of a category"""
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
 """what is behind the object, and its name"""
 
@@ -43,20 +46,25 @@ class ShareSettings:
     """0..255, the colour of that background"""
     cells: int = 0
     """of a mesh along the object; 0: as many as its detail needs"""
+    texture: int = 1024
+    """px, of the image with the colours of a mesh; 0: its vertices have them"""
+    metres: float = 0.0
+    """the longest side of a mesh; 0: as usual for its category"""
 
     def __post_init__(self) -> None:
         choices = (
             *((self.kind, KINDS), (self.background, BACKGROUNDS)),
-            *((self.video, video.FORMATS), (self.picture, IMAGE_FORMATS), (self.mesh, mesh.FORMATS)),
+            *((self.video, video.FORMATS), (self.picture, IMAGE_FORMATS), (self.mesh, FORMATS)),
         )
         for chosen, among in choices:
             if chosen not in among:
                 raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
         if not all(0 <= part <= 255 for part in (self.red, self.green, self.blue)) or self.frames < 1:
             raise ValueError(f"a colour has parts of 0 to 255, a turn has frames; got {self}")
-        if self.cells and not 8 <= self.cells <= mesh.MAX_RESOLUTION:
-            raise ValueError(f"a mesh has 8 to {mesh.MAX_RESOLUTION} cells, got {self.cells}")
+        if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
+            raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
         VideoSettings(self.size, self.rate, self.quality)
+        MeshSettings(None, self.metres or 1.0, self.texture)
 
     @property
     def suffix(self) -> str:
@@ -81,6 +89,11 @@ class ShareSettings:
     def video_settings(self) -> VideoSettings:
         """As videos are written with."""
         return VideoSettings(self.size, self.rate, self.quality, self.rgb)
+
+    def mesh_settings(self, category: str) -> MeshSettings:
+        """As meshes of a category are written with: on the ground, in metres."""
+        texture = self.texture if self.mesh in TEXTURED else 0
+        return MeshSettings(self.cells or None, self.metres or USUAL_METRES.get(category, 1.0), texture)
 
     def on_view(self, colour: Rgb) -> "ShareSettings":
         """With the view's background as the colour, where that was chosen."""

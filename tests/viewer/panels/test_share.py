@@ -125,8 +125,7 @@ def test_a_film_needs_keyframes(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.context.share("film")
         window.wait()
-        window.click("Share/###save")  # does nothing yet
-        assert not window.context.files.asking
+        assert window.ctx.item_info("//Share/###save").item_flags & imgui.internal.ItemFlagsPrivate_.disabled
         window.press(imgui.Key.k)
         window.click("Share/###save")
         assert window.context.files.asking
@@ -147,9 +146,19 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         assert session.messages.errors == []
         found = trimesh.load_mesh(tmp_path / "block.ply")
         assert found.is_watertight
-        np.testing.assert_allclose(found.extents, 2 * np.array(model.extent), rtol=0.05)
+        np.testing.assert_allclose(found.extents / found.extents.max(), np.array(model.extent) / 0.45, rtol=0.05)
+        assert (found.extents.max(), found.bounds[0, 2]) == pytest.approx((0.9, 0.0), abs=1e-5)
         assert found.visual.kind == "vertex"
         assert [path.name for path in tmp_path.iterdir()] == ["block.ply"]
+        choose(window, "##mesh", ".glb")
+        choose(window, "##texture", "Image, 512 px")
+        window.set("Share/##metres", 2.0)
+        window.click("Share/###save")
+        window.type(str(tmp_path / "block.glb"))
+        window.wait(lambda: (tmp_path / "block.glb").exists() and not workspace.exporting.running)
+        (read,) = trimesh.load_scene(tmp_path / "block.glb").geometry.values()
+        assert (read.extents.max(), read.bounds[0, 1]) == pytest.approx((2.0, 0.0), abs=1e-5)
+        assert read.visual.material.baseColorTexture.width > 400
 
     block = filled(model, 100.0)
     drive(act, replace(backend, load_model=lambda name: block))
