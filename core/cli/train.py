@@ -1,4 +1,4 @@
-"""``dataset``, ``train``, ``train-viewpoint`` and ``convert``: everything that makes datasets and models."""
+"""Making data and models: ``dataset``, ``train``, ``train-viewpoint``, ``select-gallery`` and ``convert``."""
 
 import argparse
 import math
@@ -19,6 +19,7 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.models.viewpoint import ViewpointClassifier
 from core.training.curve import CurvePoint, read_curve, write_curve
+from core.training.gallery import select_gallery, training_psnr
 from core.training.recipes import RECIPES
 from core.training.trainer import Trainer, held_out_psnr, hold_out
 from core.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
@@ -98,6 +99,15 @@ def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, and the model is one of {model.category}")
     _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
+
+
+def select_model_gallery(chosen: argparse.Namespace) -> None:
+    """``select-gallery``: the model with a varied gallery in place of the codes of all training objects."""
+    require_writable(chosen.out)
+    model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
+    objects = select_gallery(model.codes, training_psnr(model, dataset), chosen.count)
+    replace(model, codes=model.codes.subset(objects)).save(chosen.out)
+    print(f"{len(objects)} of {len(model.codes)} objects, {chosen.out.stat().st_size / 1e6:.2f} MB")
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
