@@ -26,6 +26,7 @@ from viewer.services.clipboard import Clipboard
 from viewer.services.file_manager import show_in_folder
 from viewer.services.worker import Job
 from viewer.session import Session
+from viewer.values.camera_text import camera_from_text, camera_text
 from viewer.values.preferences import Preferences
 from viewer.values.view_modes import MODES
 from viewer.workspace import Workspace
@@ -134,6 +135,20 @@ class PanelContext:
         """Show the next of the view's modes."""
         modes = list(MODES)
         self.view_mode = modes[(modes.index(self.view_mode) + 1) % len(modes)]
+
+    # The camera as text
+
+    def copy_camera(self) -> None:
+        """The camera as a line of text into the clipboard."""
+        imgui.set_clipboard_text(camera_text(self.editor.scene.camera))
+        self.session.messages.notify("Copied the camera")
+
+    def paste_camera(self) -> None:
+        """See the object from the camera that the clipboard's text names."""
+        try:
+            self.editor.set_camera(camera_from_text(imgui.get_clipboard_text(), self.editor.scene.camera))
+        except ValueError as error:
+            self.session.messages.report("Cannot paste the camera", error)
 
     # Files
 

@@ -99,7 +99,11 @@ def _draw_line(context: PanelContext, player: Player) -> None:
         player.seek((imgui.get_mouse_pos().x - left) / width * timeline.length)
     if imgui.is_item_deactivated():
         context.editor.end_gesture()
-    tooltip("Click or drag to move the playhead")
+    tooltip("Click or drag to move the playhead; right click to paste a keyframe")
+    if imgui.begin_popup_context_item("paste here"):
+        if imgui.menu_item_simple("Paste at the playhead", enabled=player.copied is not None):
+            player.paste_key()
+        imgui.end_popup()
     _paint_ruler(context, player, ImVec2(left, corner.y), width, ruler, side)
     for index, key in enumerate(timeline.keys):
         x = left + width * key.seconds / timeline.length - side / 2
@@ -130,6 +134,10 @@ def _draw_key(
     if imgui.begin_popup_context_item():
         if imgui.menu_item_simple("Replace with what is shown"):
             player.replace_key(index)
+        if imgui.menu_item_simple("Copy"):
+            player.copy_key(index)
+        if imgui.menu_item_simple("Duplicate"):
+            player.duplicate_key(index)
         if imgui.menu_item_simple("Remove"):
             player.remove_key(index)
         imgui.end_popup()

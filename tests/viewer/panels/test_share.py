@@ -125,7 +125,8 @@ def test_a_film_needs_keyframes(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.context.share("film")
         window.wait()
-        assert window.ctx.item_info("//Share/###save").item_flags & imgui.internal.ItemFlagsPrivate_.disabled
+        assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
+        assert window.session.messages.errors == []
         window.press(imgui.Key.k)
         window.click("Share/###save")
         assert window.context.files.asking

@@ -77,6 +77,42 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
     drive(act, replace(backend, video=small))
 
 
+def test_keyframes_are_stepped_through_copied_and_duplicated(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        player = workspace.player
+        window.show("Timeline")
+        window.press(imgui.Key.k)
+        first = editor.scene
+        player.seek(2.0)
+        editor.show_object("object 3")
+        window.press(imgui.Key.k)
+        second = editor.scene
+        window.press(imgui.Key.comma)
+        assert (player.seconds, editor.scene) == (0.0, first)
+        window.press(imgui.Key.comma)
+        assert player.seconds == 0.0
+        window.press(imgui.Key.period)
+        assert (player.seconds, editor.scene) == (2.0, second)
+        window.click("Timeline/key 1", 1)
+        window.click("**/Duplicate")
+        assert [key.seconds for key in player.timeline.keys] == [0.0, 1.0, 2.0]
+        assert player.timeline.keys[1].view == player.timeline.keys[0].view
+        window.click("Timeline/key 3", 1)
+        window.click("**/Copy")
+        player.seek(3.0)
+        editor.show_object("object 5")
+        window.click("Timeline/time", 1)
+        window.click("**/Paste at the playhead")
+        assert [key.seconds for key in player.timeline.keys] == [0.0, 1.0, 2.0, 3.0]
+        assert editor.scene == second
+        window.undo()
+        window.undo()
+        assert len(player.timeline.keys) == 3
+
+    drive(act)
+
+
 def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
     def act(window: Driver) -> None:
         workspace, editor = window.workspace, window.workspace.editor
