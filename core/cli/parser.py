@@ -48,6 +48,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_dataset(commands)
     _add_train(commands)
     _add_train_viewpoint(commands)
+    _add_train_category(commands)
     _add_select_gallery(commands)
     _add_convert(commands)
     _add_evaluate(commands)
@@ -149,7 +150,8 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "estimate camera and codes of an object in images; ends with one JSON line",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
-    _add_model(command)
+    command.add_argument("--model", metavar="M", help="else the shipped model of what the first image seems to show")
+    _add_device(command)
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
@@ -255,6 +257,16 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
     _add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=_count, default=8000, help="of training")
+    _add_seed(command)
+
+
+def _add_train_category(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands, "train-category", "train.train_category_classifier", "train what tells the categories of photos apart"
+    )
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders, of each category one")
+    command.add_argument("--out", type=Path, required=True, metavar="C.safetensors")
+    command.add_argument("--steps", type=_count, default=4000, help="of training")
     _add_seed(command)
 
 

@@ -82,10 +82,10 @@ class Exporting:
             self._jobs.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
-    def scene(self, path: Path) -> None:
-        """Write the scene as JSON, at once."""
+    def scene(self, path: Path, scene: Scene | None = None) -> None:
+        """Write a scene, or what is shown, as JSON, at once."""
         try:
-            self._editor.scene.save(path)
+            (scene or self._editor.scene).save(path)
         except ValueError as error:
             self._jobs.report("Cannot save the scene", error)
         else:

@@ -18,7 +18,7 @@ from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
-from viewer.widgets.controls import button, choose, draw_progress, tooltip
+from viewer.widgets.controls import action_button, button, choose, draw_progress, tooltip
 
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
@@ -219,6 +219,8 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))
             title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
             context.ask(FileRequest(title, share, (settings.suffix,), True, name))
+        imgui.same_line()
+        action_button(context, "save_project_as")
         if not ready:
             imgui.same_line()
             imgui.text_disabled("Add keyframes in Timeline first")

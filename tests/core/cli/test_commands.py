@@ -16,6 +16,7 @@ from core.cli import fit as fitting
 from core.datasets.srn import read_dataset, write_manifest, write_object
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitStep, RunnerUp
+from core.models.category import CategoryClassifier
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
@@ -196,6 +197,13 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     assert looks.fingerprint == before.fingerprint
     assert looks.viewpoint_classifier is not None
     assert before.viewpoint_classifier is not None
+    run("select-gallery", tmp_path / "d", "--model", out, "--count", 1, "--out", tmp_path / "small.safetensors")
+    assert len(load_model(str(tmp_path / "small.safetensors")).codes) == 1
+    write_object(tmp_path / "other", replace(read_dataset(tmp_path / "d").objects[0], name="boat"))
+    write_manifest(tmp_path / "other", "boats", {})
+    words = ("train-category", tmp_path / "d", tmp_path / "other", "--steps", 2)
+    run(*words, "--out", tmp_path / "c.safetensors")
+    assert CategoryClassifier.load(tmp_path / "c.safetensors").categories == ("boats", "chairs")
     shutil.rmtree(tmp_path / "d")
 
 

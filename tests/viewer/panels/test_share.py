@@ -204,6 +204,9 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
         window.type(str(tmp_path / "mine"))
         window.wait()
         assert image_size(tmp_path / "mine.png") == (512, 512)
+        window.click("Share/###save_project_as")
+        window.type(str(tmp_path / "all"))
+        window.wait(lambda: (tmp_path / "all.codenerf").is_file())
         window.press(imgui.Key.escape)
         window.click("View/###reset_view")
         assert editor.scene != scene
@@ -213,7 +216,7 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
         window.click("View/###reset_view")
         window.context.drop([str(tmp_path / "mine.json")])
         assert editor.scene == scene
-        window.press(imgui.Key.mod_ctrl, imgui.Key.s)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
         window.ctx.item_click("//Choose a file###ask/Cancel")
         window.ctx.yield_(2)
         assert not window.context.files.asking
