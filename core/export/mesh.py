@@ -45,7 +45,7 @@ _INTERVALS = 64
 is the density that the surface is cut at. A lower one would show the fringe that no image shows."""
 _LOGIT_CLAMP = 8.0
 """The cut's logit is kept within this, so that one wild corner does not pull the surface to another."""
-_MIN_PIECE = 0.1
+_MIN_PIECE = 0.05
 """scene units (an object's diagonal is 1): pieces whose bounding box has a shorter diagonal are dropped"""
 _SLAB = 16
 """planes of the grid evaluated at a time"""
@@ -170,7 +170,7 @@ def _textured(model: Model, codes: Codes, mesh: Mesh, pixels: int) -> Generator[
 def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:
     """The surface of an object; yields the share that is done.
 
-    Pieces smaller than a tenth of the object's diagonal are left out, and so are walls of hollows that nothing
+    Pieces smaller than a twentieth of the object's diagonal are left out, and so are walls of hollows that nothing
     sees from outside. Raises ``ValueError`` for a resolution out of range, or where there is no surface.
 
     Args:
