@@ -77,6 +77,22 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         _see(3, "top", "Top"),
         _see(4, "photo", "Photo"),
         Action(
+            *("orthographic", "Orthographic", "5", "without perspective, or with it again; as large as before"),
+            lambda context: context.workspace.set_orthographic(not context.workspace.orthographic),
+            _ready,
+            lambda context: context.workspace.orthographic,
+        ),
+        Action(
+            *("copy_camera", "Copy camera", "", "angles, distance and focal length as a line of text"),
+            lambda context: context.copy_camera(),
+            _ready,
+        ),
+        Action(
+            *("paste_camera", "Paste camera", "", "see the object from the camera in the clipboard's text"),
+            lambda context: context.paste_camera(),
+            _ready,
+        ),
+        Action(
             *("next_mode", "Next mode", "V", "colour, depth, normals, opacity, or samples of each ray"),
             lambda context: context.next_view_mode(),
             _ready,
@@ -116,7 +132,18 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             lambda context: context.player.toggle(),
             lambda context: context.ready and bool(context.player.timeline.keys),
         ),
-        Gesture("Click or drag a keyframe", "show it, move it in time; right click to replace or remove it"),
+        Action(
+            *("previous_key", "Previous keyframe", ",", "show the keyframe before"),
+            lambda context: context.player.step(-1),
+            _ready,
+        ),
+        Action(
+            *("next_key", "Next keyframe", ".", "show the keyframe after"),
+            lambda context: context.player.step(1),
+            _ready,
+        ),
+        Gesture("Click or drag a keyframe", "show it, move it in time; right click for more"),
+        Gesture("Right click the ruler", "paste the copied keyframe at the playhead"),
     ),
     "History": (Gesture("Click a thumbnail", "go back, or forward, to that state"),),
     "Photo": (
@@ -175,6 +202,11 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action(
             *("save_scene", "Save look…", "", "save codes and camera alone, exact, as a small file"),
             lambda context: context.save_scene(),
+            _ready,
+        ),
+        Action(
+            *("share", "Share…", "Ctrl+E", "save a turntable, a film, a picture or a mesh"),
+            lambda context: context.share(),
             _ready,
         ),
     ),
@@ -276,6 +308,8 @@ _MODIFIERS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift}
 _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
     "plus": [(imgui.Key.equal,), (imgui.Key.mod_shift, imgui.Key.equal), (imgui.Key.keypad_add,)],
     "-": [(imgui.Key.minus,), (imgui.Key.keypad_subtract,)],
+    ",": [(imgui.Key.comma,)],
+    ".": [(imgui.Key.period,)],
     "?": [(imgui.Key.mod_shift, imgui.Key.slash)],
 }
 

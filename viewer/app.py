@@ -14,6 +14,7 @@ from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
 from viewer.panels import all_panels, help, menu, messages, recovery, running_fit
 from viewer.panels.segmenting import SegmentingDialog
+from viewer.panels.share import ShareDialog
 from viewer.screen import theme, window
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, is_there
@@ -58,7 +59,7 @@ class App:
             session, FileDialog(native_dialogs), quit=self._quit, reset_layout=self._reset_layout
         )
         self.panels: list[Panel] = all_panels()
-        self._segmenting = SegmentingDialog()
+        self._segmenting, self._share = SegmentingDialog(), ShareDialog()
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless = size, folder, headless
@@ -252,6 +253,8 @@ class App:
         self._guard("This key failed", lambda: self._close_top(context))
         self._guard("The messages failed", lambda: messages.draw(context))
         self._guard("The help failed", lambda: help.draw(context))
+        if context.ready and self._guard("The Share dialog failed", lambda: self._share.draw(context)):
+            context.share_open = False
         self._guard("The last session cannot be offered", lambda: recovery.draw(context))
         if context.ready:
             self._guard("The fit cannot be shown", lambda: running_fit.draw(context))

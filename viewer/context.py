@@ -8,7 +8,6 @@ from typing import Any, Protocol, runtime_checkable
 
 from imgui_bundle import ImVec2, imgui
 
-from core.export import mesh, video
 from core.models.scene import embedded_scene
 from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.exporting import Exporting
@@ -24,17 +23,17 @@ from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
 from viewer.screen.theme import DARK, LIGHT, Palette
 from viewer.services.clipboard import Clipboard
+from viewer.services.file_manager import show_in_folder
 from viewer.services.worker import Job
 from viewer.session import Session
+from viewer.values.camera_text import camera_from_text, camera_text
 from viewer.values.preferences import Preferences
 from viewer.values.project import SUFFIX, is_project
 from viewer.values.view_modes import MODES
 from viewer.workspace import Workspace
 
-VIDEOS = tuple(video.FORMATS)
 SCENES = (".json", ".png")
 PROJECTS = (SUFFIX,)
-MESHES = tuple(mesh.FORMATS)
 
 
 @dataclass(eq=False)
@@ -45,6 +44,7 @@ class PanelContext:
     files: FileDialog
     preferences: Preferences = field(default_factory=Preferences)
     help_open: bool = False
+    share_open: bool = False
     canvas: Canvas | None = None
     images: Images | None = None
     bold: imgui.ImFont | None = None
@@ -62,6 +62,7 @@ class PanelContext:
     autosave: Autosave | None = None
     """None where nothing is kept"""
     clipboard: Clipboard = field(default_factory=Clipboard)
+    file_manager: Callable[[Path], None] = show_in_folder
 
     # What belongs to the open model; panels are drawn only once there is one
 
@@ -136,6 +137,20 @@ class PanelContext:
         modes = list(MODES)
         self.view_mode = modes[(modes.index(self.view_mode) + 1) % len(modes)]
 
+    # The camera as text
+
+    def copy_camera(self) -> None:
+        """The camera as a line of text into the clipboard."""
+        imgui.set_clipboard_text(camera_text(self.editor.scene.camera))
+        self.session.messages.notify("Copied the camera")
+
+    def paste_camera(self) -> None:
+        """See the object from the camera that the clipboard's text names."""
+        try:
+            self.editor.set_camera(camera_from_text(imgui.get_clipboard_text(), self.editor.scene.camera))
+        except ValueError as error:
+            self.session.messages.report("Cannot paste the camera", error)
+
     # Files
 
     def ask(self, request: FileRequest) -> None:
@@ -197,6 +212,19 @@ class PanelContext:
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
         self.ask(FileRequest("Save the scene as", self.exporting.scene, (".json",), True, "scene.json"))
+
+    def share(self, kind: str = "") -> None:
+        """Open the Share dialog, at one of :data:`viewer.values.share_settings.KINDS`, else at the last one."""
+        self.share_open = True
+        if kind:
+            self.set_preference(share=replace(self.preferences.share, kind=kind))
+
+    def show_in_folder(self, path: Path) -> None:
+        """Show a file in the system's file manager."""
+        try:
+            self.file_manager(path)
+        except ValueError as error:
+            self.session.messages.report("Cannot show the folder", error)
 
     def drop(self, paths: list[str]) -> None:
         """Take files dropped on the window: scenes, and images that hold one, are opened; all others are photos of one

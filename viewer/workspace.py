@@ -123,6 +123,15 @@ class Workspace:
         elif view in orbit.VIEWS:
             self.editor.set_camera(orbit.seen_from(self.editor.scene.camera, view))
 
+    @property
+    def orthographic(self) -> bool:
+        """The view has no perspective."""
+        return orbit.is_orthographic(self.editor.scene.camera, self.model)
+
+    def set_orthographic(self, orthographic: bool) -> None:
+        """See the object without perspective, or with the model's own."""
+        self.editor.set_camera(orbit.with_perspective(self.editor.scene.camera, self.model, not orthographic))
+
     def segment_photo(self) -> None:
         """Point out the object in the photo of the fit that is shown."""
         self.segmenting.open(self.fitting.history.sources, self.fitting.history.photo_index)

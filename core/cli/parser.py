@@ -90,7 +90,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
         "--distance",
         type=float,
         metavar="X",
-        help="scene units (an object's diagonal is 1; else the model's, or the scene's)",
+        help="scene units (an object's diagonal is 1; else a turntable, and an image of no scene, fills the frame)",
     )
 
 
@@ -108,7 +108,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back")
     command.add_argument("--frames", type=_count, default=72, help="number of frames")
     command.add_argument("--fps", type=_count, default=24, help="frames per second")
-    command.add_argument("--size", type=_count, default=256, metavar="PX", help="width and height")
+    command.add_argument("--size", type=_count, default=512, metavar="PX", help="width and height")
     command.add_argument("--quality", type=_count, default=85, help="1 to 100")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument(
@@ -121,13 +121,23 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "mesh", "render.mesh", "write an object as a closed mesh with coloured vertices")
+    command = _command(commands, "mesh", "render.mesh", "write an object as a coloured mesh")
     _add_object_options(command)
     command.add_argument(
         "--resolution",
         type=_count,
         metavar="N",
         help="cells along the longest side (default: by the object's detail)",
+    )
+    command.add_argument(
+        "--texture",
+        type=_count,
+        default=0,
+        metavar="PX",
+        help="glb: colours in an image about so wide, not in vertices",
+    )
+    command.add_argument(
+        "--metres", type=float, metavar="M", help="the longest side; it stands on the ground (else in scene units)"
     )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
 

@@ -9,9 +9,10 @@ from tqdm import tqdm
 
 from core.cli.progress import require_writable, run_with_progress
 from core.export import keyframes as timeline
+from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
-from core.export.mesh import export_mesh
-from core.export.video import VideoSettings, write_video
+from core.export.mesh import MeshSettings, export_mesh
+from core.export.video import WHITE, VideoSettings, write_video
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.library import load_model
@@ -25,6 +26,8 @@ def render(chosen: argparse.Namespace) -> None:
     """``render``: one image."""
     model, codes, camera = _load_view(chosen)
     require_writable(chosen.out)
+    if chosen.distance is None and not chosen.scene:
+        (codes, camera), *_ = filling_frame(model, [View(codes, camera)])
     camera = camera.resized(chosen.size, chosen.size)
     if chosen.exact:
         colour = render_exact(model, codes, camera).colour.clamp(0, 1)
@@ -37,12 +40,15 @@ def render(chosen: argparse.Namespace) -> None:
 def turntable(chosen: argparse.Namespace) -> None:
     """``turntable``: a video of one turn, morphing into another object and back with ``--morph-to``."""
     model, codes, camera = _load_view(chosen)
-    settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, chosen.transparent)
+    background = None if chosen.transparent else WHITE
+    settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, background)
     shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
         there, length = View(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
         keys = Keyframe(0.0, View(codes, camera)), Keyframe(length / 2, there)
         shots = Timeline(keys, length, turns=1).views(chosen.fps)
+    if chosen.distance is None:
+        shots = filling_frame(model, shots)
     written = write_video(model, shots, chosen.out, settings)
     run_with_progress(
         (count for before, count in pairwise(chain((0,), written)) if count > before), len(shots), "frame"
@@ -52,7 +58,8 @@ def turntable(chosen: argparse.Namespace) -> None:
 def mesh(chosen: argparse.Namespace) -> None:
     """``mesh``: an object as triangles."""
     model, codes, _ = _load_selection(chosen)
-    shares = export_mesh(model, codes, chosen.out, chosen.resolution)
+    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture)
+    shares = export_mesh(model, codes, chosen.out, settings)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:
             bar.update(share - bar.n)

@@ -6,7 +6,8 @@ bounded by a slab. Slabs are cut into triangles by marching cubes and welded at 
 
 import math
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from core.export.glb import glb
+from core.export.texture import TexturedMesh, textured
 from core.files import atomic_file
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
@@ -51,6 +53,8 @@ _BLOCK = 16384
 """points evaluated at a time: few enough that activations stay in cache"""
 _COLOUR_SAMPLES = 8
 """samples of the short ray that colours a vertex"""
+_MESH_SHARE = 0.3
+"""of the time that a mesh with a texture takes; the rest is the texture's"""
 _GRID_SHARE = 0.6
 """of the time that the grid takes; the rest is the colours'"""
 
@@ -100,19 +104,67 @@ FORMATS: dict[str, Callable[[Mesh, Path], None]] = {".glb": _write_glb, ".ply": 
 """The writer of each format, by the name's ending."""
 
 
-def export_mesh(model: Model, codes: Codes, path: Path, resolution: int | None = None) -> Generator[float, None, None]:
+TEXTURED = (".glb",)
+"""Formats that can hold a texture."""
+
+
+@dataclass(frozen=True)
+class MeshSettings:
+    """How a mesh is written. Raises ``ValueError`` for values out of range."""
+
+    resolution: int | None = None
+    """cells along the longest side of the model's box; None: as many as the object's detail needs"""
+    metres: float | None = None
+    """the object's longest side, in m: it stands on the ground; None: in scene units, its middle at the origin"""
+    texture: int = 0
+    """px, about the width of the image that holds the colours (glb alone); 0: the vertices have them"""
+
+    def __post_init__(self) -> None:
+        if self.metres is not None and not 0 < self.metres < 1e6:
+            raise ValueError(f"an object is more than 0 m long, got {self.metres:g}")
+        if self.texture and not 16 <= self.texture <= 8192:
+            raise ValueError(f"a texture has 16 to 8192 px, got {self.texture}")
+
+
+def export_mesh(
+    model: Model, codes: Codes, path: Path, settings: MeshSettings | None = None
+) -> Generator[float, None, None]:
     """Write an object's mesh to ``path``.
 
     Yields the share that is done, many times and 1.0 at the end; nothing is left at ``path`` unless the mesh is whole:
-    to cancel, close the generator. Raises ``ValueError`` as :func:`extract_mesh` does, and for a name of another format
-    or a path that cannot be written.
+    to cancel, close the generator. Raises ``ValueError`` as :func:`extract_mesh` does, and for a name of another
+    format, a texture in a format that has none, or a path that cannot be written.
     """
-    if path.suffix.lower() not in FORMATS:
+    settings, suffix = settings or MeshSettings(), path.suffix.lower()
+    if suffix not in FORMATS:
         raise ValueError(f"{path.name}: a mesh is called {', '.join(FORMATS)}")
-    with atomic_file(path) as partial:
-        mesh = yield from extract_mesh(model, codes, resolution)
-        mesh.save(partial)
+    if settings.texture and suffix not in TEXTURED:
+        raise ValueError(f"{path.name}: only {', '.join(TEXTURED)} holds a texture")
+    with atomic_file(path) as unfinished:
+        end = _MESH_SHARE if settings.texture else 1.0
+        mesh = yield from _subprogress(extract_mesh(model, codes, settings.resolution), 0.0, end)
+        if settings.texture:
+            found = yield from _subprogress(_textured(model, codes, mesh, settings.texture), end, 1.0)
+            vertices = _placed(found.vertices, settings.metres) @ WORLD_FROM_GLTF
+            unfinished.write_bytes(replace(found, vertices=vertices, normals=found.normals @ WORLD_FROM_GLTF).glb())
+        else:
+            replace(mesh, vertices=_placed(mesh.vertices, settings.metres)).save(unfinished)
     yield 1.0
+
+
+def _placed(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> Float[np.ndarray, "vertices 3"]:
+    """On the ground (z = 0) around the origin, the longest side so many m; as they are without."""
+    if metres is None:
+        return vertices
+    low, high = vertices.min(0), vertices.max(0)
+    below = np.array([*(low + high)[:2] / 2, low[2]])
+    return ((vertices - below) * (metres / (high - low).max())).astype(np.float32)
+
+
+def _textured(model: Model, codes: Codes, mesh: Mesh, pixels: int) -> Generator[float, None, TexturedMesh]:
+    """The mesh with the field's colours in an image; world axes, scene units."""
+    folded, interval = FoldedField(model, codes), 2 * max(model.extent) / _INTERVALS
+    return textured(mesh.vertices, mesh.faces, partial(_vertex_colours, folded, interval=interval), pixels)
 
 
 def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:

@@ -17,6 +17,9 @@ from core.files import atomic_file, atomic_folder
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
+Rgb = tuple[int, int, int]
+"""0..255"""
+WHITE: Rgb = (255, 255, 255)
 _FULL = RenderSettings(divisors=(1,))
 
 
@@ -24,14 +27,14 @@ _FULL = RenderSettings(divisors=(1,))
 class VideoSettings:
     """How a video is written. Raises ``ValueError`` for values out of range."""
 
-    size: int = 256
+    size: int = 512
     """px, width and height"""
     rate: int = 24
     """frames per second"""
     quality: int = 85
     """1 to 100: of mp4 and webp; a gif has so many of its 256 colours"""
-    transparent: bool = False
-    """without the white background"""
+    background: Rgb | None = WHITE
+    """None is transparent"""
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
@@ -53,7 +56,7 @@ def write_video(
     if suffix not in FORMATS:
         raise ValueError(f"{path.name}: a video is called {', '.join(FORMATS)}")
     chosen = FORMATS[suffix]
-    if settings.transparent and not chosen.transparent:
+    if settings.background is None and not chosen.transparent:
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
@@ -62,16 +65,20 @@ def write_video(
             camera = view.camera.resized(settings.size, settings.size)
             for frame in render_progressively(model, RenderJob(view.codes, camera, _FULL)):
                 if frame:
-                    sink.add(to_rgba(frame) if settings.transparent else frame.image)
+                    sink.add(over(frame, settings.background))
                 yield index + (frame is not None)
         sink.finish()
 
 
-def to_rgba(frame: Frame) -> UInt8[np.ndarray, "height width 4"]:
-    """A frame without the white behind it: RGB and opacity, not multiplied."""
+def over(frame: Frame, background: Rgb | None) -> UInt8[np.ndarray, "height width channels"]:
+    """A frame on a colour instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied."""
     opacity = frame.opacity.clip(0, 1)[..., None]
-    own = (frame.image - 255 * (1 - opacity)) / np.maximum(opacity, 1e-3)
-    return (np.concatenate((own, 255 * opacity), -1) + 0.5).clip(0, 255).astype(np.uint8)
+    if background is None:
+        own = (frame.image - 255 * (1 - opacity)) / np.maximum(opacity, 1e-3)
+        image = np.concatenate((own, 255 * opacity), -1)
+    else:
+        image = frame.image - (1 - opacity) * (255 - np.array(background))
+    return (image + 0.5).clip(0, 255).astype(np.uint8)
 
 
 class _Sink(Protocol):
@@ -128,7 +135,7 @@ class _Gif(_Pillow):
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         colours = max(8, round(2.55 * self._settings.quality))
         frame = Image.fromarray(image)
-        if not self._settings.transparent:
+        if self._settings.background is not None:
             self._images.append(frame.quantize(colours))
             return
         # A pixel of a gif is there or not; index 255 is kept for those that are not.
@@ -137,7 +144,7 @@ class _Gif(_Pillow):
         self._images.append(reduced)
 
     def finish(self) -> None:
-        self._save(10, **({"transparency": 255, "disposal": 2} if self._settings.transparent else {}))
+        self._save(10, **({"transparency": 255, "disposal": 2} if self._settings.background is None else {}))
 
 
 class _Webp(_Pillow):

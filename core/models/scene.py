@@ -19,6 +19,8 @@ from core.models.model import Model
 
 IMAGE_FORMATS = (".png", ".jpg", ".webp")
 """The endings to offer: images that nearly every program opens."""
+OPAQUE_FORMATS = (".jpg", ".jpeg")
+"""Those that have no transparent pixels."""
 _KEY = "CodeNeRF scene"
 
 
@@ -78,13 +80,15 @@ class Scene:
         return cls(found, codes, camera)
 
 
-def save_image(image: UInt8[np.ndarray, "height width 3"], path: Path, scene: Scene) -> None:
-    """Write an image by the name's ending; a PNG holds model, codes and camera, exact to float32.
+def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:
+    """Write an image, RGB or with opacity, by the name's ending; a PNG holds model, codes and camera, exact to float32.
 
-    Raises ``ValueError`` for an ending that no image has, or a path that cannot be written.
+    Raises ``ValueError`` for an ending that no image has, or that has no opacity, or a path that cannot be written.
     """
     if path.suffix.lower() not in Image.registered_extensions():
         raise ValueError(f"cannot write {path}: an image's name ends in {', '.join(IMAGE_FORMATS)} or the like")
+    if image.shape[2] == 4 and path.suffix.lower() in OPAQUE_FORMATS:
+        raise ValueError(f"{path.name}: a jpg cannot have a transparent background")
     about = PngImagePlugin.PngInfo()
     about.add_text(_KEY, scene.to_json(), zip=True)
     with atomic_file(path) as partial:

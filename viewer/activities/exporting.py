@@ -1,41 +1,42 @@
-"""Videos, meshes, grids, images and scenes on their way into files."""
+"""Videos, meshes, grids, pictures and scenes on their way into files."""
 
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Literal
 
-from core.export.keyframes import View, turntable
-from core.export.video import VideoSettings
+from core.export.video import over
 from core.models.model import Model
 from core.models.scene import Scene, save_image
-from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from core.rendering.progressive import RenderJob, RenderSettings
 from viewer.activities.grid import Grid, write_grid
+from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-
-Kind = Literal["turntable", "timeline", "mesh", "grid"]
+from viewer.values.share_settings import ShareSettings
 
 
 class Exporting:
-    """At most one video, mesh or grid, and one image, at a time."""
+    """One file at a time."""
 
     def __init__(self, jobs: Jobs, editor: Editor, grid: Grid) -> None:
         self._jobs, self._editor, self._grid = jobs, editor, grid
+        self.preview = SharePreview(jobs, editor)
         self.path: Path | None = None
-        """the video, mesh or grid under way"""
-        self.kind: Kind | None = None
-        """which of them it is, or was last: .webp is both a video and an image"""
+        """the file under way"""
+        self.kind = ""
+        """one of :data:`~viewer.values.share_settings.KINDS`, or grid: what is under way, or was last"""
+        self.saved: Path | None = None
+        """the last file that was written"""
         self.progress = 0.0
-        """of it, 0..1"""
+        """of the one under way, 0..1"""
         self._began = 0.0
         """s on the monotonic clock"""
 
     @property
     def running(self) -> bool:
-        """A video, a mesh or a grid is under way."""
+        """A file is under way."""
         return self.path is not None
 
     @property
@@ -45,23 +46,23 @@ class Exporting:
             return None
         return (time.monotonic() - self._began) * (1 / self.progress - 1)
 
-    def turntable(self, path: Path, frames: int = 72, options: VideoSettings | None = None) -> None:
-        """Write the object turning once round as mp4, gif, webp or a folder of images, by the name's ending."""
-        self._video("turntable", path, lambda scene: turntable(scene.codes, scene.camera, frames), frames, options)
-
-    def timeline(self, path: Path, options: VideoSettings | None = None) -> None:
-        """Write the timeline as mp4, gif, webp or a folder of images, by the name's ending."""
-        timeline, rate = self._editor.state.timeline, (options or VideoSettings()).rate
-        if timeline.keys:
-            self._video("timeline", path, lambda _: timeline.views(rate), timeline.frame_count(rate), options)
-
-    def mesh(self, path: Path, resolution: int | None = None) -> None:
-        """Write the object as a coloured mesh, glb, ply or obj by the file's name.
-
-        Args:
-            resolution: cells along the longest side of the model's box; None: as many as the object's detail needs.
+    def share(self, path: Path, settings: ShareSettings) -> None:
+        """Write what the settings name, in the format of the name's ending: the object turning once round or the
+        timeline as a video or a folder of images, the object as a picture (a PNG holds the scene as well) or as a mesh.
         """
-        self._begin("mesh", path, lambda model, scene: self._jobs.backend.mesh(model, scene.codes, path, resolution))
+        timeline, backend = self._editor.state.timeline, self._jobs.backend
+        if settings.kind == "mesh":
+            about = settings.mesh_settings(self._editor.model.category)
+            self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, about))
+        elif settings.kind == "picture":
+            self._begin("picture", path, lambda model, scene: self._picture(model, scene, path, settings))
+        elif settings.kind == "turntable" or timeline.keys:
+            count = settings.frames if settings.kind == "turntable" else timeline.frame_count(settings.rate)
+
+            def write(model: Model, scene: Scene) -> Iterator[int]:
+                return backend.video(model, settings.views(model, scene, timeline), path, settings.video_settings)
+
+            self._begin(settings.kind, path, write, count)
 
     def grid(self, path: Path, size: int = 256) -> None:
         """Write the grid as one image on white, a cell so many px wide and high."""
@@ -81,20 +82,6 @@ class Exporting:
             self._jobs.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
-    def image(self, path: Path, size: int = 512) -> None:
-        """Write the scene as a square image on white; a PNG holds the scene as well."""
-        scene = self._editor.scene
-        job = RenderJob(scene.codes, scene.camera.resized(size, size), RenderSettings(divisors=(1,)))
-
-        def ended(error: Exception | None) -> None:
-            if error:
-                self._jobs.report("Cannot save the image", error)
-            else:
-                self._jobs.notify(f"Saved {path.name}")
-
-        stream = self._jobs.backend.frames(self._editor.model, job)
-        self._jobs.submit(Job(f"image {path}", lambda: _write_image(stream, path, scene), lambda _: None, ended))
-
     def scene(self, path: Path, scene: Scene | None = None) -> None:
         """Write a scene, or what is shown, as JSON, at once."""
         try:
@@ -104,19 +91,16 @@ class Exporting:
         else:
             self._jobs.notify(f"Saved {path.name}")
 
-    def _video(
-        self,
-        kind: Kind,
-        path: Path,
-        views: Callable[[Scene], list[View]],
-        count: int,
-        options: VideoSettings | None,
-    ) -> None:
-        write, chosen = self._jobs.backend.video, options or VideoSettings()
-        self._begin(kind, path, lambda model, scene: write(model, views(scene), path, chosen), count)
+    def _picture(self, model: Model, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
+        view = settings.views(model, scene, self._editor.state.timeline)[0]
+        job = RenderJob(view.codes, view.camera, RenderSettings(divisors=(1,)))
+        for frame in self._jobs.backend.frames(model, job):
+            if frame:
+                save_image(over(frame, settings.rgb), path, scene)
+            yield float(frame is not None)
 
     def _begin(
-        self, kind: Kind, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
+        self, kind: str, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
     ) -> None:
         """Run a stream that yields how much it has done, of so much in all."""
         if self.running:
@@ -134,11 +118,5 @@ class Exporting:
         if path and error:
             self._jobs.report(f"Cannot export {path.name}", error)
         elif path:
+            self.saved = path
             self._jobs.notify(f"Saved {path.name}")
-
-
-def _write_image(stream: Iterator[Frame | None], path: Path, scene: Scene) -> Iterator[None]:
-    for frame in stream:
-        if frame:
-            save_image(frame.image, path, scene)
-        yield None

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
-from core.export.keyframes import Timeline, View
+from core.export.keyframes import MIN_GAP, Timeline, View
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.viewport import Viewport
@@ -36,6 +36,8 @@ class Player:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
         self.seconds = 0.0
         """where the playhead is"""
+        self.copied: View | None = None
+        """of a keyframe, to be pasted"""
         self._began: float | None = None
         """s on the clock when the playhead was at 0, while it plays"""
         self._last_scene: Scene | None = None
@@ -146,6 +148,36 @@ class Player:
         """Move the playhead to a keyframe and show it."""
         self.seek(self.timeline.keys[index].seconds)
         self._editor.end_gesture()
+
+    def step(self, by: int) -> None:
+        """Show the next keyframe after the playhead (1), or the one before it (-1); at the last one, stay."""
+        ahead = [index for index, key in enumerate(self.timeline.keys) if by * (key.seconds - self.seconds) > 1e-6]
+        if ahead:
+            self.go_to_key(min(ahead) if by > 0 else max(ahead))
+
+    def copy_key(self, index: int) -> None:
+        """Remember what a keyframe shows."""
+        self.copied = self.timeline.keys[index].view
+
+    def paste_key(self) -> None:
+        """What was copied becomes a keyframe at the playhead, in place of one that is there, and is shown."""
+        if self.copied is None:
+            return
+        self.pause()
+        here, view = self.key, self.copied
+        self._editor.set_timeline(
+            self.timeline.added(self.seconds, view) if here is None else self.timeline.replaced(here, view)
+        )
+        self.go_to_key(self.timeline.nearest(min(self.seconds, self.timeline.keys[-1].seconds)) or 0)
+
+    def duplicate_key(self, index: int) -> None:
+        """A keyframe like this one, halfway to the next or to the end, if there is room."""
+        keys, end = self.timeline.keys, self.timeline.length
+        begin = keys[index].seconds
+        room = (keys[index + 1].seconds if index + 1 < len(keys) else end) - begin
+        if room >= 2 * MIN_GAP:
+            self.pause()
+            self._editor.set_timeline(self.timeline.added(begin + room / 2, keys[index].view))
 
     def stretch(self, length: float) -> None:
         """Make it last longer or shorter; to be ended by :meth:`Editor.end_gesture`."""

@@ -3,7 +3,6 @@
 from viewer.context import Panel
 from viewer.panels.camera import CameraPanel
 from viewer.panels.candidates import CandidatesPanel
-from viewer.panels.export import ExportPanel
 from viewer.panels.grid import GridPanel
 from viewer.panels.history import HistoryPanel
 from viewer.panels.library import LibraryPanel
@@ -19,6 +18,6 @@ from viewer.panels.view import ViewPanel
 
 def all_panels() -> list[Panel]:
     """Every docked panel of the window, in the order of their tabs."""
-    inspector = MixPanel(), SlidersPanel(), PhotoPanel(), RealismPanel(), GridPanel(), ExportPanel()
+    inspector = MixPanel(), SlidersPanel(), PhotoPanel(), RealismPanel(), GridPanel()
     drawer = TimelinePanel(), CandidatesPanel(), CameraPanel(), PerformancePanel(), LogPanel()
     return [LibraryPanel(), ViewPanel(), *inspector, *drawer, HistoryPanel()]

@@ -26,6 +26,10 @@ class CameraPanel:
             if number:
                 imgui.same_line(0, hello_imgui.em_size(0.4))
             action_button(context, action, label, width=4.5)
+        for number, (action, label) in enumerate(_MORE.items()):
+            if number:
+                imgui.same_line(0, hello_imgui.em_size(0.4))
+            action_button(context, action, label, width=7.4)
         editor, camera = context.editor, context.editor.scene.camera
         azimuth, elevation = math.degrees(camera.azimuth), math.degrees(camera.elevation)
         turned = _number(context, "azimuth", azimuth, 1.0, (-360.0, 360.0), "%.1f°", "Around the object; front is 90°")
@@ -41,6 +45,7 @@ class CameraPanel:
 
 
 _VIEWS = {"see_front": "Front", "see_side": "Side", "see_top": "Top", "see_photo": "Photo", "reset_view": "Home"}
+_MORE = {"orthographic": "Orthographic", "copy_camera": "Copy", "paste_camera": "Paste"}
 """actions, and the labels of their buttons"""
 
 

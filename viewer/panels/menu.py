@@ -19,7 +19,7 @@ def draw(context: PanelContext) -> None:
     _menu(
         context,
         "File",
-        ("fit_image", "paste", _draw_samples, None, *project, None, "save_scene", None, "quit"),
+        ("fit_image", "paste", _draw_samples, None, *project, None, "save_scene", "share", None, "quit"),
     )
     _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
     _menu(context, "View", ("dark", "smooth", None, "larger_text", "smaller_text"))

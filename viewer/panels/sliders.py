@@ -14,7 +14,7 @@ from viewer.values import orbit
 from viewer.values.history import PARTS, Part
 from viewer.values.influence import CodeInfluence
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, tooltip
+from viewer.widgets.controls import action_button, button, choose, flow, tooltip
 
 _DICE = icons_fontawesome_4.ICON_FA_RANDOM
 _FIRST = 8
@@ -25,6 +25,7 @@ _STEPS = (-2, 0, 2)
 """standard deviations at which a strip shows the object"""
 _INFLUENCE = 96
 """px"""
+_FILTER: dict[tuple[Part, ...], str] = {PARTS: "Shape and texture", ("shape",): "Shape", ("texture",): "Texture"}
 _HELP = (
     "Direction {number}, {share:.0%} of how the trained objects differ in {part}.\n"
     "In standard deviations; 0 is the mean. Ctrl+click to type, right click for 0."
@@ -33,7 +34,7 @@ _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2
 
 
 class SlidersPanel:
-    """Two columns of sliders. A slider changes its coordinate and nothing else."""
+    """A column of sliders for each part. A slider changes its coordinate and nothing else."""
 
     title = "Sliders"
     dock = "Right"
@@ -42,6 +43,8 @@ class SlidersPanel:
 
     def __init__(self) -> None:
         self._all = False
+        self._parts: tuple[Part, ...] = PARTS
+        """what is shown"""
         self._strips = True
         self._model: Model | None = None
         """whose thumbnails these are"""
@@ -68,8 +71,8 @@ class SlidersPanel:
             self._model, self._last = editor.model, {}
         self._draw_top(context)
         if imgui.begin_child("sliders"):
-            if imgui.begin_table("kinds", 2, imgui.TableFlags_.sizing_stretch_same):
-                for part in PARTS:
+            if imgui.begin_table("kinds", len(self._parts), imgui.TableFlags_.sizing_stretch_same):
+                for part in self._parts:
                     imgui.table_next_column()
                     self._draw_part(context, part)
                 imgui.end_table()
@@ -84,6 +87,8 @@ class SlidersPanel:
         imgui.same_line()
         _, self._strips = imgui.checkbox("Thumbnails###strips", self._strips)
         tooltip(_STRIPS_HELP)
+        flow(_FILTER[PARTS])
+        self._parts = choose("parts", self._parts, _FILTER, "Which directions are shown")
 
     def _draw_part(self, context: PanelContext, part: Part) -> None:
         editor = context.editor

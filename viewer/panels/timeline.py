@@ -1,18 +1,14 @@
 """The timeline: keyframes along a line of time, played in the view and written to a file."""
 
-from functools import partial
-
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.export.keyframes import Keyframe
 from viewer.activities.player import Player
 from viewer.activities.thumbnails import SIZE
-from viewer.context import VIDEOS, PanelContext
-from viewer.screen.file_dialog import FileRequest
+from viewer.context import PanelContext
 from viewer.screen.theme import mixed, packed
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, draw_progress, flow, tooltip
-from viewer.widgets.video_form import VideoForm
+from viewer.widgets.controls import action_button, button, flow, tooltip
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
@@ -31,15 +27,13 @@ class TimelinePanel:
     waiting = "The timeline comes with the model"
 
     def __init__(self) -> None:
-        self._form = VideoForm()
         self._loop_error: tuple[object, float] = None, 0.0
         """of which timeline, and how large its jump is"""
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, the line, the keys."""
         player = context.player
-        if not draw_progress(context, "timeline"):
-            self._draw_buttons(context, player)
+        self._draw_buttons(context, player)
         _draw_line(context, player)
 
     def _draw_buttons(self, context: PanelContext, player: Player) -> None:
@@ -53,7 +47,8 @@ class TimelinePanel:
         imgui.same_line()
         self._draw_numbers(context, player)
         imgui.same_line()
-        self._draw_export(context)
+        if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
+            context.share("film")
         self._draw_check(context, player)
 
     def _draw_numbers(self, context: PanelContext, player: Player) -> None:
@@ -82,20 +77,6 @@ class TimelinePanel:
             player.set_loop(loop)
         tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
 
-    def _draw_export(self, context: PanelContext) -> None:
-        exporting, keys = context.exporting, context.editor.state.timeline.keys
-        enabled = bool(keys) and not exporting.running
-        if button(f"{_FILM}  Export…###video form", "Write the timeline as a video", enabled=enabled):
-            imgui.open_popup("video form")
-        if imgui.begin_popup("video form"):
-            self._form.draw()
-            suffix, options = self._form.suffix, self._form.options
-            if button("Export video…###export video", "Choose where to, and write it"):
-                imgui.close_current_popup()
-                export = partial(exporting.timeline, options=options)
-                context.ask(FileRequest("Export the video as", export, VIDEOS, True, f"video{suffix}"))
-            imgui.end_popup()
-
     def _draw_check(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline
         if not timeline.keys:
@@ -119,7 +100,11 @@ def _draw_line(context: PanelContext, player: Player) -> None:
         player.seek((imgui.get_mouse_pos().x - left) / width * timeline.length)
     if imgui.is_item_deactivated():
         context.editor.end_gesture()
-    tooltip("Click or drag to move the playhead")
+    tooltip("Click or drag to move the playhead; right click to paste a keyframe")
+    if imgui.begin_popup_context_item("paste here"):
+        if imgui.menu_item_simple("Paste at the playhead", enabled=player.copied is not None):
+            player.paste_key()
+        imgui.end_popup()
     _paint_ruler(context, player, ImVec2(left, corner.y), width, ruler, side)
     for index, key in enumerate(timeline.keys):
         x = left + width * key.seconds / timeline.length - side / 2
@@ -150,6 +135,10 @@ def _draw_key(
     if imgui.begin_popup_context_item():
         if imgui.menu_item_simple("Replace with what is shown"):
             player.replace_key(index)
+        if imgui.menu_item_simple("Copy"):
+            player.copy_key(index)
+        if imgui.menu_item_simple("Duplicate"):
+            player.duplicate_key(index)
         if imgui.menu_item_simple("Remove"):
             player.remove_key(index)
         imgui.end_popup()

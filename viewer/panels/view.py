@@ -25,6 +25,7 @@ _BUTTONS = {
     "undo": icons_fontawesome_4.ICON_FA_UNDO,
     "redo": icons_fontawesome_4.ICON_FA_REDO,
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
+    "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }
 """actions, and the icons of their buttons"""
 _MODE = 7.0

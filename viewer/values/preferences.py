@@ -2,11 +2,13 @@
 
 import json
 import math
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 from core.files import write_json
 from viewer.values.quality import DEFAULT_QUALITY, QUALITIES
+from viewer.values.share_settings import ShareSettings
 
 _FILE = "preferences.json"
 _RECENT = 8
@@ -28,6 +30,7 @@ class Preferences:
     """which of :data:`viewer.values.quality.QUALITIES`"""
     newcomer: bool = True
     """nobody has turned the object yet"""
+    share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()
     """paths of images and scenes that were opened, the last one first"""
 
@@ -54,16 +57,30 @@ class Preferences:
             return cls()
         if not isinstance(stored, dict):
             return cls()
-        default = cls()
-        kept = {
-            field.name: stored[field.name]
-            for field in fields(cls)
-            if field.name != "recent" and _same_type(stored.get(field.name), getattr(default, field.name))
-        }
+        default, kept = cls(), _kept(cls(), stored)
         recent = stored.get("recent")
         names = tuple(name for name in recent if isinstance(name, str)) if isinstance(recent, list) else ()
-        found = cls(**kept, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
+        share = _share(stored.get("share"))
+        found = cls(**kept, share=share, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
         return found if 0 <= found.quality < len(QUALITIES) else replace(found, quality=default.quality)
+
+
+def _share(stored: object) -> ShareSettings:
+    """The choices of the Share dialog, all of them or none."""
+    try:
+        return ShareSettings(**_kept(ShareSettings(), stored)) if isinstance(stored, dict) else ShareSettings()
+    except ValueError:
+        return ShareSettings()
+
+
+def _kept(default: Any, stored: dict) -> dict[str, Any]:
+    """What is stored of a dataclass's numbers, texts and choices, where it is of the right type."""
+    return {
+        one.name: stored[one.name]
+        for one in fields(default)
+        if isinstance(getattr(default, one.name), bool | int | float | str)
+        and _same_type(stored.get(one.name), getattr(default, one.name))
+    }
 
 
 def _same_type(value: object, default: object) -> bool:

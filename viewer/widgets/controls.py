@@ -6,7 +6,6 @@ from typing import TypeVar
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.actions import ACTIONS
-from viewer.activities.exporting import Kind
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on
 
@@ -90,10 +89,10 @@ def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: flo
     return chosen
 
 
-def draw_progress(context: PanelContext, kind: Kind) -> bool:
-    """How far the file under way is, where it is of this kind."""
+def draw_progress(context: PanelContext, *kinds: str) -> bool:
+    """How far the file under way is, where it is of one of these kinds."""
     exporting = context.exporting
-    if exporting.path is None or exporting.kind != kind:
+    if exporting.path is None or exporting.kind not in kinds:
         return False
     left = exporting.remaining
     label = f"{exporting.path.name}   {exporting.progress:.0%}" + (f"   {left:.0f} s left" if left is not None else "")

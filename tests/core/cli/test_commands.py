@@ -58,6 +58,8 @@ def test_render_draws_objects_scenes_and_the_mean(file: str, model: Model, tmp_p
         30,
         "--elevation",
         10,
+        "--distance",
+        2,
         "--size",
         24,
         "--out",
@@ -86,9 +88,10 @@ def test_turntable_writes_a_video(file: str, tmp_path: Path):
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str, model: Model, tmp_path: Path):
-    words = ("--object", 0, "--morph-to", 1, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
+    words = ("--object", 0, "--morph-to", 1, "--distance", 2, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
     run("turntable", "--model", file, *words, "--out", tmp_path / "t.frames")
-    run("render", "--model", file, "--object", 1, "--azimuth", 240, "--size", 24, "--out", tmp_path / "there.png")
+    there = ("--object", 1, "--azimuth", 240, "--distance", 2, "--size", 24)
+    run("render", "--model", file, *there, "--out", tmp_path / "there.png")
     assert len(list((tmp_path / "t.frames").iterdir())) == 4
     with Image.open(tmp_path / "t.frames/00002.png") as halfway, Image.open(tmp_path / "there.png") as there:
         white = Image.new("RGBA", halfway.size, "white")
@@ -101,6 +104,9 @@ def test_mesh_writes_the_object(tmp_path: Path):
     tiny_model().save(tmp_path / "m.safetensors")
     run(*f"mesh --model {tmp_path}/m.safetensors --object 1 --resolution 24 --out {tmp_path}/a.ply".split())
     assert (tmp_path / "a.ply").read_bytes().startswith(b"ply")
+    about = "--resolution 24 --texture 64 --metres 0.9"
+    run(*f"mesh --model {tmp_path}/m.safetensors --object 1 {about} --out {tmp_path}/a.glb".split())
+    assert b"baseColorTexture" in (tmp_path / "a.glb").read_bytes()
 
 
 def test_convert_writes_a_model_file(shared: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

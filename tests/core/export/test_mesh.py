@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from scipy.spatial import cKDTree
 
 from core.export import mesh as module
-from core.export.mesh import TOLERANCE, Mesh, export_mesh, extract_mesh
+from core.export.mesh import TOLERANCE, Mesh, MeshSettings, export_mesh, extract_mesh
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
@@ -104,7 +105,7 @@ def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):
 @pytest.mark.parametrize("suffix", module.FORMATS)
 def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_path: Path):
     path = tmp_path / f"stool{suffix}"
-    shares = list(export_mesh(tiny, tiny.codes[0], path, 32))
+    shares = list(export_mesh(tiny, tiny.codes[0], path, MeshSettings(32)))
     assert all(before <= after for before, after in pairwise(shares))
     assert shares[-1] == 1.0
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
@@ -122,10 +123,33 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     np.testing.assert_allclose(colours, found.colours, atol=3e-3)
 
 
+@pytest.mark.parametrize("name", ["stool.glb", "stool.ply"])
+def test_a_mesh_in_metres_stands_on_the_ground(name: str, tiny: Model, tmp_path: Path):
+    list(export_mesh(tiny, tiny.codes[0], tmp_path / name, MeshSettings(32, metres=0.9)))
+    low, high = trimesh.load_scene(tmp_path / name, process=False).bounds
+    up = 1 if name.endswith(".glb") else 2
+    assert low[up] == pytest.approx(0, abs=1e-5)
+    np.testing.assert_allclose(np.delete(low + high, up), 0, atol=1e-5)
+    assert (high - low).max() == pytest.approx(0.9)
+
+
+def test_a_texture_shows_what_the_vertices_do(tiny: Model, tmp_path: Path):
+    path = tmp_path / "stool.glb"
+    shares = list(export_mesh(tiny, tiny.codes[0], path, MeshSettings(32, texture=128)))
+    assert all(before <= after for before, after in pairwise(shares))
+    (read,) = trimesh.load_scene(path, process=False).geometry.values()
+    plain = drained(extract_mesh(tiny, tiny.codes[0], 32))
+    image = np.asarray(read.visual.material.baseColorTexture.convert("RGB"))
+    height, width = image.shape[:2]
+    here = image[((1 - read.visual.uv[:, 1]) * height).astype(int), (read.visual.uv[:, 0] * width).astype(int)] / 255
+    _, nearest = cKDTree(plain.vertices @ WORLD_FROM_GLTF).query(read.vertices)
+    assert np.median(np.abs(here - plain.colours[nearest])) < 0.03
+
+
 def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, tmp_path: Path):
     path = tmp_path / "stool.glb"
     path.write_text("before")
-    stream = export_mesh(tiny, tiny.codes[0], path, 64)
+    stream = export_mesh(tiny, tiny.codes[0], path, MeshSettings(64))
     next(stream)
     stream.close()
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
@@ -136,13 +160,18 @@ def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
     codes: Codes = model.codes[0]
     for name, says in (("a.stl", "glb"), ("gone/a.glb", "cannot write")):
         with pytest.raises(ValueError, match=says):
-            list(export_mesh(model, codes, tmp_path / name, 16))
+            list(export_mesh(model, codes, tmp_path / name, MeshSettings(16)))
     for resolution in (7, 5000):
         with pytest.raises(ValueError, match="8 to 1024"):
-            list(export_mesh(model, codes, tmp_path / "a.glb", resolution))
+            list(export_mesh(model, codes, tmp_path / "a.glb", MeshSettings(resolution)))
+    with pytest.raises(ValueError, match="holds a texture"):
+        list(export_mesh(model, codes, tmp_path / "a.ply", MeshSettings(16, texture=64)))
+    for wrong in ({"metres": 0.0}, {"texture": 4}):
+        with pytest.raises(ValueError, match="got"):
+            MeshSettings(**wrong)
     ball(((0.0, 0.0, 0.0), -1.0))
     with pytest.raises(ValueError, match="no surface"):
-        list(export_mesh(model, codes, tmp_path / "a.glb", 16))
+        list(export_mesh(model, codes, tmp_path / "a.glb", MeshSettings(16)))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -6,12 +7,12 @@ import pytest
 from PIL import Image
 
 from core.export.keyframes import Keyframe, Timeline, View, turntable
-from core.export.video import FORMATS, VideoSettings, to_rgba, write_video
+from core.export.video import FORMATS, VideoSettings, over, write_video
 from core.models.model import Model
 from core.rendering.progressive import render_frame
 
 
-def turn(model: Model, path: Path, frames: int = 5, **about: int):
+def turn(model: Model, path: Path, frames: int = 5, **about: Any):
     return write_video(model, turntable(model.codes[0], model.camera(0.0, 0.3), frames), path, VideoSettings(**about))
 
 
@@ -59,7 +60,7 @@ def test_a_folder_that_is_there_is_not_written_into(model: Model, tmp_path: Path
 @pytest.mark.parametrize("suffix", [name for name, one in FORMATS.items() if one.transparent])
 def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: Path) -> None:
     path = tmp_path / f"turn{suffix}"
-    list(turn(model, path, 2, size=32, transparent=True))
+    list(turn(model, path, 2, size=32, background=None))
     opacity = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32)).opacity
     with Image.open(path / "00000.png" if suffix == ".frames" else path) as image:
         alpha = np.asarray(image.convert("RGBA"))[..., 3]
@@ -70,9 +71,19 @@ def test_the_background_can_be_transparent(suffix: str, model: Model, tmp_path: 
 
 def test_transparent_pixels_on_white_are_the_render(model: Model) -> None:
     frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
-    rgba = to_rgba(frame).astype(float)
+    rgba = over(frame, None).astype(float)
     alpha = rgba[..., 3:] / 255
     assert np.abs(rgba[..., :3] * alpha + 255 * (1 - alpha) - frame.image).max() <= 2.5
+
+
+def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> None:
+    list(turn(model, tmp_path / "a.frames", 2, size=32, background=(10, 120, 200)))
+    frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
+    with Image.open(tmp_path / "a.frames/00000.png") as image:
+        seen = np.asarray(image).astype(float)
+    opacity = frame.opacity[..., None]
+    assert np.abs(seen - (frame.image - (1 - opacity) * (255 - np.array([10, 120, 200])))).max() <= 1
+    assert np.array_equal(over(frame, (255, 255, 255)), frame.image)
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".webp"])
@@ -112,6 +123,6 @@ def test_what_no_video_is_called_is_refused(model: Model, tmp_path: Path) -> Non
     with pytest.raises(ValueError, match="at least 1 frame"):
         turn(model, tmp_path / "t.gif", 0)
     with pytest.raises(ValueError, match="transparent"):
-        next(turn(model, tmp_path / "t.mp4", transparent=True))
+        next(turn(model, tmp_path / "t.mp4", background=None))
     with pytest.raises(ValueError, match="quality"):
         VideoSettings(quality=0)

@@ -4,11 +4,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from core.export.video import VideoSettings
 from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
+from viewer.values.share_settings import ShareSettings
 from viewer.workspace import Workspace
 
 
@@ -18,7 +18,7 @@ def test_a_saved_image_brings_its_scene_back_exactly(
     editor.sample("texture")
     editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
     scene = editor.scene
-    workspace.exporting.image(tmp_path / "mine.png", size=24)
+    workspace.exporting.share(tmp_path / "mine.png", ShareSettings("picture", size=24))
     editor.show_object("object 5")
     finish(session)
     session.open_scene(tmp_path / "mine.png")
@@ -29,7 +29,7 @@ def test_a_saved_image_brings_its_scene_back_exactly(
 
 def test_a_turntable_is_written_with_progress(session: Session, workspace: Workspace, tmp_path: Path) -> None:
     seen: list[float] = []
-    workspace.exporting.turntable(tmp_path / "turn.gif", 4, VideoSettings(size=16))
+    workspace.exporting.share(tmp_path / "turn.gif", ShareSettings(frames=4, size=16))
     finish(session, lambda: bool(seen.append(workspace.exporting.progress)) or not workspace.exporting.running)
     assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
@@ -38,7 +38,7 @@ def test_a_turntable_is_written_with_progress(session: Session, workspace: Works
 
 
 def test_a_cancelled_turntable_leaves_no_file(session: Session, workspace: Workspace, tmp_path: Path) -> None:
-    workspace.exporting.turntable(tmp_path / "turn.mp4", 5000, VideoSettings(size=16))
+    workspace.exporting.share(tmp_path / "turn.mp4", ShareSettings(frames=5000, size=16))
     while workspace.exporting.progress == 0:
         session.jobs.worker.deliver()
     assert workspace.exporting.remaining > 0
@@ -51,7 +51,7 @@ def test_a_cancelled_turntable_leaves_no_file(session: Session, workspace: Works
 def test_a_turntable_that_cannot_be_written_is_reported(
     session: Session, workspace: Workspace, tmp_path: Path, name: str
 ) -> None:
-    workspace.exporting.turntable(tmp_path / name, 2, VideoSettings(size=16))
+    workspace.exporting.share(tmp_path / name, ShareSettings(frames=2, size=16))
     finish(session)
     assert len(session.messages.errors) == 1
     assert not workspace.exporting.running
@@ -62,7 +62,7 @@ def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(
 ) -> None:
     for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
         session.messages.clear()
-        workspace.exporting.mesh(tmp_path / name, resolution=16)
+        workspace.exporting.share(tmp_path / name, ShareSettings("mesh", cells=16))
         finish(session)
         assert len(session.messages.errors) == 1, name
         assert not workspace.exporting.running
@@ -70,8 +70,8 @@ def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp"])
-def test_a_image_is_saved_on_white(session: Session, workspace: Workspace, tmp_path: Path, name: str) -> None:
-    workspace.exporting.image(tmp_path / name, size=48)
+def test_a_picture_is_saved_on_white(session: Session, workspace: Workspace, tmp_path: Path, name: str) -> None:
+    workspace.exporting.share(tmp_path / name, ShareSettings("picture", size=48))
     finish(session)
     assert session.messages.errors == []
     with Image.open(tmp_path / name) as image:
@@ -81,10 +81,10 @@ def test_a_image_is_saved_on_white(session: Session, workspace: Workspace, tmp_p
 
 
 @pytest.mark.parametrize("name", ["a.xyz", "missing/a.png"])
-def test_a_image_that_cannot_be_saved_is_reported(
+def test_a_picture_that_cannot_be_saved_is_reported(
     session: Session, workspace: Workspace, tmp_path: Path, name: str
 ) -> None:
-    workspace.exporting.image(tmp_path / name, size=16)
+    workspace.exporting.share(tmp_path / name, ShareSettings("picture", size=16))
     finish(session)
     assert len(session.messages.errors) == 1
     assert list(tmp_path.iterdir()) == []
@@ -98,8 +98,8 @@ def test_a_full_disk_is_reported_and_leaves_nothing(
 
     monkeypatch.setattr(Image.Image, "save", full)
     scene = editor.scene
-    workspace.exporting.image(tmp_path / "a.png", size=16)
+    workspace.exporting.share(tmp_path / "a.png", ShareSettings("picture", size=16))
     finish(session)
-    assert session.messages.errors == ["Cannot save the image: cannot write a.png: No space left on device"]
+    assert session.messages.errors == ["Cannot export a.png: cannot write a.png: No space left on device"]
     assert list(tmp_path.iterdir()) == []
     assert editor.scene == scene

@@ -2,12 +2,12 @@ from pathlib import Path
 
 import pytest
 
-from core.export.video import VideoSettings
 from tests.viewer.driver import finish
 from viewer.activities.player import Player
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
+from viewer.values.share_settings import ShareSettings
 from viewer.workspace import Workspace
 
 
@@ -134,7 +134,7 @@ def test_a_model_opened_meanwhile_has_an_empty_timeline(session: Session, player
 def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Path) -> None:
     workspace.player.play()
     workspace.player.seek(1.0)
-    workspace.exporting.timeline(tmp_path / "a.gif")
+    workspace.exporting.share(tmp_path / "a.gif", ShareSettings("film"))
     assert not workspace.player.playing
     assert not workspace.exporting.running
 
@@ -142,7 +142,8 @@ def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Pa
 def test_what_cannot_be_written_is_reported(
     session: Session, workspace: Workspace, player: Player, tmp_path: Path
 ) -> None:
-    workspace.exporting.timeline(tmp_path / "a.mp4", VideoSettings(transparent=True))
+    webp = ShareSettings("film", video=".webp", background="transparent")
+    workspace.exporting.share(tmp_path / "a.mp4", webp)
     finish(session)
     assert "transparent" in session.messages.errors[0]
     assert not list(tmp_path.iterdir())

@@ -37,3 +37,29 @@ def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: P
         assert editor.scene.camera == found
 
     drive(act)
+
+
+def test_the_camera_is_copied_pasted_and_without_perspective(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        window.show("Camera")
+        window.drag("View/orbit", 90, -20)
+        here = editor.scene.camera
+        window.click("Camera/###copy_camera")
+        window.click("View/###reset_view")
+        window.click("Camera/###paste_camera")
+        back = editor.scene.camera
+        assert (back.azimuth, back.elevation) == pytest.approx((here.azimuth, here.elevation), abs=1e-5)
+        imgui.set_clipboard_text("no camera at all")
+        window.click("Camera/###paste_camera")
+        assert editor.scene.camera == back
+        assert "no camera" in window.session.messages.errors[0]
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key._5)
+        assert workspace.orthographic
+        window.press(imgui.Key._1)
+        assert (editor.scene.camera.azimuth, workspace.orthographic) == (orbit.VIEWS["front"][0], True)
+        window.click("Camera/###orthographic")
+        assert not workspace.orthographic
+
+    drive(act)

@@ -9,6 +9,7 @@ from core.models.codes import Codes
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
+from viewer.values.share_settings import ShareSettings
 
 
 def test_a_grid_is_filled_clicked_and_exported(drive: Drive, model: Model, tmp_path: Path) -> None:
@@ -46,15 +47,15 @@ def test_a_webp_turntable_under_way_is_no_grid(drive: Drive, tmp_path: Path, bac
     def act(window: Driver) -> None:
         workspace = window.workspace
         workspace.grid.add("object 1")
-        workspace.exporting.turntable(tmp_path / "turn.webp")
+        workspace.exporting.share(tmp_path / "turn.webp", ShareSettings())
         window.wait(lambda: workspace.exporting.progress > 0)
         window.show("Shape × texture grid")
         assert window.exists("Shape × texture grid/###export grid")
         assert not window.exists("Shape × texture grid/###cancel export")
         window.click("Shape × texture grid/###export grid")  # waits for the turntable
         assert not window.context.files.asking
-        window.show("Export")
-        window.click("Export/###cancel export")
+        window.context.share()
+        window.click("Share/###cancel export")
         assert not workspace.exporting.running
 
     drive(act, replace(backend, video=endless))

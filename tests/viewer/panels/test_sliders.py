@@ -12,6 +12,18 @@ from viewer.values.history import PARTS
 from viewer.values.influence import CodeInfluence
 
 
+def test_one_part_alone_can_be_shown(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        for shown, there in (("Texture", "texture"), ("Shape", "shape"), ("Shape and texture", "both")):
+            window.click("Sliders/##parts")
+            window.click(f"$FOCUSED/{shown}")
+            window.ctx.yield_(2)
+            for part in ("shape", "texture"):
+                assert window.exists(f"Sliders/**/###Random {part}") == (there in (part, "both"))
+
+    drive(act)
+
+
 def test_sliders_move_one_direction_and_can_be_reset(drive: Drive) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor

@@ -21,7 +21,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         session, workspace, editor = window.session, window.workspace, window.workspace.editor
         made = workspace.player
         window.show("Timeline")
-        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###video form", "time"))
+        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share film", "time"))
         assert line.min.y > buttons.max.y
         window.click("Timeline/###add_key")
         first = editor.scene
@@ -62,21 +62,55 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.set("Timeline/##length", 1.0)
         window.ctx.yield_(2)
         assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
-        window.click("Timeline/###video form")
-        window.click("$FOCUSED/##format")
-        window.click("**/webp")
-        window.click("$FOCUSED/##rate")
-        window.click("**/12 fps")
-        window.click("$FOCUSED/###transparent")
-        window.click("$FOCUSED/###export video")
+        window.click("Timeline/###share film")
+        for name, label in (("##video", "webp"), ("##rate", "12 a second"), ("##background", "Transparent")):
+            window.click(f"Share/{name}")
+            window.click(f"**/{label}")
+        window.click("Share/###save")
         window.type(str(tmp_path / "mine"))
         window.wait(lambda: not workspace.exporting.running)
         assert session.messages.errors == []
         with Image.open(tmp_path / "mine.webp") as video:
-            assert (video.size, video.mode) == ((16, 16), "RGBA")
+            assert (video.size, video.mode) == ((32, 32), "RGBA")
             assert 3 < video.n_frames <= 12  # equal images are one
 
     drive(act, replace(backend, video=small))
+
+
+def test_keyframes_are_stepped_through_copied_and_duplicated(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        player = workspace.player
+        window.show("Timeline")
+        window.press(imgui.Key.k)
+        first = editor.scene
+        player.seek(2.0)
+        editor.show_object("object 3")
+        window.press(imgui.Key.k)
+        second = editor.scene
+        window.press(imgui.Key.comma)
+        assert (player.seconds, editor.scene) == (0.0, first)
+        window.press(imgui.Key.comma)
+        assert player.seconds == 0.0
+        window.press(imgui.Key.period)
+        assert (player.seconds, editor.scene) == (2.0, second)
+        window.click("Timeline/key 1", 1)
+        window.click("**/Duplicate")
+        assert [key.seconds for key in player.timeline.keys] == [0.0, 1.0, 2.0]
+        assert player.timeline.keys[1].view == player.timeline.keys[0].view
+        window.click("Timeline/key 3", 1)
+        window.click("**/Copy")
+        player.seek(3.0)
+        editor.show_object("object 5")
+        window.click("Timeline/time", 1)
+        window.click("**/Paste at the playhead")
+        assert [key.seconds for key in player.timeline.keys] == [0.0, 1.0, 2.0, 3.0]
+        assert editor.scene == second
+        window.undo()
+        window.undo()
+        assert len(player.timeline.keys) == 3
+
+    drive(act)
 
 
 def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:

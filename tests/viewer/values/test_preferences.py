@@ -4,10 +4,13 @@ from pathlib import Path
 import pytest
 
 from viewer.values.preferences import LARGEST, SMALLEST, Preferences
+from viewer.values.share_settings import ShareSettings
 
 
 def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
-    chosen = replace(Preferences(), dark=False, text=1.25, quality=5, newcomer=False).with_recent(tmp_path / "a.png")
+    share = ShareSettings("picture", size=1024, background="colour", red=3)
+    chosen = replace(Preferences(), dark=False, text=1.25, quality=5, newcomer=False, share=share)
+    chosen = chosen.with_recent(tmp_path / "a.png")
     chosen.save(tmp_path / "deep" / "folder")
     assert Preferences.load(tmp_path / "deep" / "folder") == chosen
 
@@ -20,6 +23,9 @@ def test_what_was_chosen_comes_back(tmp_path: Path) -> None:
         "nonsense",
         '{"dark": 3, "quality": "large", "text": null, "recent": 7}',
         '{"quality": -5, "text": NaN, "recent": [1, {}], "other": 1}',
+        '{"share": 3}',
+        '{"share": {"kind": "poster", "size": 1024}}',
+        '{"share": {"size": "large", "frames": null, "more": 1}}',
     ],
 )
 def test_what_makes_no_sense_is_as_on_the_first_launch(text: str, tmp_path: Path) -> None:

@@ -1,0 +1,74 @@
+"""Cameras whose frame the object fills: as near as all of it stays in sight, in every view of a video."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.export.keyframes import View
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.folded_field import FoldedField
+from core.rendering.occupancy import CELLS, Occupancy
+
+MARGIN = 0.04
+"""of the frame's width and height, left free at either side at the least"""
+_SHAPES = 6
+"""shapes of a video that are looked at, evenly spaced: those between them are mixtures of them"""
+_MIN_OPACITY = 0.03
+"""of a cell that counts as the object's: fainter ones are a haze that nobody sees at an edge"""
+_PARTS = 2
+"""points along each side of an occupied cell"""
+_BLOCK = 16384
+_NEAREST = 0.05
+"""scene units in front of the camera: what is nearer, or behind, counts as if it were there"""
+
+
+def filling_frame(model: Model, views: Sequence[View], zoom_out: bool = True) -> list[View]:
+    """The views with one zoom for all, by which the object just stays in every frame.
+
+    The zoom changes the focal length: the perspective stays.
+
+    Args:
+        zoom_out: False only comes nearer, so that views which show a part of the object on purpose still do.
+    """
+    step = max(1, math.ceil((len(views) - 1) / (_SHAPES - 1)))
+    shapes = {view.codes for view in [*views[::step], *views[-1:]]}
+    points = torch.cat([_outline(model, codes) for codes in shapes])
+    zoom = min(_largest_zoom(view.camera, points) for view in views)
+    zoom = zoom if zoom_out else max(1.0, zoom)
+    return [View(view.codes, replace(view.camera, focal=zoom * view.camera.focal)) for view in views]
+
+
+def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
+    """By how much the focal length can grow until a point comes too near to the frame's edge."""
+    local = camera.to_camera_axes(points)
+    slopes = local[:, :2].abs() / (-local[:, 2:]).clamp_min(_NEAREST)
+    half = torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
+    return float((1 - 2 * MARGIN) / (slopes / half).amax())
+
+
+@lru_cache(maxsize=8)
+def _outline(model: Model, codes: Codes) -> Float[Tensor, "corners 3"]:
+    """The corners of the convex hull of an object (scene units); of the model's box where it is nowhere opaque."""
+    from scipy.spatial import ConvexHull, QhullError  # a third of a second that the window need not wait for
+
+    folded = FoldedField(model, codes)
+    occupancy = Occupancy(model, folded)
+    steps = (torch.arange(_PARTS, device=model.device) + 0.5) / _PARTS
+    within = torch.cartesian_prod(steps, steps, steps)
+    points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)
+    least = -math.log1p(-_MIN_OPACITY) / (2 * max(model.extent) / CELLS)
+    with torch.inference_mode():
+        opaque = [part[folded.density(folded.first_layer(part))[0] > least] for part in points.split(_BLOCK)]
+    found = torch.cat(opaque).cpu() if opaque else torch.empty(0, 3)
+    try:
+        return found[ConvexHull(found.numpy()).vertices]
+    except (QhullError, ValueError):  # too few points to hold a volume
+        half = torch.tensor(model.extent)
+        return torch.cartesian_prod(*(torch.stack((-side, side)) for side in half))

@@ -1,0 +1,148 @@
+"""A mesh with its colours in an image: few triangles, unwrapped by xatlas, each texel coloured by the field itself."""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+from PIL import Image
+
+TRIANGLES = 8000
+"""at the most: details are in the image"""
+_PADDING = 4
+"""px between the pieces of the atlas"""
+_SHARE = 0.1
+"""of the time that unwrapping takes; the rest is the colours'"""
+
+Colours = Callable[
+    [Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"]],
+    Generator[float, None, Float[np.ndarray, "points 3"]],
+]
+"""From places and outward normals to colours (sRGB, 0..1); yields the share that is done."""
+
+
+@dataclass(frozen=True, eq=False)
+class TexturedMesh:
+    """A surface and its image. Vertices are doubled along the seams of the image."""
+
+    vertices: Float[np.ndarray, "vertices 3"]
+    normals: Float[np.ndarray, "vertices 3"]
+    """unit length, outward"""
+    faces: Int[np.ndarray, "faces 3"]
+    uv: Float[np.ndarray, "vertices 2"]
+    """0..1, from the image's left and bottom edge"""
+    image: UInt8[np.ndarray, "height width 3"]
+
+    def glb(self) -> bytes:
+        """The bytes of a .glb file, the material unlit: light is in the colours. Vertices are taken in glTF axes."""
+        import trimesh
+
+        material = trimesh.visual.material.PBRMaterial(
+            baseColorTexture=Image.fromarray(self.image), metallicFactor=0.0, roughnessFactor=1.0
+        )
+        visual = trimesh.visual.TextureVisuals(self.uv, material=material)
+        mesh = trimesh.Trimesh(
+            self.vertices, self.faces, vertex_normals=self.normals, visual=visual, process=False, validate=False
+        )
+        return trimesh.Scene(mesh).export(file_type="glb", tree_postprocessor=_without_light, include_normals=True)
+
+
+def textured(
+    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"], colours: Colours, pixels: int
+) -> Generator[float, None, TexturedMesh]:
+    """A surface with its colours in an image of about so many px; yields the share that is done.
+
+    Raises ``ValueError`` where the library that unwraps surfaces is missing.
+    """
+    fewer, corners = _simplified(vertices, faces)
+    yield 0.0
+    kept, corners, uv, (width, height) = _unwrapped(fewer, corners, pixels)
+    yield _SHARE
+    places = fewer[kept].astype(np.float32)
+    normals = _normals(fewer, corners, kept)
+    covered, triangle, weights = _texels(uv * (width, height), corners, (width, height))
+    texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (places, normals)]
+    texels[1] /= np.maximum(np.linalg.norm(texels[1], axis=1, keepdims=True), 1e-9)
+    stream, image = colours(*texels), np.zeros((height, width, 3), np.uint8)
+    while True:
+        try:
+            yield _SHARE + (1 - _SHARE) * next(stream)
+        except StopIteration as done:
+            image[covered] = (done.value * 255 + 0.5).clip(0, 255).astype(np.uint8)
+            break
+    return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered))
+
+
+def _without_light(tree: dict[str, Any]) -> None:
+    tree["extensionsUsed"] = [*tree.get("extensionsUsed", ()), "KHR_materials_unlit"]
+    for material in tree["materials"]:
+        material["extensions"] = {"KHR_materials_unlit": {}}
+
+
+def _simplified(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """At most :data:`TRIANGLES` triangles, by quadric error."""
+    import fast_simplification
+
+    if len(faces) <= TRIANGLES:
+        return vertices, faces
+    return fast_simplification.simplify(vertices.astype(np.float32), faces.astype(np.int32), target_count=TRIANGLES)
+
+
+def _unwrapped(
+    vertices: np.ndarray, faces: np.ndarray, pixels: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[int, int]]:
+    """Which vertex each new one is, triangles of the new ones, their places in the image (0..1), its size in px."""
+    try:
+        import xatlas
+    except ImportError:
+        raise ValueError("a texture needs the library xatlas; choose vertex colours") from None
+
+    atlas, options = xatlas.Atlas(), xatlas.PackOptions()
+    atlas.add_mesh(vertices.astype(np.float32), faces.astype(np.uint32))
+    options.resolution, options.padding, options.bilinear = pixels, _PADDING, True
+    atlas.generate(pack_options=options)
+    kept, corners, uv = atlas[0]
+    return kept.astype(np.int64), corners.astype(np.int64), uv.astype(np.float64), (atlas.width, atlas.height)
+
+
+def _normals(vertices: np.ndarray, corners: np.ndarray, kept: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
+    """Of the new vertices: those on both sides of a seam share the normal of the vertex that they were."""
+    faces = kept[corners]
+    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    areas, sums = np.cross(b - a, c - a), np.zeros((len(vertices), 3))
+    for corner in range(3):
+        np.add.at(sums, faces[:, corner], areas)
+    length = np.linalg.norm(sums, axis=1, keepdims=True)
+    return np.where(length > 0, sums / np.maximum(length, 1e-30), (0.0, 0.0, 1.0))[kept].astype(np.float32)
+
+
+def _texels(
+    points: Float[np.ndarray, "vertices 2"], faces: Int[np.ndarray, "faces 3"], size: tuple[int, int]
+) -> tuple[Bool[np.ndarray, "height width"], Int[np.ndarray, "texels"], Float[np.ndarray, "texels 3"]]:
+    """Which texels have their centre in a triangle; for these, row by row, which one and where in it (barycentric)."""
+    width, height = size
+    owner, inside = np.full((height, width), -1), np.zeros((height, width, 3))
+    for index, corners in enumerate(points[faces]):
+        (a, b, c), low = corners, np.floor(corners.min(0)).astype(int).clip(0)
+        high = np.ceil(corners.max(0)).astype(int).clip(None, size)
+        twice = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if abs(twice) < 1e-12 or (high <= low).any():
+            continue
+        x, y = np.meshgrid(np.arange(low[0], high[0]) + 0.5, np.arange(low[1], high[1]) + 0.5)
+        second = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / twice
+        third = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / twice
+        within = np.stack((1 - second - third, second, third), -1)
+        here = within.min(-1) >= -1e-9
+        owner[low[1] : high[1], low[0] : high[0]][here] = index
+        inside[low[1] : high[1], low[0] : high[0]][here] = within[here]
+    covered = owner >= 0
+    return covered, owner[covered], inside[covered]
+
+
+def _filled(image: np.ndarray, covered: np.ndarray) -> UInt8[np.ndarray, "height width 3"]:
+    """Texels of no triangle take the colour of the nearest, so that no seam shows when the image is made smaller."""
+    from scipy.ndimage import distance_transform_edt
+
+    nearest = distance_transform_edt(~covered, return_distances=False, return_indices=True)
+    return image[tuple(nearest)]

@@ -1,0 +1,259 @@
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+import torch
+import trimesh
+from imgui_bundle import imgui
+from PIL import Image
+
+from core.files import atomic_file
+from core.models.field import Field
+from core.models.model import Model
+from core.models.scene import Scene, save_image
+from tests.conftest import image_size
+from tests.viewer.driver import Drive, Driver
+from viewer.services.backend import Backend
+
+
+def filled(model: Model, bias: float) -> Model:
+    """Clear air, or a solid block: both are drawn quickly."""
+    field = Field(model.field.config)
+    torch.nn.init.constant_(field.density_layer.bias, bias)
+    return replace(model, field=field)
+
+
+def choose(window: Driver, name: str, label: str) -> None:
+    """An entry of one of the dialog's lists."""
+    window.click(f"Share/{name}")
+    window.click(f"**/{label}")
+
+
+def test_a_turntable_is_saved_and_its_folder_shown(
+    drive: Drive, tmp_path: Path, real_backend: Backend, model: Model
+) -> None:
+    shown: list[Path] = []
+
+    def act(window: Driver) -> None:
+        session, exporting = window.session, window.workspace.exporting
+        window.context.file_manager = shown.append
+        window.click("View/###share")
+        window.click("Share/###turntable")
+        choose(window, "##size", "128 px")
+        choose(window, "##frames", "36 for one turn")
+        window.click("Share/###save")
+        window.type(str(tmp_path / "turn.mp4"))
+        window.wait(lambda: exporting.progress > 0, 60)
+        window.wait(lambda: not exporting.running, 60)
+        assert session.messages.errors == []
+        with av.open(str(tmp_path / "turn.mp4")) as video:
+            assert (video.streams.video[0].frames, video.streams.video[0].width) == (36, 128)
+        window.click("Share/###show in folder")
+        assert shown == [tmp_path / "turn.mp4"]
+        window.press(imgui.Key.escape)
+        assert not window.context.share_open
+
+    air = filled(model, -100.0)
+    drive(act, replace(real_backend, load_model=lambda name: air))
+
+
+def test_the_preview_is_the_first_frame_on_its_background(
+    drive: Drive, real_backend: Backend, model: Model, tmp_path: Path
+) -> None:
+    block = filled(model, 100.0)
+
+    def act(window: Driver) -> None:
+        window.press(imgui.Key.mod_ctrl, imgui.Key.e)
+        preview = window.workspace.exporting.preview
+        window.wait(lambda: preview.frame is not None)
+        filling = preview.frame
+        assert filling.opacity[[0, -1]].max() == 0 < filling.opacity.mean() - 0.3  # all of it is in sight
+        window.click("Share/###fill")
+        window.wait(lambda: preview.frame is not filling)
+        assert preview.frame.opacity[[0, -1]].max() > 0.9  # as near as in the view
+        window.click("Share/###picture")
+        window.click("Share/###fill")
+        choose(window, "##background", "Colour")
+        window.context.set_preference(share=replace(window.context.preferences.share, red=200, green=10, blue=20))
+        choose(window, "##size", "128 px")
+        window.click("Share/###save")
+        window.type(str(tmp_path / "red.png"))
+        window.wait(lambda: (tmp_path / "red.png").exists())
+        with Image.open(tmp_path / "red.png") as image:
+            assert image.getpixel((0, 0)) == (200, 10, 20)
+            assert image.size == (128, 128)
+            seen = np.asarray(image).astype(int)
+        rows = np.flatnonzero((np.abs(seen - (200, 10, 20)).sum(-1) > 60).any(1))
+        assert 120 <= rows[-1] < 127  # down to the frame's edge, and no further
+        choose(window, "##background", "Transparent")
+        window.click("Share/###save")
+        window.type(str(tmp_path / "clear.png"))
+        window.wait(lambda: (tmp_path / "clear.png").exists())
+        with Image.open(tmp_path / "clear.png") as image:
+            assert image.mode == "RGBA"
+            assert image.getpixel((0, 0))[3] == 0
+        choose(window, "##picture", ".jpg")
+        assert window.context.preferences.share.rgb == (255, 255, 255)  # it cannot be transparent
+        assert window.session.messages.errors == []
+
+    drive(act, replace(real_backend, load_model=lambda name: block))
+
+
+def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Path) -> None:
+    def first(window: Driver) -> None:
+        window.context.share("mesh")
+        choose(window, "##mesh", ".obj")
+        window.click("Share/###turntable")
+        choose(window, "##video", "webp")
+        choose(window, "##background", "Transparent")
+
+    def second(window: Driver) -> None:
+        window.click("View/###share")
+        settings = window.context.preferences.share
+        assert (settings.kind, settings.video, settings.mesh, settings.rgb) == ("turntable", ".webp", ".obj", None)
+        assert window.exists("Share/##video")
+
+    for act in (first, second):
+        drive(act, folder=tmp_path)
+
+
+def test_a_film_needs_keyframes(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        window.context.share("film")
+        window.wait()
+        assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
+        assert window.session.messages.errors == []
+        window.press(imgui.Key.k)
+        window.click("Share/###save")
+        assert window.context.files.asking
+
+    drive(act)
+
+
+def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: Model) -> None:
+    def act(window: Driver) -> None:
+        session, workspace = window.session, window.workspace
+        window.context.share("mesh")
+        choose(window, "##mesh", ".ply")
+        choose(window, "##cells", "96 cells")
+        window.click("Share/###save")
+        window.type(str(tmp_path / "block"))
+        window.wait(lambda: workspace.exporting.progress > 0)
+        window.wait(lambda: not workspace.exporting.running)
+        assert session.messages.errors == []
+        found = trimesh.load_mesh(tmp_path / "block.ply")
+        assert found.is_watertight
+        np.testing.assert_allclose(found.extents / found.extents.max(), np.array(model.extent) / 0.45, rtol=0.05)
+        assert (found.extents.max(), found.bounds[0, 2]) == pytest.approx((0.9, 0.0), abs=1e-5)
+        assert found.visual.kind == "vertex"
+        assert [path.name for path in tmp_path.iterdir()] == ["block.ply"]
+        choose(window, "##mesh", ".glb")
+        choose(window, "##texture", "Image, 512 px")
+        window.set("Share/##metres", 2.0)
+        window.click("Share/###save")
+        window.type(str(tmp_path / "block.glb"))
+        window.wait(lambda: (tmp_path / "block.glb").exists() and not workspace.exporting.running)
+        (read,) = trimesh.load_scene(tmp_path / "block.glb").geometry.values()
+        assert (read.extents.max(), read.bounds[0, 1]) == pytest.approx((2.0, 0.0), abs=1e-5)
+        assert read.visual.material.baseColorTexture.width > 400
+
+    block = filled(model, 100.0)
+    drive(act, replace(backend, load_model=lambda name: block))
+
+
+@pytest.mark.parametrize(("kind", "name"), [("turntable", "turn.mp4"), ("mesh", "chair.glb")])
+def test_what_is_cancelled_leaves_nothing(drive: Drive, tmp_path: Path, backend: Backend, kind: str, name: str) -> None:
+    def slow(*_: object) -> Iterator[float]:
+        with atomic_file(tmp_path / name):
+            for number in range(1000):
+                time.sleep(0.01)
+                yield number / 1000
+
+    def act(window: Driver) -> None:
+        session, workspace = window.session, window.workspace
+        window.context.share(kind)
+        window.click("Share/###save")
+        window.type(str(tmp_path / name))
+        window.wait(lambda: workspace.exporting.progress > 0)
+        assert len(list(tmp_path.iterdir())) == 1
+        window.click("Share/###cancel export")
+        window.wait(lambda: not list(tmp_path.iterdir()))
+        assert not workspace.exporting.running
+        assert session.messages.errors == []
+
+    drive(act, replace(backend, video=slow, mesh=slow))
+
+
+def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        window.drag("View/orbit", 90, -20)
+        scene = editor.scene
+        window.menu("File/###save_scene")
+        window.type(str(tmp_path / "mine"))
+        assert (tmp_path / "mine.json").is_file()
+        window.menu("File/###share")
+        window.click("Share/###picture")
+        window.click("Share/###save")
+        # Too late: what stood there at the click counts.
+        window.context.set_preference(share=replace(window.context.preferences.share, size=128))
+        window.type(str(tmp_path / "mine"))
+        window.wait()
+        assert image_size(tmp_path / "mine.png") == (512, 512)
+        window.click("Share/###save_project_as")
+        window.type(str(tmp_path / "all"))
+        window.wait(lambda: (tmp_path / "all.codenerf").is_file())
+        window.press(imgui.Key.escape)
+        window.click("View/###reset_view")
+        assert editor.scene != scene
+        window.press(imgui.Key.mod_ctrl, imgui.Key.o)
+        window.type(str(tmp_path / "mine.json"))
+        assert editor.scene == scene
+        window.click("View/###reset_view")
+        window.context.drop([str(tmp_path / "mine.json")])
+        assert editor.scene == scene
+        window.press(imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.s)
+        window.ctx.item_click("//Choose a file###ask/Cancel")
+        window.ctx.yield_(2)
+        assert not window.context.files.asking
+
+    drive(act)
+
+
+def test_a_dropped_image_of_this_program_restores_its_scene(
+    drive: Drive, tmp_path: Path, model: Model, photo: Path
+) -> None:
+    other = Scene("another model", model.codes[0], model.camera(0, 0))
+    save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
+
+    def act(window: Driver) -> None:
+        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        window.drag("View/orbit", 90, -20)
+        window.click("Sliders/**/###Random shape")
+        scene = editor.scene
+        window.context.share("picture")
+        window.click("Share/###save")
+        window.type(str(tmp_path / "mine.png"))
+        window.wait()
+        window.context.share_open = False
+        window.click("View/###reset_view")
+        window.click("Library/**/show object 4")
+        window.context.drop([str(tmp_path / "mine.png")])
+        assert editor.scene == scene
+        before = editor.history
+        window.context.drop([str(tmp_path / "other.png")])
+        window.wait(lambda: bool(session.messages.errors))
+        assert "another model" in session.messages.errors[0]
+        assert editor.history is before
+        assert not workspace.fitting.running
+        assert editor.objects.names == ["mine", *(f"object {number}" for number in range(6))]
+        editor.show_object("object 4")
+        window.context.drop([str(tmp_path / "mine.png"), str(photo)])  # both are taken
+        assert editor.scene == scene
+        window.wait(lambda: "block" in editor.objects.names)
+
+    drive(act)

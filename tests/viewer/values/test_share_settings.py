@@ -1,0 +1,63 @@
+from dataclasses import replace
+
+import pytest
+
+from core.export.keyframes import Keyframe, Timeline, View
+from core.models.model import Model
+from core.models.scene import Scene
+from viewer.values.share_settings import ShareSettings
+
+
+@pytest.fixture
+def scene(model: Model) -> Scene:
+    return Scene(model.fingerprint, model.codes[0], model.camera(0.3, 0.2))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"kind": "poster"},
+        {"video": ".avi"},
+        {"picture": ".bmp"},
+        {"mesh": ".stl"},
+        {"size": 1},
+        {"rate": 0},
+        {"quality": 101},
+        {"frames": 0},
+        {"background": "black"},
+        {"red": 256},
+        {"cells": 4},
+    ],
+)
+def test_a_choice_that_there_is_not_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError):
+        ShareSettings(**wrong)  # type: ignore[arg-type]
+
+
+def test_only_what_can_be_transparent_is() -> None:
+    clear = ShareSettings(background="transparent")
+    assert clear.rgb == (255, 255, 255)
+    assert replace(clear, video=".webp").rgb is None
+    assert replace(clear, kind="picture").rgb is None
+    assert replace(clear, kind="picture", picture=".jpg").rgb == (255, 255, 255)
+
+
+def test_the_views_colour_stands_in_for_the_view_alone() -> None:
+    assert ShareSettings().on_view((1, 2, 3)).rgb == (1, 2, 3)
+    assert ShareSettings(background="white").on_view((1, 2, 3)).rgb == (255, 255, 255)
+
+
+def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
+    views = ShareSettings(frames=5, size=40, fill=False).views(model, scene, Timeline())
+    assert len(views) == 5
+    assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
+
+
+def test_a_film_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
+    film = ShareSettings("film", rate=10)
+    for distance, nearer in ((6.0, True), (0.5, False)):
+        key = Keyframe(0.0, View(scene.codes, replace(scene.camera, distance=distance)))
+        shown = film.views(model, scene, Timeline((key,), 1.0))
+        assert len(shown) == 10
+        before = replace(film, fill=False).views(model, scene, Timeline((key,), 1.0))
+        assert (shown[0].camera.focal > before[0].camera.focal) == nearer

@@ -1,0 +1,233 @@
+"""The Share dialog: turntable, film, picture or mesh, with a preview, into a file."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
+
+from core.export.mesh import FORMATS as MESHES
+from core.export.mesh import TEXTURED
+from core.export.video import FORMATS as VIDEOS
+from core.export.video import Rgb, over
+from core.models.scene import IMAGE_FORMATS
+from core.rendering.progressive import Frame
+from viewer.context import PanelContext
+from viewer.screen.file_dialog import FileRequest
+from viewer.screen.theme import mixed
+from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
+from viewer.widgets.controls import action_button, button, choose, draw_progress, tooltip
+
+_SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
+_ICONS = {
+    "turntable": icons_fontawesome_4.ICON_FA_SYNC,
+    "film": icons_fontawesome_4.ICON_FA_FILM,
+    "picture": icons_fontawesome_4.ICON_FA_CAMERA,
+    "mesh": icons_fontawesome_4.ICON_FA_CUBE,
+}
+_ABOUT = {
+    "turntable": "The object turning once round, as a video",
+    "film": "The timeline as a video",
+    "picture": "The object as an image. A png holds codes and camera: drop it on the window to bring them back",
+    "mesh": "The object as a coloured surface, for Blender, the web or a game",
+}
+_PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
+_SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
+_RATES = {rate: f"{rate} a second" for rate in (12, 24, 30, 60)}
+_COUNTS = {count: f"{count} for one turn" for count in (36, 72, 144, 288)}
+_CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
+_TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
+_SIDE, _LABEL, _WIDTH = 16, 6.5, 13
+"""em: the preview, the labels, what stands beside them"""
+_CHECKS = 16
+"""px, a square of the pattern that shows through where the background is transparent"""
+
+
+class ShareDialog:
+    """What to share, how, and where it was saved."""
+
+    def __init__(self) -> None:
+        self._shown: tuple[Frame, Rgb | None, np.ndarray] | None = None
+        """of which frame and background, the image on screen"""
+
+    def draw(self, context: PanelContext) -> None:
+        """A window, while it is open."""
+        preview = context.exporting.preview
+        if not context.share_open:
+            preview.close()
+            return
+        centre = imgui.get_main_viewport().get_center()
+        imgui.set_next_window_pos(centre, imgui.Cond_.appearing, (0.5, 0.5))
+        imgui.set_next_window_size_constraints((0, 0), imgui.get_main_viewport().work_size)
+        flags = imgui.WindowFlags_
+        unmoved = flags.no_saved_settings | flags.no_docking | flags.no_collapse | flags.always_auto_resize
+        shown, stays = imgui.begin("Share", True, unmoved)
+        context.share_open = bool(stays) and not _left_by_escape()
+        if shown:
+            preview.update(context.preferences.share)
+            self._draw_content(context)
+        imgui.end()
+
+    def _draw_content(self, context: PanelContext) -> None:
+        settings, em = context.preferences.share, hello_imgui.em_size()
+        changed = _draw_kinds(settings)
+        imgui.spacing()
+        self._draw_preview(context, changed.on_view(_view_colour(context)), _SIDE * em)
+        imgui.same_line(0, em)
+        imgui.begin_group()
+        changed = _draw_form(changed, context.editor.model.category)
+        imgui.end_group()
+        imgui.spacing()
+        _draw_foot(context, changed)
+        if changed != settings:
+            context.set_preference(share=changed)
+
+    def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
+        frame = context.exporting.preview.frame
+        if settings.kind == "film" and not context.player.timeline.keys:
+            frame = None
+        if frame is None or context.images is None:
+            imgui.dummy((side, side))
+            return
+        if self._shown is None or self._shown[:2] != (frame, settings.rgb):
+            self._shown = frame, settings.rgb, _on_checks(over(frame, settings.rgb))
+        imgui.image(context.images.texture(self._shown[2], context.palette), (side, side))
+        tooltip(_PREVIEW.get(settings.kind, "The first frame"))
+
+
+def _left_by_escape() -> bool:
+    idle = not imgui.is_any_item_active() and not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+    return idle and imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
+
+
+def _view_colour(context: PanelContext) -> Rgb:
+    red, green, blue = (round(255 * part) for part in mixed(*context.palette.background, 0.35))
+    return red, green, blue
+
+
+def _on_checks(image: np.ndarray) -> np.ndarray:
+    """An image as it is, one with opacity on the pattern that stands for nothing."""
+    if image.shape[2] == 3:
+        return image
+    rows, columns = (np.arange(size) // _CHECKS for size in image.shape[:2])
+    checks = np.where((rows[:, None] + columns) % 2, 205, 240)[..., None]
+    opacity = image[..., 3:] / 255
+    return (image[..., :3] * opacity + checks * (1 - opacity) + 0.5).astype(np.uint8)
+
+
+def _draw_kinds(settings: ShareSettings) -> ShareSettings:
+    for kind, name in KINDS.items():
+        if kind != settings.kind:
+            imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(imgui.Col_.window_bg))
+        else:
+            imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(imgui.Col_.button_active))
+        if button(f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind], 7.2):
+            settings = replace(settings, kind=kind)
+        imgui.pop_style_color()
+        imgui.same_line(0, hello_imgui.em_size(0.3))
+    imgui.new_line()
+    return settings
+
+
+def _draw_form(settings: ShareSettings, category: str) -> ShareSettings:
+    """What can be chosen for this kind of file, a line each."""
+    if settings.kind == "mesh":
+        settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, "glb opens in most programs")
+        settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
+        return _draw_mesh(settings, category)
+    if settings.kind == "picture":
+        settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
+    else:
+        formats = {name: one.label for name, one in VIDEOS.items()}
+        text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
+        settings = _row(settings, "video", "Format", formats, text)
+    settings = _row(settings, "size", "Size", _SIZES, "Width and height")
+    if settings.kind == "turntable":
+        settings = _row(settings, "frames", "Frames", _COUNTS, "More turn more smoothly, or more slowly")
+    if settings.kind != "picture":
+        settings = _row(settings, "rate", "Speed", _RATES, "Frames per second")
+        settings = _draw_quality(settings)
+    settings = _draw_background(settings)
+    _label("")
+    _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
+    tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
+    return replace(settings, fill=fill)
+
+
+def _draw_mesh(settings: ShareSettings, category: str) -> ShareSettings:
+    """Where a mesh has its colours, and how large it is."""
+    if settings.mesh in TEXTURED:
+        text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
+        settings = _row(settings, "texture", "Colours", _TEXTURES, text)
+    _label("Longest side")
+    imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
+    shown = settings.mesh_settings(category).metres or 1.0
+    changed, metres = imgui.drag_float("##metres", shown, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
+    tooltip("The object stands on the ground, this large. Drag, or Ctrl+click to type")
+    return replace(settings, metres=metres) if changed else settings
+
+
+def _draw_quality(settings: ShareSettings) -> ShareSettings:
+    _label("Quality")
+    imgui.begin_disabled(VIDEOS[settings.video].folder)
+    imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
+    _, quality = imgui.slider_int("##quality", settings.quality, 1, 100, "%d", imgui.SliderFlags_.always_clamp)
+    imgui.end_disabled()
+    tooltip("More is sharper, and a larger file; png frames lose nothing")
+    return replace(settings, quality=quality)
+
+
+def _draw_background(settings: ShareSettings) -> ShareSettings:
+    able = {name: label for name, label in BACKGROUNDS.items() if name != "transparent" or settings.can_be_transparent}
+    shown = settings.background if settings.background in able else "white"
+    _label("Background")
+    width = _WIDTH - 2.5 if shown == "colour" else _WIDTH
+    chosen = choose("background", shown, able, "What is behind the object; mp4 and jpg cannot be transparent", width)
+    if chosen != shown:
+        settings = replace(settings, background=chosen)
+    if settings.background == "colour":
+        imgui.same_line()
+        colour = [part / 255 for part in (settings.red, settings.green, settings.blue)]
+        _, colour = imgui.color_edit3("##colour", colour, imgui.ColorEditFlags_.no_inputs)
+        red, green, blue = (round(255 * part) for part in colour)
+        settings = replace(settings, red=red, green=green, blue=blue)
+    return settings
+
+
+def _row(settings: ShareSettings, name: str, label: str, choices: Mapping[Any, str], text: str) -> ShareSettings:
+    """One of the settings, by its name, to be chosen from few."""
+    _label(label)
+    return replace(settings, **{name: choose(name, getattr(settings, name), choices, text, _WIDTH)})
+
+
+def _label(text: str) -> None:
+    """The text beside what is drawn next."""
+    imgui.align_text_to_frame_padding()
+    imgui.text(text)
+    imgui.same_line(hello_imgui.em_size(_LABEL))
+
+
+def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
+    """The button that saves, or how far that is; then where the file is."""
+    exporting = context.exporting
+    if not draw_progress(context, *KINDS):
+        ready = settings.kind != "film" or bool(context.player.timeline.keys)
+        idle = ready and not exporting.running
+        if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle):
+            share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))
+            title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
+            context.ask(FileRequest(title, share, (settings.suffix,), True, name))
+        imgui.same_line()
+        action_button(context, "save_project_as")
+        if not ready:
+            imgui.same_line()
+            imgui.text_disabled("Add keyframes in Timeline first")
+    if (saved := exporting.saved) is not None:
+        imgui.align_text_to_frame_padding()
+        imgui.text(f"Saved to {saved.parent.name}/{saved.name}")
+        tooltip(str(saved))
+        imgui.same_line()
+        if button("Show in folder###show in folder", "Open the folder that the file is in"):
+            context.show_in_folder(saved)

@@ -1,0 +1,27 @@
+"""The system's file manager."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+
+def folder_command(path: Path, platform: str = sys.platform) -> list[str]:
+    """What shows a file in its folder; on Linux the folder alone, which every file manager can.
+
+    Example:
+        >>> folder_command(Path("/home/me/chair.glb"), "darwin")
+        ['open', '-R', '/home/me/chair.glb']
+    """
+    if platform == "darwin":
+        return ["open", "-R", str(path)]
+    if platform == "win32":
+        return ["explorer", f"/select,{path}"]
+    return ["xdg-open", str(path.parent)]
+
+
+def show_in_folder(path: Path) -> None:
+    """Open the file's folder. Raises ``ValueError`` where there is no file manager."""
+    try:
+        subprocess.Popen(folder_command(path.absolute()), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    except OSError:
+        raise ValueError(f"no file manager was found; the file is in {path.absolute().parent}") from None

@@ -1,0 +1,114 @@
+"""What is shared and how: the choices of the Share dialog, which are kept from one launch to the next."""
+
+from dataclasses import dataclass, replace
+
+from core.export import video
+from core.export.framing import filling_frame
+from core.export.keyframes import Timeline, View, turntable
+from core.export.mesh import FORMATS, MAX_RESOLUTION, TEXTURED, MeshSettings
+from core.export.video import WHITE, Rgb, VideoSettings
+from core.models.model import Model
+from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
+
+KINDS = {"turntable": "Turntable", "film": "Film", "picture": "Picture", "mesh": "Mesh"}
+"""what can be shared, and its name"""
+USUAL_METRES = {"chairs": 0.9, "cars": 4.5}
+"""the longest side of an object of a category"""
+BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
+"""what is behind the object, and its name"""
+
+
+@dataclass(frozen=True)
+class ShareSettings:
+    """How a file is written. Raises ``ValueError`` for a choice that there is not."""
+
+    kind: str = "turntable"
+    """one of :data:`KINDS`"""
+    video: str = ".mp4"
+    picture: str = ".png"
+    mesh: str = ".glb"
+    """endings of names"""
+    size: int = 512
+    """px, width and height"""
+    rate: int = 24
+    """frames per second"""
+    quality: int = 85
+    """1 to 100"""
+    frames: int = 72
+    """of one turn"""
+    fill: bool = True
+    """the object fills the frame; else it is as large as in the view"""
+    background: str = "view"
+    """one of :data:`BACKGROUNDS`"""
+    red: int = 255
+    green: int = 255
+    blue: int = 255
+    """0..255, the colour of that background"""
+    cells: int = 0
+    """of a mesh along the object; 0: as many as its detail needs"""
+    texture: int = 1024
+    """px, of the image with the colours of a mesh; 0: its vertices have them"""
+    metres: float = 0.0
+    """the longest side of a mesh; 0: as usual for its category"""
+
+    def __post_init__(self) -> None:
+        choices = (
+            *((self.kind, KINDS), (self.background, BACKGROUNDS)),
+            *((self.video, video.FORMATS), (self.picture, IMAGE_FORMATS), (self.mesh, FORMATS)),
+        )
+        for chosen, among in choices:
+            if chosen not in among:
+                raise ValueError(f"choose one of {', '.join(among)}, not {chosen}")
+        if not all(0 <= part <= 255 for part in (self.red, self.green, self.blue)) or self.frames < 1:
+            raise ValueError(f"a colour has parts of 0 to 255, a turn has frames; got {self}")
+        if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
+            raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
+        VideoSettings(self.size, self.rate, self.quality)
+        MeshSettings(None, self.metres or 1.0, self.texture)
+
+    @property
+    def suffix(self) -> str:
+        """The ending of the file's name."""
+        return {"picture": self.picture, "mesh": self.mesh}.get(self.kind, self.video)
+
+    @property
+    def can_be_transparent(self) -> bool:
+        """The format has pixels without a colour."""
+        if self.kind == "picture":
+            return self.picture not in OPAQUE_FORMATS
+        return self.kind != "mesh" and video.FORMATS[self.video].transparent
+
+    @property
+    def rgb(self) -> Rgb | None:
+        """The colour behind the object, None for none; white where the format cannot be transparent."""
+        if self.background == "colour":
+            return self.red, self.green, self.blue
+        return None if self.background == "transparent" and self.can_be_transparent else WHITE
+
+    @property
+    def video_settings(self) -> VideoSettings:
+        """As videos are written with."""
+        return VideoSettings(self.size, self.rate, self.quality, self.rgb)
+
+    def mesh_settings(self, category: str) -> MeshSettings:
+        """As meshes of a category are written with: on the ground, in metres."""
+        texture = self.texture if self.mesh in TEXTURED else 0
+        return MeshSettings(self.cells or None, self.metres or USUAL_METRES.get(category, 1.0), texture)
+
+    def on_view(self, colour: Rgb) -> "ShareSettings":
+        """With the view's background as the colour, where that was chosen."""
+        if self.background != "view":
+            return self
+        red, green, blue = colour
+        return replace(self, background="colour", red=red, green=green, blue=blue)
+
+    def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
+        """What is rendered, one after another. A film keeps its cameras, but for coming nearer, all by the same."""
+        if self.kind == "turntable":
+            shots = turntable(scene.codes, scene.camera, self.frames)
+        elif self.kind == "film":
+            shots = timeline.views(self.rate)
+        else:
+            shots = [View(scene.codes, scene.camera)]
+        shots = [View(codes, camera.resized(self.size, self.size)) for codes, camera in shots]
+        return filling_frame(model, shots, zoom_out=self.kind != "film") if self.fill else shots
