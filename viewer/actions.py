@@ -46,11 +46,6 @@ def _ready(context: PanelContext) -> bool:
     return context.ready
 
 
-def _idle(context: PanelContext) -> bool:
-    """A fit can begin."""
-    return context.ready and not context.fitting.running
-
-
 def _see(number: int, view: str, words: str) -> Action:
     def enabled(context: PanelContext) -> bool:
         return context.ready and (view != "photo" or context.fitting.history.last is not None)
@@ -128,9 +123,9 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action(
             *("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and rebuild it"),
             lambda context: context.fit_image(),
-            _idle,
+            _ready,
         ),
-        Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard", lambda c: c.paste(), _idle),
+        Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard", lambda c: c.paste(), _ready),
         Gesture("Drag in wipe, onion skin", "more of the photo, or of the render"),
         Gesture("Hold F", "the photo in place of the render"),
         Gesture("Drag along the curves", "under Details: see any step of the fit, here and in the view"),
