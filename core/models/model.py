@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +18,7 @@ from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
+from core.models.occupied_cells import find_occupied_cells, pack, unpack
 from core.models.viewpoint import ViewpointClassifier
 
 FORMAT = "codenerf-1"
@@ -28,6 +30,7 @@ _OLD_KEYS = {
     "design": "architecture",
 }
 """Of older files, which are still read."""
+_CELLS = "occupied_cells"
 _CLASSIFIER_PREFIXES = ("viewpoint.", "glance.")
 """Of the viewpoint classifier's tensors; the second in older files."""
 
@@ -76,6 +79,28 @@ class Model:
     def is_ablation(self) -> bool:
         """Whether it is one of :mod:`core.models.ablations`, which the exact renderer alone takes."""
         return self.field.config.architecture != "codenerf"
+
+    @cached_property
+    def occupied_cells(self) -> Tensor | None:
+        """Which cells of the box its objects may occupy (:mod:`core.models.occupied_cells`), on the processor.
+
+        None where the field is evaluated outside the box too, or is one that fits do not take. Model files hold it; of
+        a model that comes from none, or from an older one, finding it takes seconds.
+        """
+        for _ in self.find_occupied_cells():
+            pass
+        return vars(self)[_CELLS]
+
+    def find_occupied_cells(self) -> Iterator[None]:
+        """Find :attr:`occupied_cells` in small steps, where they are not known yet."""
+        if _CELLS in vars(self):
+            return
+        cells = None
+        if not (self.white_from_network or self.is_ablation):
+            rows = sorted({self.codes.objects[index].shape for index in self.codes.valid})
+            found = yield from find_occupied_cells(self.field, self.codes.shapes[rows], self.extent_tensor)
+            cells = found.cpu()
+        vars(self)[_CELLS] = cells  # where cached_property looks
 
     @cached_property
     def fingerprint(self) -> str:
@@ -129,14 +154,17 @@ class Model:
     def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
         field = build_field(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
-        classifier = _pop_classifier(tensors)
+        classifier, cells = _pop_classifier(tensors), tensors.pop(_CELLS, None)
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about["objects"])
         codes = CodeBook(shapes, textures, objects, frozenset(about.get("collapsed", ())))
         about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "white_from_network")} | {
             "extent": tuple(about["extent"])
         }
-        return cls(field, codes, **about, viewpoint_classifier=classifier)
+        model = cls(field, codes, **about, viewpoint_classifier=classifier)
+        if cells is not None:
+            vars(model)[_CELLS] = unpack(cells)
+        return model
 
 
 def _with_new_keys(about: dict) -> dict:
@@ -157,9 +185,10 @@ def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
 
 
 def _all_tensors(model: Model) -> dict[str, Tensor]:
-    """All that is saved: what renders in single precision, the viewpoint classifier in half."""
+    """All that is saved: what renders in single precision, the viewpoint classifier in half, occupied cells as bits."""
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
-    return _rendering_tensors(model) | {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
+    cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
+    return _rendering_tensors(model) | {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()} | cells
 
 
 def _rendering_tensors(model: Model) -> dict[str, Tensor]:
