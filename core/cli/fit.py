@@ -17,6 +17,7 @@ from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.geometry.camera import Camera
 from core.models.library import load_model
 from core.models.scene import Scene
+from core.models.threads import with_measured_threads
 from core.photos.decode import upright_size
 from core.photos.photo import load_photo
 from core.photos.plain_background import NoBackgroundError
@@ -46,7 +47,7 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
-        for last in fits.fit(model, FitJob(photos, settings, chosen.seed)):
+        for last in with_measured_threads(fits.fit(model, FitJob(photos, settings, chosen.seed))):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()

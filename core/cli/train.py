@@ -17,6 +17,7 @@ from core.models.authors_checkpoint import load_authors
 from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
+from core.models.threads import with_measured_threads
 from core.models.viewpoint import ViewpointClassifier
 from core.training.curve import CurvePoint, read_curve, write_curve
 from core.training.recipes import RECIPES
@@ -74,7 +75,7 @@ def train(chosen: argparse.Namespace) -> None:
         trainer.load_state(state)
     points = read_curve(curve) if chosen.resume else []
     with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
-        for step in trainer.steps():
+        for step in with_measured_threads(trainer.steps()):
             bar.update()
             if step.step % 100 == 0:
                 bar.set_postfix_str(f"rays {step.psnr:.2f} dB")
@@ -108,7 +109,7 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     torch.manual_seed(seed)
     classifier = ViewpointClassifier()
     with tqdm(total=steps, desc="viewpoint", unit="step", disable=None) as bar:
-        for _ in train_viewpoint(classifier, training, steps, seed):
+        for _ in with_measured_threads(train_viewpoint(classifier, training, steps, seed)):
             bar.update()
     share = 100 * accuracy_within(
         classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE

@@ -76,7 +76,7 @@ class Viewport:
             return
         quality, scene, budget = self.settings.quality, self._editor.scene, self.settings.budget
         crop = orbit.fit_to_panel(scene.camera, *self.settings.panel, quality.detail, self.settings.pan)
-        stages = budget.divisors
+        stages = budget.divisors(crop.camera.height)
         settings = RenderSettings(quality.samples, stages, supersampling=_SUPERSAMPLING)
         job = RenderJob(scene.codes, crop.camera, settings)
 
