@@ -33,9 +33,9 @@ def corners(extent: Float[Tensor, "3"]) -> Float[Tensor, "all 3"]:
 def cells_at_corners(
     density: Float[Tensor, "*batch all"], extent: Float[Tensor, "3"]
 ) -> Bool[Tensor, "*batch cells cells cells"]:
-    """The cells with an occupied corner."""
+    """The cells with an occupied corner; a density that is no number counts as occupied, so that it shows."""
     limit = -math.log1p(-MIN_OPACITY) / float(2 * extent.amin() / CELLS)
-    cells = density.unflatten(-1, (CELLS + 1,) * 3) > limit
+    cells = ~(density.unflatten(-1, (CELLS + 1,) * 3) <= limit)
     for axis in (-1, -2, -3):
         cells = cells.narrow(axis, 0, CELLS) | cells.narrow(axis, 1, CELLS)
     return cells

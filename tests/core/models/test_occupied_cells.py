@@ -1,5 +1,7 @@
 """The cells that objects may occupy: right for objects that were trained on, with room for new ones."""
 
+from functools import cache
+
 import pytest
 import torch
 from hypothesis import given
@@ -87,11 +89,7 @@ def test_shapes_of_five_standard_deviations_are_inside(name: str, seed: int):
     assert _outside(model, space.code(torch.randn(len(space.std), generator=generator))) < 1e-3
 
 
-_MODELS: dict[str, Model] = {}
-
-
-def _shipped(name: str) -> Model:
-    return _MODELS.setdefault(name, load_model(name))
+_shipped = cache(load_model)
 
 
 @pytest.mark.parametrize("name", ["chairs", "cars"])
