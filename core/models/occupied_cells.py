@@ -51,7 +51,7 @@ def contains(
 ) -> Bool[Tensor, "objects points"]:
     """Whether each point lies in a cell of its object; one outside the box counts to the cell beside it."""
     scale = CELLS / (2 * extent)
-    x, y, z = torch.addcmul(scale * extent, points, scale).clamp_(0, CELLS - 1).floor_().unbind(-1)
+    x, y, z = torch.addcmul(scale * extent, points, scale).nan_to_num_(0).clamp_(0, CELLS - 1).floor_().unbind(-1)
     # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
     index = torch.add(z, torch.add(y, x, alpha=CELLS), alpha=CELLS)
     first = torch.arange(len(cells), device=index.device)[:, None] * CELLS**3

@@ -22,11 +22,11 @@ def largest_weights(
     weights: Float[Tensor, "objects views rays samples"], kept: int, least: float
 ) -> Int[Tensor, "objects some"]:
     """The samples of the largest weights among all of an object: ``kept`` of a ray on average, as far as those of any
-    object weigh more than ``least``; at least one.
+    object weigh more than ``least``; at least one. All, where all are kept.
     """
     flat = weights.flatten(1)
     count = min(kept, weights.shape[-1]) * weights[0, ..., 0].numel()
-    if least > 0:
+    if least > 0 and kept < weights.shape[-1]:
         count = max(1, min(count, int((flat > least).sum(1).amax())))
     return flat.topk(count, sorted=False).indices
 
@@ -58,6 +58,7 @@ def render_top_samples(
     positions, directions = points.flatten(1, 3)[objects, top], rays.directions.flatten(1, 2)
     if differentiable:
         density, features = model.field.density(positions, shape_bias[:, None])
+        density = density * (density_all.flatten(1).gather(1, top) > 0)  # nothing is outside of the cells
         direction_bias = model.field.direction_bias(directions)[objects, ray]
         rgb = model.field.colour(features, direction_bias, texture_bias[:, None])
         weights, transmittance = compositing_weights(
