@@ -28,8 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         session = Session(worker, Backend(partial(load_model, device=chosen.device)))
         headless = chosen.screenshot is not None
         app = App(session, chosen.size, None if headless else config_folder(), headless)
-        path = Path(chosen.model)
-        session.open_model(str(path.resolve()) if path.is_file() else chosen.model)  # found again from other folders
+        name = chosen.model or app.last_model or "chairs"
+        path = Path(name)
+        session.open_model(str(path.resolve()) if path.is_file() else name)  # found again from other folders
         if chosen.image:
             app.context.fit(chosen.image)
         if headless:
@@ -51,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
         description="Opens the window; without a display, renders it into an image.",
         allow_abbrev=False,
     )
-    words.add_argument("--model", default="chairs", help="a shipped name, or the path of a model file")
+    words.add_argument("--model", help="a shipped name, or the path of a model file (the last one, chairs at first)")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--image", type=_image, help="fit this image at once")
     words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")

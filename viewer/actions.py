@@ -90,7 +90,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     ),
     "Objects": (
         Gesture("Click", "show the object; it is A"),
-        Gesture("Right click", "take only its shape or texture, make it B, add it to the grid"),
+        Gesture("Right click", "take only its shape or texture, make it B, add it to the grid; rename, remove, export"),
         Gesture("Drag", "onto a slot (shape, texture, B) or onto the grid"),
     ),
     "Mix": (
@@ -133,6 +133,11 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Drag in wipe, onion skin", "more of the photo, or of the render"),
         Gesture("Hold F", "the photo in place of the render"),
         Gesture("Drag along the curves", "see any step of the fit, here and in the view"),
+        Action(
+            *("follow", "Follow", "", "show the fit under way, from where the photo was taken"),
+            lambda context: context.fitting.follow(),
+            lambda context: context.ready and context.fitting.can_follow,
+        ),
         Gesture("Click a candidate", "prefer it: the fit continues from there alone"),
         Gesture("Refit", "from the step shown, from the camera in the view, or from the beginning"),
     ),
@@ -144,13 +149,34 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Drop an image", "fit the object in it"),
         Gesture("Drop several", "of one object: fit them together; poses (.txt) go with images of their names"),
         Gesture("Drop an image saved here", "a png brings its codes and camera back"),
+        Gesture("Drop a project", "bring all back that was made, with every model"),
         Action(
-            *("open_scene", "Open scene…", "Ctrl+O", "open a scene of this model, or an image saved here; or drop it"),
-            lambda context: context.open_scene(),
+            *(
+                "new_project",
+                "New",
+                "Ctrl+N",
+                "begin afresh; what was fitted stays in Mine",
+            ),
+            lambda context: context.session.new(),
             _ready,
         ),
         Action(
-            *("save_scene", "Save scene…", "Ctrl+S", "save codes and camera, exact, as a small file"),
+            *("open_scene", "Open…", "Ctrl+O", "open a project, a scene, or an image saved here; or drop it"),
+            lambda context: context.open_file(),
+            _ready,
+        ),
+        Action(
+            *("save_project", "Save project", "Ctrl+S", "save all that was made, with every model, as one file"),
+            lambda context: context.save_project(),
+            _ready,
+        ),
+        Action(
+            *("save_project_as", "Save project as…", "Ctrl+Shift+S", "save it as another file"),
+            lambda context: context.save_project_as(),
+            _ready,
+        ),
+        Action(
+            *("save_scene", "Save look…", "", "save codes and camera alone, exact, as a small file"),
             lambda context: context.save_scene(),
             _ready,
         ),

@@ -8,15 +8,17 @@ import moderngl
 import torch
 from imgui_bundle import hello_imgui, imgui
 
+from core.models.library import shipped_models
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
-from viewer.panels import all_panels, help, menu, messages, recovery
+from viewer.panels import all_panels, help, menu, messages, recovery, running_fit
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.screen import theme, window
 from viewer.screen.canvas import Canvas, Images
-from viewer.screen.file_dialog import FileDialog
+from viewer.screen.file_dialog import FileDialog, is_there
 from viewer.services.messages import error_text
+from viewer.services.mine import Mine
 from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.preferences import Preferences
@@ -60,6 +62,7 @@ class App:
         if folder:
             self.context.preferences = Preferences.load(folder)
             session.view.quality = QUALITIES[self.context.preferences.quality]
+            session.mine = Mine(folder / "mine")
             self.context.autosave = Autosave(session, folder)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None
@@ -70,6 +73,12 @@ class App:
             window.make_headless(self.params, self._finish_frame)
         self._dock()
         self._connect()
+
+    @property
+    def last_model(self) -> str:
+        """The name of the model that was open when the last run ended; empty where there is no such model any more."""
+        name = self.context.autosave.model if self.context.autosave else ""
+        return name if name in shipped_models() or is_there(Path(name)) else ""
 
     def run(self) -> None:
         """Open the window; returns when it is closed."""
@@ -206,6 +215,8 @@ class App:
         self._guard("The messages failed", lambda: messages.draw(context))
         self._guard("The help failed", lambda: help.draw(context))
         self._guard("The last session cannot be offered", lambda: recovery.draw(context))
+        if context.ready:
+            self._guard("The fit cannot be shown", lambda: running_fit.draw(context))
         self._guard("Cannot take this file", context.files.draw)
         if context.ready and self._guard("The photo cannot be segmented", lambda: self._segmenting.draw(context)):
             context.segmenting.close()

@@ -1,22 +1,26 @@
-"""The session written down while it is edited, and what a run that ended badly has left."""
+"""What was made, written down while it is edited: kept from launch to launch, and after a run that ended badly."""
 
 import os
 import secrets
 import sys
 import time
 from collections.abc import Callable
+from datetime import datetime
 from pathlib import Path
 
-from core.files import atomic_file
 from viewer.session import Session
-from viewer.values.saved_session import SavedSession
+from viewer.values.project import SUFFIX, Project
 
 _EVERY = 5.0
 """s between two writings at the least"""
+_EARLIER = 10
+"""sessions that were replaced, kept"""
 
 
 class Autosave:
-    """A file for every run, which goes when the run ends well; one that is left belongs to a run that did not."""
+    """A file for every run. At its end it becomes the one that the next run begins with; one that is left belongs to a
+    run that ended badly, and is offered.
+    """
 
     def __init__(
         self,
@@ -25,34 +29,48 @@ class Autosave:
         clock: Callable[[], float] = time.monotonic,
         every: float = _EVERY,
     ) -> None:
-        """Look for what was left in ``folder``, and write there, at most once in so many seconds."""
+        """Go on with what was kept in ``folder``, look for what was left there, and write there, at most once in so
+        many seconds.
+        """
         self._session, self._clock, self.every = session, clock, every
-        self._file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}.json"
-        self._written: object = None
-        """the state in the file"""
+        self._kept = folder / f"session{SUFFIX}"
+        self._earlier = folder / "earlier"
+        self._file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}{SUFFIX}"
+        self._written: tuple[object, ...] = ()
+        """what the file holds"""
         self._when = clock()
-        found = [path for path in folder.glob("session-*.json") if path != self._file and not _runs(path)]
+        found = [path for path in folder.glob("session-*") if path.suffix in (SUFFIX, ".json") and not _runs(path)]
         self.left: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
         """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
         self.times = tuple(path.stat().st_mtime for path in self.left)
         """s since the epoch, when each was written"""
+        session.keep_aside = self._keep_aside
+        self.model = self._go_on()
+        """the name of the model that was open last; empty on the first launch"""
+
+    @property
+    def earlier(self) -> tuple[Path, ...]:
+        """Sessions that were replaced by others, the last one first."""
+        return tuple(sorted(self._earlier.glob(f"*{SUFFIX}"), reverse=True))
 
     def tick(self) -> None:
         """Once a frame: write, if there is something new and no drag is under way."""
-        workspace = self._session.workspace
-        if workspace is None or workspace.editor.history.gesture or workspace.editor.state is self._written:
+        workspace, parts = self._session.workspace, self._session.parts
+        if workspace is None or workspace.editor.history.gesture or _are_same(parts, self._written):
             return
-        if self._clock() - self._when >= self.every and (saved := self._session.save()):
-            self._write(saved, workspace.editor.state)
+        if self._clock() - self._when >= self.every:
+            self._when, self._written = self._clock(), parts
+            if (project := self._session.project()).sessions:
+                self._write(project, self._file)
 
     def restore(self) -> None:
-        """Continue what was left last. Where that cannot be, it stays until it is discarded."""
+        """Go on with what was left last. Where that cannot be, it stays until it is discarded."""
         try:
-            saved = SavedSession.read(self.left[-1].read_text())
-        except (ValueError, OSError) as error:
+            project = Project.load(self.left[-1])
+        except ValueError as error:
             self._session.messages.report("Cannot restore the session", error)
         else:
-            self._session.restore(saved, self.discard)
+            self._session.replace(project, self.discard)
 
     def discard(self) -> None:
         """Delete what was left last."""
@@ -61,15 +79,51 @@ class Autosave:
 
     def close(self) -> None:
         """The run ends well; what an earlier one left stays until someone has decided."""
-        self._file.unlink(missing_ok=True)
+        if self._session.workspace is None:  # nothing could be made
+            if self._file.exists() and not self._kept.exists():
+                self._file.replace(self._kept)
+            return
+        # Where another window was closed meanwhile, the next launch begins with its session, and offers this one.
+        to = self._file if self._kept.exists() else self._kept
+        if self._write(self._session.project(), to) and to == self._kept:
+            self._file.unlink(missing_ok=True)
 
-    def _write(self, saved: SavedSession, state: object) -> None:
-        self._when, self._written = self._clock(), state
+    def _go_on(self) -> str:
+        """What was kept is this run's file from now on, so a run that it ends badly does not begin with it again."""
         try:
-            with atomic_file(self._file) as partial:
-                partial.write_text(saved.text)
-        except ValueError as error:
+            self._kept.replace(self._file)
+            project = Project.load(self._file)
+        except FileNotFoundError:
+            return ""
+        except (ValueError, OSError) as error:
+            self._session.messages.report("Cannot go on with the last session", error)
+            if self._file.exists():
+                self._file.replace(self._place_aside())
+            return ""
+        self._session.go_on_with(project)
+        return project.model
+
+    def _keep_aside(self, project: Project) -> None:
+        self._write(project, self._place_aside())
+        for path in self.earlier[_EARLIER:]:
+            path.unlink(missing_ok=True)
+
+    def _place_aside(self) -> Path:
+        self._earlier.mkdir(parents=True, exist_ok=True)
+        return self._earlier / f"{datetime.now():%Y-%m-%d %H.%M.%S.%f}{SUFFIX}"
+
+    def _write(self, project: Project, path: Path) -> bool:
+        try:
+            project.save(path)
+        except (ValueError, OSError) as error:
             self._session.messages.report("Cannot save the session", error)
+            return False
+        return True
+
+
+def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:
+    """The very same values: comparing them by their numbers would take long."""
+    return len(first) == len(second) and all(one is other for one, other in zip(first, second, strict=True))
 
 
 def _runs(path: Path) -> bool:

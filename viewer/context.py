@@ -27,11 +27,13 @@ from viewer.services.clipboard import Clipboard
 from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.preferences import Preferences
+from viewer.values.project import SUFFIX, is_project
 from viewer.values.view_modes import MODES
 from viewer.workspace import Workspace
 
 VIDEOS = tuple(video.FORMATS)
 SCENES = (".json", ".png")
+PROJECTS = (SUFFIX,)
 MESHES = tuple(mesh.FORMATS)
 
 
@@ -167,14 +169,27 @@ class PanelContext:
         ended = jobs.reporting("Cannot paste")
         jobs.submit(Job("paste", images, lambda paths: self.session.fit_photos(*paths), ended))
 
-    def open_scene(self) -> None:
-        """Ask for a scene, or an image that holds one, and open it."""
-        self.files.ask(FileRequest("Scene to open", self.load_scene, SCENES))
+    def open_file(self) -> None:
+        """Ask for a project, a scene, or an image that holds one, and open it."""
+        self.files.ask(FileRequest("Project or scene to open", self.load, (*PROJECTS, *SCENES)))
 
-    def load_scene(self, path: Path) -> None:
-        """Open a scene, or an image that holds one."""
+    def load(self, path: Path) -> None:
+        """Open a project, a scene, or an image that holds one."""
         self._remember(path)
-        self.session.open_scene(path)
+        self.session.open_project(path) if is_project(path) else self.session.open_scene(path)
+
+    def save_project(self) -> None:
+        """Save all that was made, where it was saved before; ask where, if it was not."""
+        path = self.session.project_path
+        self._save_project(path) if path else self.save_project_as()
+
+    def save_project_as(self) -> None:
+        """Ask where to, and save all that was made."""
+        self.files.ask(FileRequest("Save the project as", self._save_project, PROJECTS, True, f"project{SUFFIX}"))
+
+    def _save_project(self, path: Path) -> None:
+        self.session.save_project(path)
+        self._remember(path)
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
@@ -188,8 +203,8 @@ class PanelContext:
             self.segmenting.close()
         others = []
         for path in map(Path, paths):
-            if path.suffix.lower() == ".json" or embedded_scene(path):
-                self.load_scene(path)
+            if path.suffix.lower() in (SUFFIX, ".json") or embedded_scene(path):
+                self.load(path)
             else:
                 others.append(path)
         if others:

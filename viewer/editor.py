@@ -150,31 +150,57 @@ class Editor:
 
     # The whole scene, and the timeline
 
-    def add_and_show(self, added: EditableObject, camera: Camera) -> None:
-        """Add an object to the library and make it current, as A, seen from a camera."""
+    def add_and_show(self, added: EditableObject, camera: Camera) -> str:
+        """Add an object to the library and make it current, as A, seen from a camera; its name."""
         name = self.objects.add(added)
-        self._edit(replace(self.scene, codes=added.codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
+        self.show_added(name, camera)
+        return name
+
+    def show_added(self, name: str, camera: Camera) -> None:
+        """Make an object current, as A, seen from a camera, whatever is locked."""
+        codes = self.objects[name].codes
+        self._edit(replace(self.scene, codes=codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
 
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
         """Show codes and the camera they belong to, such as a step of a fit, or a time of the timeline."""
         self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
+
+    def improve(self, name: str, better: EditableObject, camera: Camera) -> bool:
+        """Put a better one in the place of an added object. Whether that is shown: only where the object was, unedited.
+
+        Args:
+            camera: from where the better one is seen then.
+        """
+        before = self.objects[name].codes
+        self.objects.replace(name, better)
+        shown = self.scene.codes == before
+        if shown and better.codes != before:
+            self.show(better.codes, camera)
+        return shown
+
+    def rename(self, name: str, to: str) -> str:
+        """Give an added object another name, in all that undo remembers too; the name, which is made unique."""
+        if to in ("", name):
+            return name
+        new = self.objects.rename(name, to)
+        self.history = self.history.renamed({name: new})
+        return new
 
     def set_timeline(self, timeline: Timeline, gesture: str = "") -> None:
         """Change the timeline; what is shown stays."""
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: SavedSession) -> None:
-        """Show what a saved session held. Raises ``ValueError`` where that cannot be, and changes nothing then."""
-        state, objects = saved.restored(self.model)
-        here = {*self.objects.names, *(one.name for one in objects)}
-        if not here.issuperset((*state.mix.a, state.mix.b)):
-            raise ValueError("it mixes objects that are not here")
-        names = {name: name for name in self.objects.names}
-        for one in objects:
-            if one.name not in names or self.objects[one.name].codes != one.codes:
+        """Go on with a saved session, its undo included. Raises ``ValueError`` where that cannot be, and then changes
+        nothing.
+        """
+        saved.check(self.model)
+        names = {}
+        for one in saved.objects:
+            if one.name not in self.objects or self.objects[one.name].codes != one.codes:
                 names[one.name] = self.objects.add(one)
-        mix = replace(state.mix, a=Pair(*(names[name] for name in state.mix.a)), b=names[state.mix.b])
-        self._go(self.history.changed(replace(state, mix=mix)))
+        self.objects.remove(*(names.get(name, name) for name in saved.removed))
+        self._go(saved.history.renamed(names))
 
     # Undo
 

@@ -1,19 +1,23 @@
 """A run of the program: the model that is open, and what stays when another is opened. No window here."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import torch
 
+from core.models.library import shipped_models
 from core.models.model import Model
-from core.models.scene import open_scene
+from core.models.scene import open_scene, scene_model
 from viewer.activities.fitting import FitOptions
 from viewer.activities.viewport import ViewSettings
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.services.messages import Messages
+from viewer.services.mine import Mine
 from viewer.services.worker import Job, Worker
+from viewer.values.fit_history import PhotoSource
 from viewer.values.objects import EditableObject
+from viewer.values.project import Project
 from viewer.values.saved_session import SavedSession
 from viewer.workspace import Workspace
 
@@ -31,10 +35,18 @@ class Session:
         """of the model that is open"""
         self.loading = ""
         """the name of the model on its way"""
+        self.mine = Mine()
+        """the objects that last from launch to launch"""
+        self.keep_aside: Callable[[Project], None] = lambda project: None
+        """called with what is about to be replaced, or cannot be continued with"""
         self._deferred: list[Callable[[], None]] = []
         """what waits for the model on its way"""
         self._left: dict[str, SavedSession] = {}
         """by the name of their model, sessions that were left for another model"""
+        self.project_path: Path | None = None
+        """where the project was saved, or opened from"""
+        self._replacing: tuple[Project, Callable[[], None]] | None = None
+        """what takes the place of everything once its model is there, and what to do then"""
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
 
@@ -57,7 +69,7 @@ class Session:
 
         def ended(error: Exception | None) -> None:
             if error:
-                self.loading = ""
+                self.loading, self._replacing = "", None
                 self._deferred.clear()
                 self.messages.report(f"Cannot open the model {name}", error)
 
@@ -81,59 +93,150 @@ class Session:
         """
         self.when_ready(lambda: self._open_scene(path))
 
-    def save(self) -> SavedSession | None:
-        """What was made with the open model, as text; None if nothing was."""
-        if self.workspace is None or not self.workspace.editor.history.past:
-            return None
-        editor = self.workspace.editor
-        return SavedSession.of(self.model_name, editor.state, editor.objects.added)
+    # What was made
 
-    def restore(self, saved: SavedSession, done: Callable[[], None] = lambda: None) -> None:
-        """Continue a saved session, its model first; what cannot be read changes nothing.
+    def project(self) -> Project:
+        """All that was made, with every model."""
+        sessions = dict(self._left)
+        if self.workspace and (saved := self.workspace.saved(self.model_name)):
+            sessions[self.model_name] = saved
+        return Project(self.model_name, tuple(sessions.values()))
+
+    @property
+    def parts(self) -> tuple[object, ...]:
+        """What :meth:`project` is made of: as long as these are the same, so is that."""
+        return (*self._left.values(), *(self.workspace.parts if self.workspace else ()))
+
+    def go_on_with(self, project: Project) -> None:
+        """What the next models that are opened begin with."""
+        self._left = {saved.model: saved for saved in project.sessions}
+
+    def save_project(self, path: Path) -> None:
+        """Write all that was made into one file."""
+        try:
+            self.project().save(path)
+        except ValueError as error:
+            self.messages.report("Cannot save the project", error)
+        else:
+            self.project_path = path
+            self.messages.notify(f"Saved {path.name}")
+
+    def open_project(self, path: Path) -> None:
+        """Put a project in the place of all that was made. What cannot be read changes nothing."""
+
+        def opened() -> None:
+            self.project_path = path
+            self.messages.notify(f"Opened {path.name}")
+
+        try:
+            project = Project.load(path)
+        except ValueError as error:
+            self.messages.report("Cannot open the project", error)
+        else:
+            self.replace(project, opened)
+
+    def replace(self, project: Project, done: Callable[[], None] = lambda: None) -> None:
+        """Put another project in the place of all that was made; its model is opened first.
 
         Args:
-            done: called once all of it is back.
+            done: called once it is there.
         """
-        if self.workspace is not None and not self.loading and self.model_name == saved.model:
-            self._restore(saved, done)
-            return
-        if (self.loading or self.model_name) != saved.model:
-            self.open_model(saved.model)
-        self.when_ready(lambda: self.restore(saved, done))
+        self._replacing = project, done
+        if self.workspace is not None and not self.loading and self.model_name == project.model:
+            self._opened(self.model_name, self.workspace.model)
+        else:
+            self.open_model(project.model)
+
+    def new(self) -> None:
+        """Begin afresh with the open model; fitted objects stay."""
+        self.when_ready(lambda: self.replace(Project(self.model_name, ())))
 
     def _workspace(self) -> Workspace:
         assert self.workspace is not None, "no model yet"
         return self.workspace
 
     def _opened(self, name: str, model: Model) -> None:
-        if self.workspace:
-            if left := self.save():
+        replacing, self._replacing, self.loading = self._replacing, None, ""
+        if not replacing:
+            if self.workspace and (left := self.workspace.saved(self.model_name)):
                 self._left[self.model_name] = left
-            self.workspace.close()
-        self.model_name, self.loading = name, ""
-        self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options)
-        self.workspace.start()
-        if left := self._left.pop(name, None):
-            self._restore(left)
+            self._begin(name, model)
+        elif self._make_way(replacing[0], model):
+            self._begin(name, model)
+            replacing[1]()
         deferred, self._deferred = self._deferred, []
         for action in deferred:
             action()
+
+    def _begin(self, name: str, model: Model) -> None:
+        """Give a model a workspace, and go on with what was made with it."""
+        if self.workspace:
+            self.workspace.close()
+        self.model_name = name
+        self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.mine)
+        self.workspace.fitting.other_category = self._fit_with_its_model
+        self.workspace.start()
+        if left := self._left.pop(name, None):
+            self._restore(left)
+
+    def _make_way(self, project: Project, model: Model) -> bool:
+        """Keep aside what a project replaces; not if its session cannot be continued with."""
+        for saved in project.sessions:
+            if saved.model == project.model:
+                try:
+                    saved.check(model)
+                except ValueError as error:
+                    self.messages.report("Cannot open the project", error)
+                    return False
+        if (before := self.project()).sessions:
+            self.keep_aside(before)
+        self.project_path = None
+        self.go_on_with(project)
+        return True
 
     def _open_scene(self, path: Path) -> None:
         workspace = self._workspace()
         try:
             scene = open_scene(path, workspace.model)
         except ValueError as error:
-            self.messages.report("Cannot open the scene", error)
+            self._open_with_another_model(path, error)
         else:
             workspace.editor.add_and_show(EditableObject(path.stem, scene.codes), scene.camera)
             self.messages.notify(f"Opened {path.name}")
 
-    def _restore(self, saved: SavedSession, done: Callable[[], None] = lambda: None) -> None:
+    def _open_with_another_model(self, path: Path, error: ValueError) -> None:
+        """Look for the shipped model that a scene belongs to."""
+        wanted, load, here = scene_model(path), self.jobs.backend.load_model, self.model_name
+        if not wanted or wanted == self._workspace().model.fingerprint:
+            self.messages.report("Cannot open the scene", error)
+            return
+
+        def search() -> Iterator[str]:
+            for name in shipped_models():
+                if name != here and load(name).fingerprint == wanted:
+                    yield name
+                    return
+            raise error
+
+        def found(name: str) -> None:
+            self.open_model(name)
+            self.open_scene(path)
+
+        self.jobs.submit(Job(f"model of {path}", search, found, self.jobs.reporting("Cannot open the scene")))
+
+    def _fit_with_its_model(self, sources: tuple[PhotoSource, ...], category: str) -> None:
+        """Photos of another category are fitted with the model of that."""
+        self.messages.notify(f"This looks like {category}, not {self._workspace().model.category}: opening that model")
+        self.open_model(category)
+
+        def begin() -> None:
+            self._workspace().fitting.fit(*sources)
+
+        self.when_ready(begin)
+
+    def _restore(self, saved: SavedSession) -> None:
         try:
-            self._workspace().editor.restore(saved)
+            self._workspace().restore(saved)
         except ValueError as error:
-            self.messages.report("Cannot restore the session", error)
-        else:
-            self.messages.notify("Restored the session")
-            done()
+            self.keep_aside(Project(saved.model, (saved,)))
+            self.messages.report(f"Cannot go on with what was made with {saved.model}", error)

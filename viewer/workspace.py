@@ -12,8 +12,11 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport, ViewSettings
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
+from viewer.services.mine import Mine
 from viewer.services.worker import Job
 from viewer.values import orbit
+from viewer.values.fit_history import FitHistory, PhotoSource
+from viewer.values.saved_session import SavedSession
 
 _VIEW_BANK_SHARE = 0.2
 """of the worker's time, for what the first fit will need"""
@@ -23,17 +26,22 @@ class Workspace:
     """Composition only: makes the parts and connects them."""
 
     def __init__(
-        self, model: Model, jobs: Jobs, generator: torch.Generator, view: ViewSettings, fit: FitOptions
+        self, model: Model, jobs: Jobs, generator: torch.Generator, view: ViewSettings, fit: FitOptions, mine: Mine
     ) -> None:
-        self.model, self._jobs = model, jobs
+        self.model, self._jobs, self._mine = model, jobs, mine
         self.editor = Editor(model, generator)
+        self._from_mine = frozenset(map(self.editor.objects.add, mine.open(model)))
+        """names of objects that were there from the beginning"""
+        self._kept = self.editor.objects.version
+        self._unclear: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
+        """photos whose object is to be pointed out after the one that is"""
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, model)
         self.grid = Grid(jobs)
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, fit)
         self.segmenting = Segmenting(jobs, model, self.fitting.fit)
-        self.fitting.no_background = self.segmenting.open
+        self.fitting.no_background = self._point_out
         self.exporting = Exporting(jobs, self.editor, self.grid)
 
     def start(self) -> None:
@@ -46,6 +54,12 @@ class Workspace:
         """Once a frame: what advances with time."""
         self.player.tick()
         self.thumbnails.tick()
+        if self._unclear and not self.segmenting.active:
+            first, *others = self._unclear
+            self._unclear = tuple(others)
+            self.segmenting.open(*first)
+        if self._kept != self.editor.objects.version:
+            self._keep_mine()
 
     def close(self) -> None:
         """End what is under way."""
@@ -53,6 +67,51 @@ class Workspace:
             part.close()
         self.exporting.cancel()
         self._jobs.cancel("view bank")
+
+    def saved(self, name: str) -> SavedSession | None:
+        """All that was made, under the name of the model; None if nothing was."""
+        history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
+        if not (history.past or history.future or fitting.history.sources or fitting.pending):
+            return None
+        used = frozenset(self.grid.names).union(*(state.mix.names for state in history.states))
+        return SavedSession(
+            name,
+            history.without_gesture(),
+            tuple(one for one in objects.ever_added if one.name in used or one.name not in self._from_mine),
+            tuple(objects.removed),
+            self.grid.names,
+            FitHistory() if fitting.running and not fitting.result else fitting.history,
+            fitting.candidates.saved(),
+            fitting.pending,
+        )
+
+    @property
+    def parts(self) -> tuple[object, ...]:
+        """What :meth:`saved` is made of: as long as these are the same, so is that."""
+        objects, fitting = self.editor.objects, self.fitting
+        fit = fitting.request, fitting.queue, fitting.result, fitting.history.photos
+        steps = None if fitting.running else fitting.history.steps
+        return (self.editor.history, objects.removed, self.grid.names, *fit, steps, *objects.ever_added)
+
+    def restore(self, saved: SavedSession) -> None:
+        """Go on with a saved session. Raises ``ValueError`` where that cannot be, and changes nothing then."""
+        self.editor.restore(saved)
+        self.grid.add(*(name for name in saved.grid if name in self.editor.objects))
+        self.fitting.candidates.restore(saved.tiles)
+        self.fitting.restore(saved.fit, saved.pending)
+
+    def rename(self, name: str, to: str) -> None:
+        """Give an added object another name, wherever it is mentioned."""
+        new = self.editor.rename(name, to)
+        self.grid.rename(name, new)
+        self.fitting.rename(name, new)
+
+    def remove(self, name: str) -> None:
+        """Take an added object out of all lists; what is shown stays."""
+        self.editor.objects.remove(name)
+        self.grid.remove(name)
+        if self.fitting.ready and self.fitting.ready.name == name:
+            self.fitting.dismiss_ready()
 
     def see_from(self, view: str) -> None:
         """One of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
@@ -66,3 +125,16 @@ class Workspace:
     def segment_photo(self) -> None:
         """Point out the object in the photo of the fit that is shown."""
         self.segmenting.open(self.fitting.history.sources, self.fitting.history.photo_index)
+
+    def _point_out(self, sources: tuple[PhotoSource, ...], index: int) -> None:
+        """In this photo the object was not found: a person is asked, for one photo at a time."""
+        self._unclear = (*self._unclear, (sources, index))
+
+    def _keep_mine(self) -> None:
+        """What was fitted is there at the next launch."""
+        objects = self.editor.objects
+        self._kept = objects.version
+        try:
+            self._mine.sync(self.model, [one for one in objects.added if one.photo])
+        except (ValueError, OSError) as error:
+            self._jobs.report("Cannot keep the objects", error)

@@ -11,14 +11,15 @@ from PIL import Image, ImageDraw
 
 from core.benchmarks import tables
 from core.benchmarks.ablations import Ablation, AblationResults
-from core.benchmarks.csv_files import from_row, read_csv, to_row, write_csv
+from core.benchmarks.csv_files import append_csv, from_row, read_csv, to_row, write_csv
 from core.benchmarks.fits import FitResults
 from core.benchmarks.fits import Trial as FitTrial
 from core.benchmarks.model_sizes import ModelSize, ModelSizeResults
 from core.benchmarks.rendering import Interaction, RenderingResults, Timing
-from core.benchmarks.robustness import SUCCESS_DEGREES, Failure, RobustnessResults
+from core.benchmarks.robustness import SUCCESS_DEGREES, Measured, RobustnessResults
 from core.benchmarks.robustness import Trial as RobustnessTrial
 from core.benchmarks.stressors import STRESSORS
+from core.evaluation.statistics import Mean
 from core.rendering.progressive import RenderSettings
 from core.training.curve import CurvePoint, draw_curves
 
@@ -31,6 +32,8 @@ _DPI = 110
 _CURVES = ("naive", "fast", "sizes", "ablation")
 """of :class:`core.benchmarks.rendering.RenderingResults`, one after another in ``render.csv``"""
 
+_FAILURE_SIDE, _MAX_FAILURES = 80, 60
+"""px; and how many failures are shown"""
 _COUNTS = ("objects", "tests", "steps")
 """of :class:`core.benchmarks.model_sizes.ModelSizeResults`"""
 
@@ -160,25 +163,49 @@ def _fit_chart(found: FitResults) -> "Figure":
 # Robustness
 
 
-def write_robustness(found: RobustnessResults, folder: Path) -> None:
-    """``robustness.csv``, ``.md``, ``.png``, and ``failures.png`` with every failure of the normal preset."""
-    about = {"machine": found.machine, "objects": str(found.objects)}
-    write_csv(folder / "robustness.csv", [about | to_row(trial) for trial in found.trials])
-    _draw_robustness(folder)
-    failures = [failure for failure in found.failures if failure.trial.preset == "normal"]
-    _failures_sheet(failures).save(folder / "failures.png", optimize=True)
+_FAILURES = "failures"
+"""folder of the images of every failure, beside ``robustness.csv``"""
 
 
-def read_robustness(path: Path) -> RobustnessResults:
-    """Reads ``robustness.csv``, which holds no images. Raises ``ValueError`` where it is none."""
+def read_robustness(folder: Path) -> RobustnessResults | None:
+    """What ``robustness.csv`` of a folder holds; None where there is none."""
+    path = folder / "robustness.csv"
+    if not path.exists():
+        return None
     rows = read_csv(path)
-    trials = tuple(from_row(RobustnessTrial, row) for row in rows)
-    return RobustnessResults(rows[0]["machine"], int(rows[0]["objects"]), trials)
+    return RobustnessResults(rows[0]["machine"], tuple(from_row(RobustnessTrial, row) for row in rows))
 
 
-def _draw_robustness(folder: Path) -> None:
-    found = read_robustness(folder / "robustness.csv")
+def add_trial(folder: Path, machine: str, measured: Measured) -> None:
+    """A row more of ``robustness.csv``, and the images of a failure: the corrupted one beside what was fitted."""
+    trial, image, render = measured
+    append_csv(folder / "robustness.csv", {"machine": machine} | to_row(trial))
+    if image is None:
+        return
+    sheet = Image.new("RGB", (2 * _FAILURE_SIDE + 2, _FAILURE_SIDE), "white")
+    for index, pixels in enumerate((image, render)):
+        if pixels is not None:
+            one = Image.fromarray(pixels).resize((_FAILURE_SIDE, _FAILURE_SIDE))
+            sheet.paste(one, (index * (_FAILURE_SIDE + 2), 0))
+    (folder / _FAILURES).mkdir(exist_ok=True)
+    sheet.save(_failure_path(folder, trial))
+
+
+def draw_robustness(folder: Path) -> None:
+    """``robustness.md``, ``.png``, and ``failures.png`` with failures of the normal preset."""
+    found = read_robustness(folder)
+    if found is None:
+        raise ValueError(f"{folder}: no robustness.csv in it")
     _write(folder / "robustness", tables.robustness_table(found), _robustness_chart(found))
+    failed = [trial for trial in found.trials if not trial.success and trial.preset == "normal"]
+    shown = [trial for trial in failed if _failure_path(folder, trial).exists()]
+    if shown:
+        _failures_sheet(folder, shown).save(folder / "failures.png", optimize=True)
+
+
+def _failure_path(folder: Path, trial: RobustnessTrial) -> Path:
+    name = f"{trial.stressor} {trial.level:g} {trial.preset} {trial.name}.png"
+    return folder / _FAILURES / name.replace(" ", "_")
 
 
 def _robustness_chart(found: RobustnessResults) -> "Figure":
@@ -188,14 +215,16 @@ def _robustness_chart(found: RobustnessResults) -> "Figure":
     figure, panels = _figure(columns, -(-len(names) // columns), 2.9)
     for axes in panels[len(names) :]:
         axes.remove()
+    presets = list(dict.fromkeys(trial.preset for trial in found.trials))
     for axes, name in zip(panels, names, strict=False):
         levels = [level for stressor, level in rates if stressor == name]
-        presets = list(next(iter(rates.values())))
-        width = 0.8 / len(presets)
         for number, preset in enumerate(presets):
-            shares = [100 * rates[name, level][preset] for level in levels]
+            shares = [rates[name, level].get(preset, Mean(0, 0, 0)) for level in levels]
+            width = 0.8 / len(presets)
             centres = [index + (number - (len(presets) - 1) / 2) * width for index in range(len(levels))]
-            axes.bar(centres, shares, width, label=preset)
+            errors = [[100 * (one.mean - one.low) for one in shares], [100 * (one.high - one.mean) for one in shares]]
+            means = [100 * one.mean for one in shares]
+            axes.bar(centres, means, width, label=preset, yerr=errors, error_kw={"linewidth": 0.8})
         axes.set_xticks(range(len(levels)), [f"{level:g}" for level in levels] if len(levels) > 1 else [""])
         middle, half = (len(levels) - 1) / 2, max(3, len(levels)) / 2
         axes.set(xlim=(middle - half, middle + half), ylim=(0, 105), yticks=(0, 50, 100))
@@ -214,21 +243,22 @@ def _unit(stressor: str) -> str:
     return STRESSORS[stressor].unit if stressor in STRESSORS else ""
 
 
-def _failures_sheet(failures: Sequence[Failure]) -> Image.Image:
-    """Every failure: the image, a render of what was fitted, and what they are called."""
-    columns, side, line = 4, 96, 13
-    width, height = 2 * side + 12, side + 2 * line + 6
-    sheet = Image.new("RGB", (columns * width, max(1, -(-len(failures) // columns)) * height), "white")
+def _failures_sheet(folder: Path, failed: Sequence[RobustnessTrial]) -> Image.Image:
+    """Failures, evenly over all: the image, a render of what was fitted, and what they are called."""
+    columns, line = 6, 13
+    stride = -(-len(failed) // _MAX_FAILURES)
+    failed = failed[::stride]
+    width, height = 2 * _FAILURE_SIDE + 12, _FAILURE_SIDE + 2 * line + 6
+    sheet = Image.new("RGB", (columns * width, -(-len(failed) // columns) * height), "white")
     draw = ImageDraw.Draw(sheet)
-    for number, (trial, image, render) in enumerate(failures):
+    for number, trial in enumerate(failed):
         left, top = number % columns * width + 4, number // columns * height + 2
-        for index, pixels in enumerate((image, render)):
-            if pixels is not None:
-                sheet.paste(Image.fromarray(pixels).resize((side, side)), (left + index * (side + 2), top))
-        draw.rectangle((left - 1, top - 1, left + 2 * side + 2, top + side), outline="lightgrey")
-        draw.text((left, top + side + 2), f"{trial.stressor} {trial.level:g}", "black")
+        with Image.open(_failure_path(folder, trial)) as pair:
+            sheet.paste(pair, (left, top))
+        draw.rectangle((left - 1, top - 1, left + 2 * _FAILURE_SIDE + 2, top + _FAILURE_SIDE), outline="lightgrey")
+        draw.text((left, top + _FAILURE_SIDE + 2), f"{trial.stressor} {trial.level:g}", "black")
         confidence = "" if trial.confidence is None else f", confidence {trial.confidence:.2f}"
-        draw.text((left, top + side + 2 + line), f"{trial.outcome}"[:18] + confidence, "dimgrey")
+        draw.text((left, top + _FAILURE_SIDE + 2 + line), f"{trial.outcome}"[:18] + confidence, "dimgrey")
     return sheet
 
 
@@ -331,7 +361,7 @@ def _draw_training(folder: Path) -> None:
 _REDRAW: dict[str, Callable[[Path], None]] = {
     "render": _draw_rendering,
     "fit": _draw_fits,
-    "robustness": _draw_robustness,
+    "robustness": draw_robustness,
     "ablations": _draw_ablations,
     "model_sizes": _draw_model_sizes,
     "training": _draw_training,

@@ -5,6 +5,7 @@ empty cell. Floats are written in full, so that reading gives back what was meas
 """
 
 import csv
+import io
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
@@ -22,6 +23,20 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
         writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+
+
+def append_csv(path: Path, row: Row) -> None:
+    """Adds a row to a file, which it begins where there is none; all rows have the same columns.
+
+    A row is one write, so several processes may add to one file.
+    """
+    with path.open("a", newline="") as file:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(row), lineterminator="\n")
+        if not file.tell():
+            writer.writeheader()
+        writer.writerow(row)
+        file.write(text.getvalue())
 
 
 def read_csv(path: Path) -> list[dict[str, str]]:

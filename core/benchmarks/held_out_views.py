@@ -13,7 +13,7 @@ from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import as_photo
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera
-from core.metrics import psnr
+from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.fast import render
@@ -25,6 +25,10 @@ HELD_OUT_VIEWS = 4
 _BACKGROUND = 0.99
 """A pixel that is brighter in all channels is background, where the network renders the background itself."""
 _EXACT_SAMPLES = 64
+_NEAR_DEGREES = 8.0
+"""Views of a test spiral are so far apart."""
+_SAME_FOCAL = 0.02
+"""logarithm of the ratio"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,15 @@ class HeldOutView:
     def camera(self) -> Camera:
         """The true camera of the fitted view."""
         return self.views.cameras[self.index]
+
+    def nearest(self, camera: Camera) -> int | None:
+        """The index of the view taken from nearest to a camera; None where none is near and of its focal length."""
+        errors = [
+            math.inf if abs(math.log(one.focal / camera.focal)) > _SAME_FOCAL else rotation_error(one, camera)
+            for one in self.views.cameras
+        ]
+        index = int(np.argmin(errors))
+        return index if errors[index] < _NEAR_DEGREES else None
 
 
 def training_object_views(model: Model, count: int, generator: torch.Generator) -> Iterator[HeldOutView]:

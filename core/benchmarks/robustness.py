@@ -1,11 +1,12 @@
 """Where fits fail: images corrupted in one way at a time, fitted without their camera.
 
-Training objects, so that nothing but the stressor is wrong with an image. A corrupted image enters a fit as a user's
-photo does: it is segmented by its alpha channel, or by its background where there is none.
+A corrupted image enters a fit as a user's photo does: it is segmented by its alpha channel, or by its background where
+there is none. Trials are measured in an order that is the same for all runs of the same views, so a run can be resumed
+and shared out.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -13,23 +14,25 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from core.benchmarks.held_out_views import evenly_spaced_objects, is_symmetric_view, random_camera, render_on_white
-from core.benchmarks.machine import describe_machine
+from core.benchmarks.held_out_views import HeldOutView, is_symmetric_view, render_on_white
 from core.benchmarks.stressors import STRESSORS, Stressor
-from core.fitting.confidence import DOUBTFUL
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis, fit
-from core.fitting.settings import PaperSettings
+from core.evaluation.statistics import Mean, mean_of
+from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
+from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis, fit
+from core.fitting.settings import FitSettings, PaperSettings
 from core.geometry.camera import Camera
 from core.metrics import rotation_error
 from core.models.codes import Codes
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
 from core.photos.photo import photo_from_array
+from core.photos.view_bank import surface_points
 
-COMPARED = {name: PRESETS[name] for name in ("normal", "paper")}
-SUCCESS_DEGREES = 5.0
-_BASIN = 25.0
-"""degrees: a camera that is off by less is near the true one, or near the opposite view of it"""
+COMPARED = ("normal", "paper")
+"""presets"""
+SUCCESS_DEGREES = RIGHT_DEGREES
+ROUGH_DEGREES = 30.0
+"""A camera that is off by less sees the right side."""
 
 
 @dataclass(frozen=True)
@@ -42,25 +45,32 @@ class Trial:
     name: str
     """of the object"""
     rotation: float | None = None
-    """degrees, error; None where the image was refused or shows no object of the model"""
+    """degrees, error; 0 where the object looks the same; None where the image was refused or shows no object"""
     confidence: float | None = None
+    size_error: float | None = None
+    """of the fitted object's longest side, relative to the true one"""
     outcome: str = ""
     """"correct", "symmetric", "near", "opposite", "wrong", or why the image was refused; where there is no object to be
     found "refused", "doubted" or "believed"."""
 
     @property
     def success(self) -> bool:
-        """The camera is within 5 degrees, or right by symmetry; without an object, the fit was refused or doubted."""
+        """The camera is within 10 degrees, or right by symmetry; without an object, the fit was refused or doubted."""
         return self.outcome in ("correct", "symmetric", "refused", "doubted")
 
+    @property
+    def key(self) -> tuple[str, float, str, str]:
+        """What tells a trial from all others."""
+        return self.stressor, self.level, self.preset, self.name
 
-class Failure(NamedTuple):
-    """A trial without success, with its images."""
+
+class Measured(NamedTuple):
+    """A trial, and its images where it failed."""
 
     trial: Trial
-    image: UInt8[np.ndarray, "height width 3"]
+    image: UInt8[np.ndarray, "height width 3"] | None = None
     """the corrupted image"""
-    render: UInt8[np.ndarray, "size size 3"] | None
+    render: UInt8[np.ndarray, "size size 3"] | None = None
     """of what was fitted; None where the image was refused"""
 
 
@@ -69,51 +79,96 @@ class RobustnessResults:
     """All trials of one run."""
 
     machine: str
-    objects: int
     trials: tuple[Trial, ...]
-    failures: tuple[Failure, ...] = ()
 
-    def success_rates(self) -> dict[tuple[str, float], dict[str, float]]:
+    @property
+    def objects(self) -> int:
+        """How many objects were fitted."""
+        return len({trial.name for trial in self.trials})
+
+    def success_rates(self) -> dict[tuple[str, float], dict[str, Mean]]:
         """The share of successes of every preset, 0..1, by stressor and level."""
+        return self._shares(lambda trial: trial.success)
+
+    def rough_rates(self) -> dict[tuple[str, float], dict[str, Mean]]:
+        """The share of cameras within 30 degrees; a success without an object counts as one."""
+        return self._shares(
+            lambda trial: trial.success or (trial.rotation is not None and trial.rotation <= ROUGH_DEGREES)
+        )
+
+    def _shares(self, counts: Callable[[Trial], bool]) -> dict[tuple[str, float], dict[str, Mean]]:
         found: dict[tuple[str, float], dict[str, list[bool]]] = {}
         for trial in self.trials:
             presets = found.setdefault((trial.stressor, trial.level), {})
-            presets.setdefault(trial.preset, []).append(trial.success)
-        return {
-            key: {preset: sum(successes) / len(successes) for preset, successes in presets.items()}
-            for key, presets in found.items()
-        }
+            presets.setdefault(trial.preset, []).append(counts(trial))
+        return {key: {name: mean_of(each) for name, each in presets.items()} for key, presets in found.items()}
 
 
 def run(
-    model: Model, objects: int = 2, seed: int = 0, presets: dict[str, FitSettings] = COMPARED
-) -> Iterator[str | RobustnessResults]:
-    """Yields what is being measured, and at the end the results."""
-    generator = torch.Generator().manual_seed(seed)
-    views = [(*one, random_camera(model, generator)) for one in evenly_spaced_objects(model, objects)]
-    trials, failures = list[Trial](), list[Failure]()
-    for name, stressor in STRESSORS.items():
-        for level in stressor.levels:
-            yield f"{name} {level:g} {stressor.unit}"
-            for number, (object_name, codes, camera) in enumerate(views):
-                truth = stressor.camera(camera, level)
-                image = _corrupted(model, codes, truth, stressor, level, seed + number)
-                for preset, settings in presets.items():
-                    initial_camera = stressor.init if isinstance(settings, PaperSettings) else None
-                    init = initial_camera(truth, level) if initial_camera else None
-                    attempt = _Attempt(image, codes, truth, settings, seed + number, init, stressor.no_object)
-                    trial, failure = _fit(model, attempt, Trial(name, level, preset, object_name))
-                    trials.append(trial)
-                    failures += [failure] if failure else []
-    yield RobustnessResults(describe_machine(model.device), len(views), tuple(trials), tuple(failures))
+    model: Model,
+    views: Sequence[HeldOutView],
+    stressors: Sequence[str] = (),
+    presets: Sequence[str] = COMPARED,
+    part: tuple[int, int] = (1, 1),
+    done: Collection[tuple[str, float, str, str]] = (),
+    seed: int = 0,
+) -> Iterator[Measured]:
+    """Yields each trial as it is measured.
+
+    Args:
+        stressors: names; all of them if empty.
+        part: (k, n): the k-th of n equal parts of all trials, for n processes beside each other.
+        done: keys of trials that are left out.
+
+    Raises ``ValueError`` where there is no such stressor, preset or part.
+    """
+    for name in (*stressors, *presets):
+        if name not in STRESSORS and name not in PRESETS:
+            raise ValueError(f"there is no {name!r}; there are {', '.join((*STRESSORS, *PRESETS))}")
+    which, parts = part
+    if not 1 <= which <= parts:
+        raise ValueError(f"a part K/N has K of 1 to N, not {which}/{parts}")
+    keys = [
+        (name, level, preset, number)
+        for number in range(len(views))
+        for name in stressors or STRESSORS
+        for level in STRESSORS[name].levels
+        for preset in presets
+    ]
+    for name, level, preset, number in keys[which - 1 :: parts]:
+        trial, stressor = Trial(name, level, preset, views[number].views.name), STRESSORS[name]
+        if trial.key in done:
+            continue
+        seen = _view(model, views[number], stressor.camera(views[number].camera, level))
+        image = _corrupted(model, seen, stressor, level, seed + number)
+        yield _fit(model, _Attempt(image, seen, PRESETS[preset], seed + number, stressor, level), trial)
 
 
-def _corrupted(model: Model, codes: Codes, camera: Camera, stressor: Stressor, level: float, seed: int) -> np.ndarray:
+class _Seen(NamedTuple):
+    """An object from its true camera."""
+
+    cutout: np.ndarray
+    camera: Camera
+    view: HeldOutView
+
+
+def _view(model: Model, view: HeldOutView, camera: Camera) -> _Seen:
+    """The object from a camera: the image taken from there, or from close by; else a render of its codes."""
+    index = view.nearest(camera)
+    if index is not None:
+        image, mask = view.views.images[index].astype(np.float32) / 255, view.views.masks[index]
+        return _Seen(np.concatenate((image, mask[..., None]), -1).astype(np.float32), view.views.cameras[index], view)
+    colour, found = render_on_white(model, view.codes, camera)
+    return _Seen(np.concatenate((colour.numpy(), found[..., None].numpy()), -1).astype(np.float32), camera, view)
+
+
+def _corrupted(model: Model, seen: _Seen, stressor: Stressor, level: float, seed: int) -> np.ndarray:
+    cutout = seen.cutout
     if stressor.other_category:
-        model = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
-        codes, camera = model.codes[seed % len(model.codes.objects)], model.camera(camera.azimuth, camera.elevation)
-    colour, mask = render_on_white(model, codes, camera)
-    cutout = np.concatenate((colour.numpy(), mask[..., None].numpy().astype(np.float32)), -1)
+        other = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
+        codes = other.codes[seed % len(other.codes.objects)]
+        colour, mask = render_on_white(other, codes, other.camera(seen.camera.azimuth, seen.camera.elevation))
+        cutout = np.concatenate((colour.numpy(), mask[..., None].numpy().astype(np.float32)), -1)
     return stressor.corrupt(cutout, level, np.random.default_rng(seed))
 
 
@@ -121,45 +176,53 @@ class _Attempt(NamedTuple):
     """A corrupted image, the truth about it, and how it is fitted."""
 
     image: np.ndarray
-    codes: Codes
-    truth: Camera
+    seen: _Seen
     settings: FitSettings
     seed: int
-    init: Camera | None
-    no_object: bool
+    stressor: Stressor
+    level: float
 
     def job(self, model: Model) -> FitJob:
-        """The fit, from the mean codes where there is an initial camera."""
+        """The fit; the paper's recipe from the mean codes at an initial camera, where the stressor gives one."""
         photo, initial = photo_from_array(self.image, model), None
-        if self.init:
-            initial = Hypothesis(0, math.inf, (self.init,), model.codes.mean, torch.zeros(1, 2))
+        if self.stressor.init and isinstance(self.settings, PaperSettings):
+            camera = self.stressor.init(self.seen.camera, self.level)
+            initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 2))
         return FitJob((photo,), self.settings, self.seed, initial)
 
 
-def _fit(model: Model, attempt: _Attempt, trial: Trial) -> tuple[Trial, Failure | None]:
+def _fit(model: Model, attempt: _Attempt, trial: Trial) -> Measured:
     """The trial with its outcome, and its images where it failed."""
     image = attempt.image[..., :3]
     image = image if image.dtype == np.uint8 else (255 * image + 0.5).astype(np.uint8)
     try:
         *_, last = fit(model, attempt.job(model))
     except ValueError as error:
-        trial = replace(trial, outcome="refused" if attempt.no_object else str(error))
-        return trial, None if trial.success else Failure(trial, image, None)
-    rotation = None if attempt.no_object else rotation_error(last.cameras[0], attempt.truth)
-    trial = replace(trial, rotation=rotation, confidence=last.confidence, outcome=_outcome(model, attempt, last))
+        trial = replace(trial, outcome="refused" if attempt.stressor.no_object else str(error))
+        return Measured(trial) if trial.success else Measured(trial, image)
+    trial = _judge(model, attempt, last, replace(trial, confidence=last.confidence))
     if trial.success:
-        return trial, None
+        return Measured(trial)
     render = render_on_white(model, last.codes, last.cameras[0])[0]
-    return trial, Failure(trial, image, (255 * render + 0.5).byte().numpy())
+    return Measured(trial, image, (255 * render + 0.5).byte().numpy())
 
 
-def _outcome(model: Model, attempt: _Attempt, last: FitStep) -> str:
-    if attempt.no_object:
-        return "doubted" if last.confidence is not None and last.confidence < DOUBTFUL else "believed"
-    camera, truth = last.cameras[0], attempt.truth
-    name = name_camera(camera, truth)
-    far = name in ("opposite", "wrong")
-    return "symmetric" if far and is_symmetric_view(model, attempt.codes, camera, truth, SUCCESS_DEGREES) else name
+def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: Trial) -> Trial:
+    if attempt.stressor.no_object:
+        doubted = last.confidence is not None and last.confidence < DOUBTFUL
+        return replace(trial, outcome="doubted" if doubted else "believed")
+    camera, truth, codes = last.cameras[0], attempt.seen.camera, attempt.seen.view.codes
+    rotation, name = rotation_error(camera, truth), name_camera(camera, truth)
+    if name in ("opposite", "wrong") and is_symmetric_view(model, codes, camera, truth, SUCCESS_DEGREES):
+        rotation, name = 0.0, "symmetric"
+    size = _longest_side(model, last.codes) / _longest_side(model, codes) - 1
+    return replace(trial, rotation=rotation, size_error=size, outcome=name)
+
+
+def _longest_side(model: Model, codes: Codes) -> float:
+    """Scene units; NaN where there is nothing."""
+    points, _ = surface_points(model, codes)
+    return float((points.amax(0) - points.amin(0)).max()) if len(points) else math.nan
 
 
 def name_camera(found: Camera, truth: Camera) -> str:
@@ -167,8 +230,8 @@ def name_camera(found: Camera, truth: Camera) -> str:
     rotation = rotation_error(found, truth)
     if rotation <= SUCCESS_DEGREES:
         return "correct"
-    if rotation <= _BASIN:
+    if rotation <= ROUGH_DEGREES:
         return "near"
     turn = math.degrees(found.azimuth - truth.azimuth) % 360
     tilt = abs(math.degrees(found.elevation - truth.elevation))
-    return "opposite" if abs(turn - 180) < _BASIN and tilt < _BASIN else "wrong"
+    return "opposite" if abs(turn - 180) < ROUGH_DEGREES and tilt < ROUGH_DEGREES else "wrong"

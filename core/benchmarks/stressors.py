@@ -14,7 +14,7 @@ from jaxtyping import Float
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 
-from core.geometry.camera import Camera
+from core.geometry.camera import FRONT_AZIMUTH, Camera
 
 Cutout = Float[np.ndarray, "height width 4"]
 """0..1: colours on white, and alpha"""
@@ -44,6 +44,23 @@ def _occlude(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray
     hidden = columns <= share * columns[-1]
     corrupted = cutout.copy()
     corrupted[:, hidden] = (1, 1, 1, 0)
+    return corrupted
+
+
+def _hide(cutout: Cutout, least: float, generator: np.random.Generator) -> np.ndarray:
+    """Discs in front of the object hide between ``least`` and 0.2 more of it; the cut-out shows what is left."""
+    height, width = cutout.shape[:2]
+    corrupted, visible = cutout.copy(), cutout[..., 3] > 0.5
+    share, area = least + 0.2 * generator.random(), visible.sum()
+    rows, columns = np.nonzero(visible)
+    y, x = np.mgrid[:height, :width]
+    radius = 0.3 * math.sqrt(area)
+    while (hidden := 1 - visible.sum() / area) < share - 0.02:
+        at = generator.integers(len(rows))
+        # The last disc is as large as the share that is missing.
+        reach = min(radius, math.sqrt((share - hidden) * area / math.pi) + 1)
+        visible &= (y - rows[at]) ** 2 + (x - columns[at]) ** 2 > reach**2
+    corrupted[~visible] = (1, 1, 1, 0)
     return corrupted
 
 
@@ -125,7 +142,15 @@ STRESSORS = {
     "elevation": Stressor(
         "degrees", (0.0, 30.0, 60.0, 89.0), camera=lambda camera, level: replace(camera, elevation=math.radians(level))
     ),
-    "occlusion": Stressor("of the object", (0.1, 0.3, 0.5), _occlude),
+    "frontal": Stressor(
+        "degrees from the front",
+        (0.0, 180.0),
+        camera=lambda camera, level: replace(
+            camera, azimuth=FRONT_AZIMUTH + math.radians(level), elevation=math.radians(5)
+        ),
+    ),
+    "occlusion": Stressor("of the object, by one edge", (0.1, 0.3, 0.5), _occlude),
+    "hidden": Stressor("of the object at least, at most 0.2 more", (0.2, 0.4, 0.6), _hide),
     "cropping": Stressor("of the object", (0.1, 0.3), _crop),
     "off-centre": Stressor("of the image", (0.1, 0.3), _shift),
     "focal length": Stressor(
@@ -139,7 +164,7 @@ STRESSORS = {
     "exposure": Stressor("times", (0.5, 0.75, 1.5), _scale_exposure),
     "white balance": Stressor("times red, blue divided by it", (0.8, 1.25), _shift_white_balance),
     "faded texture": Stressor("of the texture removed", (0.5, 1.0), _fade_texture),
-    "mask": Stressor("px too wide", (-2.0, 2.0, 4.0), _corrupt_mask),
+    "mask": Stressor("px too wide", (-4.0, -2.0, 2.0, 4.0), _corrupt_mask),
     "no mask": Stressor("grey level", (1.0, 0.5), _remove_mask),
     "plain image": Stressor("grey level", (0.0, 1.0), _plain_image, no_object=True),
     "random pixels": Stressor("", (0.0,), _random_image, no_object=True),

@@ -1,12 +1,19 @@
 """What the benchmarks measured as Markdown tables."""
 
+import statistics
+from collections import Counter
+
 from core.benchmarks.ablations import AblationResults
 from core.benchmarks.fits import FitResults
 from core.benchmarks.model_sizes import ModelSizeResults
 from core.benchmarks.rendering import RenderingResults
-from core.benchmarks.robustness import SUCCESS_DEGREES, RobustnessResults
+from core.benchmarks.robustness import ROUGH_DEGREES, SUCCESS_DEGREES, RobustnessResults
 from core.benchmarks.stressors import STRESSORS
 from core.evaluation.statistics import format_difference, format_share
+from core.fitting.confidence import auroc
+
+_SURE = 0.9
+"""A wrong camera of more confidence misleads."""
 
 
 def rendering_table(found: RenderingResults) -> str:
@@ -60,24 +67,34 @@ def fit_table(found: FitResults) -> str:
 
 
 def robustness_table(found: RobustnessResults) -> str:
-    """The share of successes by stressor, level and preset, then every failure."""
-    rates = found.success_rates()
-    presets = list(next(iter(rates.values())))
-    lines = [f"{found.machine}; {found.objects} training objects; share of cameras within {SUCCESS_DEGREES:g}°.", ""]
-    lines += [f"| stressor | level | {' | '.join(presets)} |", "|" + "---|" * (2 + len(presets))]
-    for (name, level), shares in rates.items():
-        cells = " | ".join(f"{100 * shares[preset]:.0f} %" for preset in presets)
+    """The share of successes by stressor, level and preset; how confidence and size fare; how often which way fails."""
+    within, rough = found.success_rates(), found.rough_rates()
+    presets = list(dict.fromkeys(trial.preset for trial in found.trials))
+    what = f"{found.objects} objects; share of cameras within {SUCCESS_DEGREES:g}°, with 95 % intervals"
+    lines = [f"{found.machine}; {what}; and within {ROUGH_DEGREES:g}°.", ""]
+    heads = " | ".join(f"{preset} | within {ROUGH_DEGREES:g}°" for preset in presets)
+    lines += [f"| stressor | level | {heads} | wrong at confidence > 0.9 | size error (median) |"]
+    lines += ["|" + "---|" * (4 + 2 * len(presets))]
+    for name, level in within:
         unit = STRESSORS[name].unit if name in STRESSORS else ""
-        lines.append(f"| {name} | {f'{level:g} {unit}'.strip()} | {cells} |")
+        shares = (
+            f"{format_share(within[name, level][one])} | {100 * rough[name, level][one].mean:.0f} %"
+            if one in within[name, level]
+            else " | "
+            for one in presets
+        )
+        trials = [one for one in found.trials if (one.stressor, one.level, one.preset) == (name, level, presets[0])]
+        sure = sum(not one.success and (one.confidence or 0) > _SURE for one in trials)
+        sizes = [abs(one.size_error) for one in trials if one.size_error is not None]
+        size = f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
+        lines.append(f"| {name} | {f'{level:g} {unit}'.strip()} | {' | '.join(shares)} | {sure} | {size} |")
+    judged = [one for one in found.trials if one.preset == presets[0] and one.confidence is not None]
+    area = auroc([one.confidence or 0 for one in judged], [one.success for one in judged])
+    lines += ["", f"Confidence of {presets[0]} over {len(judged)} fits: AUROC {area:.3f}."]
+    failed = Counter(one.outcome for one in found.trials if not one.success and one.preset == presets[0])
+    lines += ["", f"Failures of {presets[0]}: {', '.join(f'{n} {name}' for name, n in failed.most_common())}."]
     symmetric = dict.fromkeys(trial.name for trial in found.trials if trial.outcome == "symmetric")
     lines += ["", f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}."]
-    lines += ["", "| failure | level | preset | object | rotation error | confidence | outcome |", "|" + "---|" * 7]
-    for trial in found.trials:
-        if not trial.success:
-            rotation = "" if trial.rotation is None else f"{trial.rotation:.0f}°"
-            confidence = "" if trial.confidence is None else f"{trial.confidence:.2f}"
-            which = f"{trial.stressor} | {trial.level:g} | {trial.preset} | {trial.name}"
-            lines.append(f"| {which} | {rotation} | {confidence} | {trial.outcome} |")
     return "\n".join(lines) + "\n"
 
 

@@ -8,18 +8,20 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+import torch
 from tqdm import tqdm
 
 from core.cli.progress import require_writable
 from core.fitting import fit as fits
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
+from core.fitting.plausibility import describe_category, guess_category, likeliest_category
 from core.geometry.camera import Camera
-from core.models.library import load_model
+from core.models.library import DEFAULT_MODEL, load_model
 from core.models.scene import Scene
 from core.models.threads import with_measured_threads
 from core.photos.decode import upright_size
-from core.photos.photo import load_photo
+from core.photos.photo import load_photo, read_cut_out
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import Hints
 
@@ -37,14 +39,16 @@ def fit(chosen: argparse.Namespace) -> None:
     for path in filter(None, (chosen.out, chosen.log)):
         require_writable(path)
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
-    model = load_model(chosen.model, chosen.device)
     poses = chosen.pose or [None] * len(chosen.images)
-    hints = map(_box_hints, chosen.images, chosen.box or [None] * len(chosen.images))
+    hints = list(map(_box_hints, chosen.images, chosen.box or [None] * len(chosen.images)))
     each = zip(chosen.images, poses, hints, strict=True)
     try:
+        model = load_model(chosen.model or _probable_model(chosen.images[0], hints[0]), chosen.device)
         photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
+    if warning := describe_category(guess_category(photos[0].pixels, photos[0].mask), model.category):
+        print(f"python -m core: {warning}", file=sys.stderr)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
         for last in with_measured_threads(fits.fit(model, FitJob(photos, settings, chosen.seed))):
@@ -60,6 +64,13 @@ def fit(chosen: argparse.Namespace) -> None:
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
     print(json.dumps(_to_dict(last)), flush=True)
+
+
+def _probable_model(image: Path, hints: Hints | None) -> str:
+    """The model of the category that an image seems to show; that of chairs where it seems to show none."""
+    cut = read_cut_out(image, hints)
+    guess = guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask))
+    return likeliest_category(guess) or DEFAULT_MODEL
 
 
 def _box_hints(image: Path, box: tuple[float, ...] | None) -> Hints | None:

@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from core.benchmarks import ablations, charts, fits, gate, model_sizes, rendering, robustness, tables
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
+from core.benchmarks.machine import describe_machine
 from core.cli.progress import require_writable
 from core.datasets.srn import ObjectEntry, index_objects
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
@@ -81,11 +82,17 @@ def bench_ablations(chosen: argparse.Namespace) -> None:
 
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
-    """``bench robustness``: where blind fits fail, as CSV, table and chart."""
+    """``bench robustness``: where blind fits fail, as CSV, table and chart; goes on where an earlier run stopped."""
     charts.prepare(chosen.out)
-    found = _last_value(robustness.run(load_model(chosen.model, chosen.device), chosen.objects, chosen.seed))
-    charts.write_robustness(found, chosen.out)
-    print(tables.robustness_table(found), flush=True)
+    before = charts.read_robustness(chosen.out)
+    done = {trial.key for trial in before.trials} if before else set()
+    model, views = _held_out_views(chosen)
+    trials = robustness.run(model, views, chosen.stressors, chosen.presets, chosen.part, done, chosen.seed)
+    machine = describe_machine(model.device)
+    for measured in tqdm(trials, unit="fit", disable=None):
+        charts.add_trial(chosen.out, machine, measured)
+    charts.draw_robustness(chosen.out)
+    print((chosen.out / "robustness.md").read_text(), flush=True)
 
 
 def bench_model_size(chosen: argparse.Namespace) -> None:

@@ -48,6 +48,8 @@ def build_parser() -> argparse.ArgumentParser:
     _add_dataset(commands)
     _add_train(commands)
     _add_train_viewpoint(commands)
+    _add_train_category(commands)
+    _add_select_gallery(commands)
     _add_convert(commands)
     _add_evaluate(commands)
     _add_bench(commands)
@@ -138,7 +140,8 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "estimate camera and codes of an object in images; ends with one JSON line",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
-    _add_model(command)
+    command.add_argument("--model", metavar="M", help="else the shipped model of what the first image seems to show")
+    _add_device(command)
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
@@ -247,6 +250,29 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
     _add_seed(command)
 
 
+def _add_train_category(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands, "train-category", "train.train_category_classifier", "train what tells the categories of photos apart"
+    )
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders, of each category one")
+    command.add_argument("--out", type=Path, required=True, metavar="C.safetensors")
+    command.add_argument("--steps", type=_count, default=4000, help="of training")
+    _add_seed(command)
+
+
+def _add_select_gallery(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands,
+        "select-gallery",
+        "train.select_model_gallery",
+        "shrink a model file: keep some of its training objects, varied and well rendered",
+    )
+    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders it was trained on")
+    _add_model(command)
+    command.add_argument("--count", type=_count, default=150, metavar="N", help="objects to keep")
+    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+
+
 def _add_convert(commands: argparse._SubParsersAction) -> None:
     command = _command(
         commands, "convert", "train.convert", "turn a checkpoint of the authors' trainer into a model file"
@@ -291,17 +317,20 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
         )
     redraw = _command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
     ablations = _command(kinds, "ablations", "measure.bench_ablations", "fits without each part of the method")
-    for kind in (fitting, ablations):
+    robustness = _command(
+        kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
+    )
+    robustness.add_argument("--stressors", nargs="+", default=[], metavar="S", help="only these")
+    robustness.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="what is compared")
+    robustness.add_argument(
+        "--part", type=_part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
+    )
+    for kind in (fitting, ablations, robustness):
         kind.add_argument(
             "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's training objects"
         )
         kind.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
         _add_seed(kind)
-    robustness = _command(
-        kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
-    )
-    robustness.add_argument("--objects", type=_count, default=2, metavar="N", help="training objects, evenly spaced")
-    _add_seed(robustness)
     size = _command(
         kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
     )
@@ -327,6 +356,13 @@ def _views(text: str) -> tuple[int, ...]:
         return tuple(int(word) for word in text.split(","))
     except ValueError:
         raise argparse.ArgumentTypeError(f"views are whole numbers V,V, not {text!r}") from None
+
+
+def _part(text: str) -> tuple[int, int]:
+    which, _, parts = text.partition("/")
+    if not (which.isdecimal() and parts.isdecimal() and 1 <= int(which) <= int(parts)):
+        raise argparse.ArgumentTypeError(f"a part is K/N, like 1/2, not {text!r}")
+    return int(which), int(parts)
 
 
 def _box(text: str) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""``dataset``, ``train``, ``train-viewpoint`` and ``convert``: everything that makes datasets and models."""
+"""Commands that make data and models: ``dataset``, ``train`` and its parts, ``select-gallery``, ``convert``."""
 
 import argparse
 import math
@@ -14,15 +14,18 @@ from core.datasets.procedural.table import disentanglement_pairs, procedural_tab
 from core.datasets.srn import Dataset, read_dataset
 from core.datasets.srn_cameras import SPIRAL_VIEWS
 from core.models.authors_checkpoint import load_authors
+from core.models.category import CategoryClassifier
 from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.threads import with_measured_threads
 from core.models.viewpoint import ViewpointClassifier
+from core.training.category import category_accuracy, train_category
 from core.training.curve import CurvePoint, read_curve, write_curve
+from core.training.gallery import select_gallery, training_psnr
 from core.training.recipes import RECIPES
 from core.training.trainer import Trainer, held_out_psnr, hold_out
-from core.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
+from core.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
 
 _CHECKPOINT_EVERY = 5000
 """Steps between two measurements of a model in training; it is saved at the same time."""
@@ -99,6 +102,36 @@ def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, and the model is one of {model.category}")
     _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
+
+
+def train_category_classifier(chosen: argparse.Namespace) -> None:
+    """``train-category``: train what tells categories apart, on a dataset of each."""
+    require_writable(chosen.out)
+    sets = [read_dataset(path) for path in chosen.datasets]
+    categories = sorted({dataset.category for dataset in sets})
+    if "" in categories or len(categories) < 2:
+        raise ValueError("training needs datasets of two categories or more, each with a manifest.json that names it")
+    parts = [[viewpoint_dataset(one) for one in sets if one.category == name] for name in categories]
+    merged = [ViewpointDataset(*map(torch.cat, zip(*part, strict=True))) for part in parts]
+    torch.manual_seed(chosen.seed)
+    classifier = CategoryClassifier(categories)
+    for _ in tqdm(train_category(classifier, merged, chosen.steps, chosen.seed), total=chosen.steps, disable=None):
+        pass
+    classifier.save(chosen.out)
+    shares = (
+        f"{name} {100 * category_accuracy(classifier, one.images, index):.1f} %"
+        for index, (name, one) in enumerate(zip(categories, merged, strict=True))
+    )
+    print(f"recognised training images: {', '.join(shares)}")
+
+
+def select_model_gallery(chosen: argparse.Namespace) -> None:
+    """``select-gallery``: the model with a varied gallery in place of the codes of all training objects."""
+    require_writable(chosen.out)
+    model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
+    objects = select_gallery(model.codes, training_psnr(model, dataset), chosen.count)
+    replace(model, codes=model.codes.subset(objects)).save(chosen.out)
+    print(f"{len(objects)} of {len(model.codes)} objects, {chosen.out.stat().st_size / 1e6:.2f} MB")
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:

@@ -14,6 +14,7 @@ import torch
 from core.fitting import paper
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
+from core.fitting.plausibility import category_likelihood
 from core.fitting.problem import Problem
 from core.fitting.schedule import Schedule, build_schedule
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, select
@@ -39,13 +40,15 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
     cameras = list(problem.cameras)
+    likelihood = category_likelihood(model.category, job.photos)
     for step, state in enumerate(_search(problem, schedule, job, generator), 1):
         steps = step + schedule.steps if state.restart_follows else steps
         shown = state.to_step(step, steps, time.perf_counter() - began)
         for view, camera in zip(state.views, shown.cameras, strict=True):
             cameras[view] = camera
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
-        yield replace(shown, cameras=tuple(cameras), margin=None if job.resume_from else shown.margin)
+        margin = None if job.resume_from else shown.margin
+        yield replace(shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood)
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from core.fitting.confidence import confidence
+from core.fitting.confidence import DOUBTFUL, confidence
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras, to_hypotheses
 from core.fitting.problem import Problem
 from core.fitting.search import SearchResult
@@ -77,10 +77,16 @@ class FitStep:
     """the leader, then the others that have not diverged, the least loss first. Where several cameras are unknown, they
     are of the photos of the search under way: each camera has one of its own at first."""
 
+    category_likelihood: float = 1.0
+    """the probability that the photos show an object of the model's category"""
+
     @property
     def confidence(self) -> float | None:
         """The probability that the cameras are right, 0..1; None where that is not known."""
-        return None if self.margin is None or self.uncertainty is None else confidence(self.margin, self.uncertainty)
+        if self.margin is None or self.uncertainty is None:
+            return None
+        # A category that is more likely than not is not doubted.
+        return min(1.0, self.category_likelihood / DOUBTFUL) * confidence(self.margin, self.uncertainty)
 
 
 class SearchState(NamedTuple):

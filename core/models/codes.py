@@ -1,5 +1,6 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -111,6 +112,8 @@ class CodeBook:
     objects: tuple[Entry, ...]
     collapsed: frozenset[int] = frozenset()
     """Objects that collapsed in training and show next to nothing: still indexed, but not part of the code spaces."""
+    spaces: tuple[CodeSpace, CodeSpace] | None = None
+    """Shape and texture space of all training objects, where the book keeps only some of them (a gallery)."""
 
     def __post_init__(self) -> None:
         if not self.collapsed <= set(range(len(self.objects))):
@@ -136,17 +139,36 @@ class CodeBook:
     @cached_property
     def shape_space(self) -> CodeSpace:
         """The cloud of the shape codes."""
+        if self.spaces:
+            return self.spaces[0]
         return CodeSpace.from_codes(self._valid_rows(self.shapes, [entry.shape for entry in self.objects]))
 
     @cached_property
     def texture_space(self) -> CodeSpace:
         """The cloud of the texture codes."""
+        if self.spaces:
+            return self.spaces[1]
         return CodeSpace.from_codes(self._valid_rows(self.textures, [entry.texture for entry in self.objects]))
 
     @property
     def mean(self) -> Codes:
         """The mean shape in the mean texture, where the paper's fit begins."""
         return Codes(self.shape_space.mean, self.texture_space.mean)
+
+    def subset(self, objects: Sequence[int]) -> "CodeBook":
+        """The book of these objects alone, in this order, with the code spaces of all."""
+        shapes, textures = dict[int, int](), dict[int, int]()
+        entries = tuple(
+            Entry(
+                entry.name,
+                shapes.setdefault(entry.shape, len(shapes)),
+                textures.setdefault(entry.texture, len(textures)),
+            )
+            for entry in (self.objects[index] for index in objects)
+        )
+        collapsed = frozenset(row for row, index in enumerate(objects) if index in self.collapsed)
+        spaces = self.shape_space, self.texture_space
+        return CodeBook(self.shapes[list(shapes)], self.textures[list(textures)], entries, collapsed, spaces)
 
     def nearest_shape(self, code: Float[Tensor, "shape_latent"]) -> int:
         """The valid object with the nearest shape, by :meth:`CodeSpace.distance`.

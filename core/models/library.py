@@ -1,13 +1,16 @@
 """Which models there are: the shipped ones by name, any other by its path; and images to try them with."""
 
+from functools import cache
 from pathlib import Path
 
 from core.models.authors_checkpoint import load_authors
+from core.models.category import CategoryClassifier
 from core.models.model import Model
 from core.models.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SHIPPED = _ASSETS / "models"
+DEFAULT_MODEL = "chairs"
 
 
 def shipped_models() -> tuple[str, ...]:
@@ -18,6 +21,13 @@ def shipped_models() -> tuple[str, ...]:
 def sample_images(category: str) -> tuple[Path, ...]:
     """Images to try a model with: objects of its category that it was not trained on."""
     return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
+
+
+@cache
+def category_classifier() -> CategoryClassifier | None:
+    """What tells the shipped categories apart; None where there is no such file."""
+    path = _ASSETS / "categories.safetensors"
+    return CategoryClassifier.load(path) if path.exists() else None
 
 
 def load_model(name: str, device: str = "cpu") -> Model:

@@ -15,7 +15,7 @@ from torch import Tensor
 from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.ablations import build_field
-from core.models.codes import CodeBook, Entry
+from core.models.codes import CodeBook, CodeSpace, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
@@ -33,6 +33,8 @@ _OLD_KEYS = {
 _CELLS = "occupied_cells"
 _CLASSIFIER_PREFIXES = ("viewpoint.", "glance.")
 """Of the viewpoint classifier's tensors; the second in older files."""
+_SPACES, _SPACE_PARTS = ("shape_space", "texture_space"), ("mean", "directions", "std")
+"""Tensors of the code spaces, in files that keep a gallery instead of all codes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,10 +156,11 @@ class Model:
     def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
         field = build_field(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
-        classifier, cells = _pop_classifier(tensors), tensors.pop(_CELLS, None)
+        spaces, cells = _pop_spaces(tensors), tensors.pop(_CELLS, None)
+        classifier = _pop_classifier(tensors)
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about["objects"])
-        codes = CodeBook(shapes, textures, objects, frozenset(about.get("collapsed", ())))
+        codes = CodeBook(shapes, textures, objects, frozenset(about.get("collapsed", ())), spaces)
         about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "white_from_network")} | {
             "extent": tuple(about["extent"])
         }
@@ -184,11 +187,25 @@ def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
     return classifier
 
 
+def _pop_spaces(tensors: dict[str, Tensor]) -> tuple[CodeSpace, CodeSpace] | None:
+    """The code spaces, taken out of a file's tensors; None where they follow from the codes."""
+    if "shape_space.mean" not in tensors:
+        return None
+    shape, texture = (CodeSpace(*(tensors.pop(f"{kind}.{part}").float() for part in _SPACE_PARTS)) for kind in _SPACES)
+    return shape, texture
+
+
 def _all_tensors(model: Model) -> dict[str, Tensor]:
     """All that is saved: what renders in single precision, the viewpoint classifier in half, occupied cells as bits."""
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
+    spaces = {
+        f"{kind}.{part}": getattr(space, part).detach().cpu().contiguous()
+        for kind, space in zip(_SPACES, model.codes.spaces or (), strict=False)
+        for part in _SPACE_PARTS
+    }
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
-    return _rendering_tensors(model) | {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()} | cells
+    looking = {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
+    return _rendering_tensors(model) | spaces | looking | cells
 
 
 def _rendering_tensors(model: Model) -> dict[str, Tensor]:

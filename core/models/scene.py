@@ -113,3 +113,12 @@ def open_scene(path: Path, model: Model) -> Scene:
         return Scene.from_json(text, model)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def scene_model(path: Path) -> str | None:
+    """The fingerprint of the model that a scene, or an image that holds one, belongs to; None where it is no scene."""
+    try:
+        about = json.loads(embedded_scene(path) or path.read_text())
+        return str(about["model"]) if {"shape", "texture", "camera"} <= about.keys() else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None

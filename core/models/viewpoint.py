@@ -7,14 +7,13 @@ recognises a front. It says nothing about codes: it is a prior on the camera's d
 
 import math
 from functools import lru_cache
-from itertools import pairwise
 
 import torch
 from jaxtyping import Bool, Float
-from torch import Tensor, nn
-from torch.nn import functional
+from torch import Tensor
 
 from core.geometry.camera import camera_rotation
+from core.models.crops import CropClassifier, crop_to_object
 
 AZIMUTHS = 24
 ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
@@ -22,37 +21,15 @@ ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
 _DIRECTIONS = AZIMUTHS * len(ELEVATIONS)
 _UNIFORM_MIX = 0.05
 """Share of the uniform distribution in every prediction: how often the network is confident and wrong."""
-SIDE = 48
-"""px, of the input"""
-_CHANNELS = (20, 40, 64, 80)
-_BOTTLENECK = 32
-_HIDDEN = 96
-_MARGIN = 1.12
-"""side of the square input, over the longer side of the object's box"""
 _KERNEL_WIDTH = math.radians(12)
 """A direction between those of the grid has the probability of those that are so near."""
 
 
-class ViewpointClassifier(nn.Module):
-    """A convolutional network over (images, 4, SIDE, SIDE): rgb on white and the mask, 0..1, as
-    :func:`crop_to_object` makes them. Its logits are those of the directions of :func:`directions`.
-    """
+class ViewpointClassifier(CropClassifier):
+    """A classifier whose classes are the directions of :func:`directions`."""
 
     def __init__(self) -> None:
-        super().__init__()
-        sizes = (4, *_CHANNELS)
-        self.layers = nn.ModuleList(nn.Conv2d(one, other, 3, 2, 1) for one, other in pairwise(sizes))
-        self.fewer = nn.Conv2d(sizes[-1], _BOTTLENECK, 1)
-        self.hidden = nn.Linear(_BOTTLENECK * (SIDE // 2 ** len(_CHANNELS)) ** 2, _HIDDEN)
-        self.last = nn.Linear(_HIDDEN, _DIRECTIONS)
-
-    def forward(self, images: Float[Tensor, "images 4 side side"]) -> Float[Tensor, "images directions"]:
-        """Logits; dropout while training."""
-        y = 2 * images - 1
-        for layer in (*self.layers, self.fewer):
-            y = layer(y).relu()
-        y = self.hidden(y.flatten(1)).relu()
-        return self.last(functional.dropout(y, 0.1, self.training))
+        super().__init__(_DIRECTIONS)
 
 
 @lru_cache(maxsize=1)
@@ -94,19 +71,3 @@ def viewpoint_nll(
     """The negative log-likelihood of cameras (rad), relative to the likeliest one: at least 0."""
     smooth = direction_weights(*directions()) @ probability
     return (smooth.max() / (direction_weights(azimuth, elevation) @ probability)).log().clamp_min(0)
-
-
-def crop_to_object(
-    pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]
-) -> Float[Tensor, "4 side side"]:
-    """The network's input: the object of an image on white and its mask, in a square around its box."""
-    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
-    ends = torch.stack((rows[[0, -1]], columns[[0, -1]])) + torch.tensor([0, 1])
-    middle, half = ends.float().mean(1), _MARGIN * float(ends.diff(dim=1).max()) / 2
-    steps = (torch.arange(2 * SIDE) + 0.5) / SIDE - 1
-    y, x = ((one + half * steps) / length * 2 - 1 for one, length in zip(middle, mask.shape, strict=True))
-    grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)
-    inside = mask[..., None].float()
-    seen = torch.cat(((pixels - 1) * inside, inside), -1).movedim(-1, 0)[None]
-    found = functional.avg_pool2d(functional.grid_sample(seen, grid[None], align_corners=False), 2)[0]
-    return torch.cat((found[:3] + 1, found[3:]))

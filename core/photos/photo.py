@@ -1,6 +1,8 @@
 """Images to fit: read, cut out on white, cropped as the training images are."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -82,13 +84,26 @@ def load_photo(
     Raises ``ValueError``, one line naming the file, for anything that is no image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
+    matrix = None if pose is None else _read_pose(pose)
+    cut = read_cut_out(path, hints)
+    with _naming(path):
+        return prepare_photo(cut, model, matrix, crop)
+
+
+def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
+    """The object of an image file. Raises as :func:`load_photo` does."""
+    with _naming(path):
+        return cut_out(read_rgba(path), hints)
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Errors name the file."""
     try:
-        matrix = None if pose is None else _read_pose(pose)
-        return prepare_photo(cut_out(read_rgba(path), hints), model, matrix, crop)
+        yield
     except ValueError as error:
-        named = any(str(file) in str(error) for file in (path, pose) if file is not None)
         kind = NoBackgroundError if isinstance(error, NoBackgroundError) else ValueError
-        raise kind(str(error) if named else f"{path}: {error}") from None
+        raise kind(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
 def photo_from_array(

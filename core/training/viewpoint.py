@@ -1,4 +1,4 @@
-"""Training :mod:`core.models.viewpoint` on the images of a dataset, augmented in colour, size and place."""
+"""Training :mod:`core.models.viewpoint` on the images of a dataset, made like photographs."""
 
 import math
 from collections.abc import Iterator
@@ -11,18 +11,15 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.datasets.srn import Dataset
-from core.geometry.camera import FRONT_AZIMUTH, camera_rotation
-from core.models.viewpoint import ViewpointClassifier, crop_to_object, direction_weights, directions
+from core.geometry.camera import camera_rotation
+from core.models.crops import crop_to_object
+from core.models.viewpoint import ViewpointClassifier, direction_weights, directions
+from core.training.augmentation import augment_photo
 
 _BATCH_SIZE = 96
 _PEAK_LR = 2e-3
 _KERNEL_WIDTH = math.radians(9)
 """rad; standard deviation of the target distribution around the true direction"""
-_COLOUR_STD, _BRIGHTNESS_STD = 0.35, 0.2
-"""by how much colours are mixed and shifted"""
-_INVERT_PROBABILITY = 0.15
-_SCALE_STD, _ASPECT_STD, _SHIFT_STD = 0.06, 0.08, 0.04
-"""of an object's size, of its proportions and, in halves of an image, of its place"""
 
 
 class ViewpointDataset(NamedTuple):
@@ -67,7 +64,7 @@ def train_viewpoint(
     for step in range(steps):
         optimiser.param_groups[0]["lr"] = _PEAK_LR * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
         index = torch.randint(len(dataset.images), (_BATCH_SIZE,), generator=generator)
-        images, azimuth = augment(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
+        images, azimuth = augment_photo(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
         target = direction_weights(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
         loss = functional.cross_entropy(classifier(images), target)
         optimiser.zero_grad()
@@ -75,36 +72,6 @@ def train_viewpoint(
         optimiser.step()
         yield ViewpointStep(step + 1, steps, float(loss.detach()))
     classifier.requires_grad_(False).eval()
-
-
-def augment(
-    images: Float[Tensor, "images 4 side side"], azimuth: Float[Tensor, "images"], generator: torch.Generator
-) -> tuple[Float[Tensor, "images 4 side side"], Float[Tensor, "images"]]:
-    """The images in other colours, sizes and places, half of them mirrored; and their azimuths (rad) after that.
-
-    A mirrored object is one seen from the other side of its front.
-    """
-    count = len(images)
-
-    def normal(std: float, *shape: int) -> Tensor:
-        return std * torch.randn(count, *shape, generator=generator)
-
-    mixing = torch.eye(3) + normal(_COLOUR_STD, 3, 3)
-    colours = torch.einsum("nij,njhw->nihw", mixing, images[:, :3] - 0.5) + 0.5 + normal(_BRIGHTNESS_STD, 3, 1, 1)
-    inverted, mirrored = (
-        torch.rand(2, count, generator=generator) < torch.tensor([[_INVERT_PROBABILITY], [0.5]])
-    ).unbind()
-    colours = torch.where(inverted[:, None, None, None], 1 - colours, colours).clamp(0, 1)
-    mask = images[:, 3:]
-    seen = torch.cat(((colours - 1) * mask, mask), 1)
-    affine = torch.zeros(count, 2, 3)
-    size = 1 + normal(_SCALE_STD)
-    affine[:, 0, 0] = size * (1 + normal(_ASPECT_STD)) * torch.where(mirrored, -1.0, 1.0)
-    affine[:, 1, 1] = size * (1 + normal(_ASPECT_STD))
-    affine[:, :, 2] = normal(_SHIFT_STD, 2)
-    grid = functional.affine_grid(affine, list(seen.shape), align_corners=False)
-    seen = functional.grid_sample(seen, grid, align_corners=False)
-    return torch.cat((seen[:, :3] + 1, seen[:, 3:]), 1), torch.where(mirrored, 2 * FRONT_AZIMUTH - azimuth, azimuth)
 
 
 def accuracy_within(classifier: ViewpointClassifier, dataset: ViewpointDataset, within: float) -> float:

@@ -14,7 +14,7 @@ from core.models.model import Model
 from core.rendering.progressive import render_progressively
 from tests.conftest import no_opengl, random_model
 from tests.viewer.driver import Drive, Driver, finish
-from tests.viewer.stand_ins import quick_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_photo
 from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
@@ -46,13 +46,15 @@ def model() -> Model:
 @pytest.fixture
 def backend(model: Model) -> Backend:
     """Stand-ins for all that takes time. Turntables are real."""
-    return Backend(lambda name: model, quick_photo, quick_frames, quick_fit, lambda model: iter(()))
+    return Backend(
+        lambda name: model, quick_photo, quick_frames, quick_fit, lambda model: iter(()), guess_category=no_guess
+    )
 
 
 @pytest.fixture
 def real_backend(model: Model) -> Backend:
     """Nothing stands in but a tiny model. Its view bank is left out: that of a mist takes a minute."""
-    return Backend(load_model=lambda name: model, view_bank=lambda _: iter(()))
+    return Backend(load_model=lambda name: model, view_bank=lambda _: iter(()), guess_category=no_guess)
 
 
 @pytest.fixture

@@ -41,6 +41,11 @@ def quick_photo(path: Path, model: Model, *more: Any) -> Photo:
     return Photo(pixels, pixels.mean(-1) < 0.9)
 
 
+def no_guess(photo: Photo) -> dict[str, float]:
+    """Nothing is said about the category."""
+    return {}
+
+
 def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Ten steps towards object 3, seen from azimuth 1 rad, or else from behind; four are active, then two.
 
@@ -69,6 +74,17 @@ def quick_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             uncertainty=1.0,
             hypotheses=tuple(hypotheses),
         )
+
+
+def checked_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """Ten steps towards object 3, then ten of a second search, whose result is object 4."""
+    first = list(quick_fit(model, job))
+    yield from first
+    for step in first[:-1]:
+        time.sleep(0.01)
+        yield replace(first[-1], step=10 + step.step, steps=20, seconds=1.0 + step.seconds, restart=True)
+    behind = first[-1].runner_up.cameras
+    yield replace(first[-1], step=20, steps=20, cameras=behind, codes=model.codes[4], restart=True)
 
 
 def endless_fit(model: Model, job: FitJob) -> Iterator[FitStep]:

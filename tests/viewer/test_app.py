@@ -17,6 +17,7 @@ from viewer import app
 from viewer.panels import all_panels
 from viewer.services.backend import Backend
 from viewer.values import orbit
+from viewer.values.history import History
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
 
@@ -53,40 +54,71 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
     drive(second, folder=folder)
 
 
-def test_a_session_that_ended_badly_is_offered_back(drive: Drive, photo: Path, tmp_path: Path) -> None:
+def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_path: Path) -> None:
     folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        assert not window.ctx.window_info("//###Recovery").window
-        window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
-        window.wait()
+        editor = window.workspace.editor
+        window.fit(photo)
         window.press(imgui.Key.k)
         window.drag("View/orbit", 80)
-        window.context.autosave.every = 0.0
-        window.wait(lambda: any(folder.glob("session-*.json")))
-        (written,) = folder.glob("session-*.json")
-        (folder / "session-999999999.json").write_text(written.read_text())  # of a run that is no more
-        made.append(editor.state)
+        made.append(editor.history)
 
     def second(window: Driver) -> None:
-        session, editor = window.session, window.workspace.editor
-        window.click("###Recovery/###restore")
-        window.wait()
-        assert session.messages.errors == []
-        assert editor.state == made[0]
-        assert editor.objects.names[0] == "block"
-        assert editor.objects["block"].photo is not None
-        assert not window.context.autosave.left
+        workspace, editor = window.workspace, window.workspace.editor
+        assert not window.ctx.window_info("//###Recovery").window
+        assert window.session.messages.errors == []
+        assert editor.history == made[0]
+        assert workspace.fitting.history.photo is not None
         window.undo()
-        assert not editor.history.past
+        assert editor.state == made[0].past[-1]
+        window.menu("File/###new_project")
+        assert not window.workspace.editor.history.past
+        assert window.workspace.editor.objects.names[0] == "block"
+        window.menu("File/Earlier sessions/###earlier 1")
+        assert window.workspace.editor.history.past == made[0].past[:-1]
 
-    made: list[object] = []
+    made: list[History] = []
     drive(first, folder=folder)
-    assert [path.name for path in folder.glob("session-*.json")] == ["session-999999999.json"]
+    assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
     drive(second, folder=folder)
-    assert not list(folder.glob("session-*.json"))
+
+
+def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
+    drive: Drive, backend: Backend, photo: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        workspace = window.workspace
+        window.click("Objects/**/show object 3")
+        window.context.drop([str(photo)])
+        window.wait(lambda: len(workspace.fitting.history.steps) > 3)
+        window.context.autosave.every = 0.0
+        window.wait(lambda: any(folder.glob("session-*")))
+        (written,) = folder.glob("session-*")
+        (folder / "session-999999999.codenerf").write_bytes(written.read_bytes())  # of a run that is no more
+        made.append(workspace.editor.history)
+
+    def second(window: Driver) -> None:
+        window.click("###Recovery/###restore")
+        window.wait(lambda: not window.session.fitting_runs)
+        window.wait()
+        editor = window.workspace.editor
+        assert window.session.messages.errors == []
+        assert editor.history == made[0]
+        assert editor.objects.names[0] == "block"
+        assert not window.context.autosave.left
+        window.click("###Running fit/###show ready")
+        assert editor.state.mix.a.shape == "block"
+        window.undo()
+        assert editor.history.now == made[0].now
+
+    made: list[History] = []
+    drive(first, replace(backend, fit=endless_fit), folder=folder)
+    (folder / "session.codenerf").unlink()
+    drive(second, folder=folder)
+    assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
 
 
 def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,17 +1,26 @@
+import base64
+import io
 import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from tests.viewer.driver import finish
+from core.models.scene import Scene
+from tests.viewer.driver import deliver, finish
+from tests.viewer.stand_ins import endless_fit
 from viewer.autosave import Autosave
 from viewer.editor import Editor
+from viewer.services.backend import Backend
+from viewer.services.mine import Mine
+from viewer.services.worker import Worker
 from viewer.session import Session
-from viewer.values.objects import EditableObject
-from viewer.values.saved_session import SavedSession
+from viewer.values.project import Project
 from viewer.workspace import Workspace
 
 
@@ -45,57 +54,225 @@ def edit(session: Session, photo: Path) -> None:
     workspace.player.set_turns(-2)
 
 
-def test_a_session_comes_back_from_its_text(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
-    edit(session, photo)
-    workspace.exporting.scene(photo.with_name("opened.json"))
-    session.open_scene(photo.with_name("opened.json"))
-    state, fitted = editor.state, editor.objects["block"]
-    saved = SavedSession.read(SavedSession.of("chairs", state, editor.objects.added).text)
-    found, objects = saved.restored(workspace.model)
-    assert saved.model == "chairs"
-    assert found == state
-    assert [one.name for one in objects] == ["block", "opened"]
-    assert objects[1].photo is None
-    assert objects[0].codes == fitted.codes
-    assert objects[0].photo.pixels == pytest.approx(fitted.photo.pixels, abs=0.003)
-    assert (objects[0].photo.mask == fitted.photo.mask).all()
+def older_text(editor: Editor, model: str) -> str:
+    """As versions before projects wrote a session."""
+    scene, mix, timeline = editor.scene, editor.state.mix, editor.state.timeline
+
+    def one(codes: object, camera: object = scene.camera) -> dict:
+        return json.loads(Scene(scene.model, codes, camera).to_json())
+
+    def photo(found: object) -> str:
+        file, pixels = io.BytesIO(), (255 * found.pixels.numpy()).astype(np.uint8)
+        Image.fromarray(np.dstack((pixels, 255 * found.mask.numpy().astype(np.uint8)))).save(file, "PNG")
+        return base64.b64encode(file.getvalue()).decode()
+
+    return json.dumps(
+        {
+            "opened": model,
+            "scene": one(scene.codes),
+            "mix": {"a": mix.a, "b": mix.b, "shape": mix.shape, "texture": mix.texture},
+            "timeline": {
+                "keys": [(key.seconds, one(*key.view)) for key in timeline.keys],
+                **{name: getattr(timeline, name) for name in ("length", "loop", "turns", "smooth")},
+            },
+            "things": [
+                {"name": added.name, "scene": one(added.codes), "photo": added.photo and photo(added.photo)}
+                for added in editor.objects.added
+            ],
+        }
+    )
 
 
-def test_it_is_written_between_drags_and_goes_with_a_good_end(
-    session: Session, editor: Editor, tmp_path: Path, clock: Clock
-) -> None:
+def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
+    """A launch."""
+    session = Session(worker, backend, seed=1)
+    session.mine = Mine(folder / "mine")
+    autosave = Autosave(session, folder, clock)
+    session.open_model(autosave.model or "chairs")
+    deliver(session, lambda: session.workspace is not None)
+    return session, autosave
+
+
+def opened(session: Session) -> Workspace:
+    assert session.workspace is not None
+    return session.workspace
+
+
+def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
     autosave = Autosave(session, tmp_path, clock)
     clock.now = 10.0
     autosave.tick()
-    assert not list(tmp_path.iterdir())  # nofitted was made yet
+    assert not list(tmp_path.iterdir())  # nothing was made yet
+    clock.now = 20.0
     editor.set_coordinate("shape", 0, 1.0, gesture="shape 0")
     autosave.tick()
     assert not list(tmp_path.iterdir())
     editor.end_gesture()
     autosave.tick()
     (written,) = tmp_path.iterdir()
-    before = written.read_text()
+    before = written.read_bytes()
     editor.show_object("object 2")
     autosave.tick()
-    assert written.read_text() == before  # too early
-    clock.now = 20.0
+    assert written.read_bytes() == before  # too early
+    clock.now = 30.0
     autosave.tick()
-    assert written.read_text() != before
+    assert written.read_bytes() != before
     autosave.close()
-    assert not list(tmp_path.iterdir())
+    assert [path.name for path in tmp_path.iterdir()] == ["session.codenerf"]
 
 
-def test_what_an_older_version_wrote_is_read(session: Session, editor: Editor, photo: Path) -> None:
+def test_the_next_launch_goes_on_with_every_model(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
     edit(session, photo)
-    about = json.loads(SavedSession.of("chairs", editor.state, editor.objects.added).text)
-    older = {"opened": about.pop("model"), "things": about.pop("objects")} | about
-    saved = SavedSession.read(json.dumps(older))
-    assert saved.model == "chairs"
-    state, objects = saved.restored(editor.model)
-    assert state == editor.state
-    assert [one.name for one in objects] == ["block"]
+    made = [opened(session).editor.history]
+    session.open_model("cars")
+    finish(session)
+    edit(session, photo)
+    made.append(opened(session).editor.history)
+    steps, step = opened(session).fitting.history.steps, opened(session).fitting.history.last
+    autosave.close()
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert session.model_name == "cars"
+    assert not autosave.left
+    workspace = opened(session)
+    assert workspace.editor.history == made[1]
+    assert [one.psnr for one in workspace.fitting.history.steps] == [one.psnr for one in steps]
+    assert workspace.fitting.history.last.runner_up == step.runner_up
+    assert workspace.fitting.history.last.confidence == step.confidence
+    assert workspace.fitting.history.photo is not None
+    assert len(workspace.fitting.candidates.tiles) == 4
+    finish(session)
+    assert workspace.fitting.history.frame is not None
+    assert all(tile.frame for tile in workspace.fitting.candidates.tiles)
+    session.open_model("chairs")
+    finish(session)
+    assert opened(session).editor.history == made[0]
+
+
+def test_a_fit_under_way_and_those_that_wait_go_on(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    other = photo.with_name("block other.png")
+    other.write_bytes(photo.read_bytes())
+    session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
+    opened(session).fitting.start(photo)
+    opened(session).fitting.start(other)
+    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    autosave.close()
+    photo.unlink()  # it was read already
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert opened(session).fitting.running
+    assert len(opened(session).fitting.queue) == 1
+    finish(session, lambda: not opened(session).fitting.pending)
+    assert session.messages.errors == []
+    assert opened(session).editor.objects.names[:2] == ["block other", "block"]
+
+
+def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
+    opened(session).editor.show_object("object 2")
+    opened(session).fitting.start(photo)
+    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    clock.now += 10.0
+    autosave.tick()
+    (written,) = tmp_path.glob("session-*.codenerf")
+    written.rename(tmp_path / "session-999999999.codenerf")  # nothing more is written: the run is no more
+    opened(session).close()
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert not opened(session).editor.history.past
+    assert len(autosave.left) == 1
+    autosave.restore()
+    assert not autosave.left
+    assert opened(session).fitting.running
+    finish(session, lambda: not opened(session).fitting.running)
+    assert opened(session).editor.objects.names[0] == "block"
+    assert len(opened(session).editor.history.past) == 1
+    assert opened(session).fitting.ready is not None
+
+
+def test_a_session_that_ends_the_program_is_not_begun_with_again(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    opened(session).editor.show_object("object 2")
+    autosave.close()
+    begun(worker, backend, tmp_path, clock)
+    (path,) = tmp_path.glob("session*")
+    assert path.stem.startswith(f"session-{os.getpid()}-")  # as is offered where that run is no more
+
+
+def test_of_two_windows_neither_session_is_lost(worker: Worker, backend: Backend, tmp_path: Path, clock: Clock) -> None:
+    first, of_first = begun(worker, backend, tmp_path, clock)
+    second, of_second = begun(worker, backend, tmp_path, clock)
+    opened(first).editor.show_object("object 2")
+    opened(second).editor.show_object("object 3")
+    of_first.close()
+    of_second.close()
+    assert len(list(tmp_path.glob("session*.codenerf"))) == 2
+
+
+def test_new_begins_afresh_and_keeps_what_there_was(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    edit(session, photo)
+    history = opened(session).editor.history
+    session.new()
+    editor = opened(session).editor
+    assert not (editor.history.past or editor.state.timeline.keys)
+    assert editor.objects.names[0] == "block"  # it is mine
+    (earlier,) = autosave.earlier
+    session.new()
+    assert len(autosave.earlier) == 1  # nothing had been made
+    session.open_project(earlier)
+    assert opened(session).editor.history == history
+    assert opened(session).editor.objects.names.count("block") == 1
+    session.new()
+    autosave.close()
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert not opened(session).editor.history.past
+
+
+def test_what_was_made_with_a_model_that_is_another_now_is_kept_aside(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    opened(session).editor.show_object("object 2")
+    saved = session.project().sessions[0]
+    scene = replace(saved.history.now.scene, model="another")
+    history = replace(saved.history, now=replace(saved.history.now, scene=scene))
+    Project("chairs", (replace(saved, history=history),)).save(tmp_path / "session.codenerf")
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert len(session.messages.errors) == 1
+    assert not opened(session).editor.history.past
+    assert len(autosave.earlier) == 1
+
+
+def test_a_kept_session_that_is_broken_is_reported_and_stays(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    (tmp_path / "session.codenerf").write_text("broken")
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert len(session.messages.errors) == 1
+    assert [path.read_text() for path in autosave.earlier] == ["broken"]
+
+
+def test_what_an_older_version_wrote_is_read(session: Session, editor: Editor, photo: Path, tmp_path: Path) -> None:
+    edit(session, photo)
+    state = editor.state
+    folder = tmp_path / "config"
+    folder.mkdir()
+    (folder / "session-999999999.json").write_text(older_text(editor, "chairs"))
+    session.new()
+    autosave = Autosave(session, folder)
+    autosave.restore()
+    assert not autosave.left
+    assert opened(session).editor.state == state
+    assert [one.name for one in opened(session).editor.objects.added] == ["block"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="not known on Windows")
@@ -103,22 +280,22 @@ def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) 
     with subprocess.Popen([sys.executable, "-c", "pass"]) as ended:
         pass
     for number in (ended.pid, os.getppid()):
-        (tmp_path / f"session-{number}.json").write_text("{}")
+        (tmp_path / f"session-{number}.codenerf").write_text("{}")
     autosave = Autosave(session, tmp_path)
-    assert [path.name for path in autosave.left] == [f"session-{ended.pid}.json"]
+    assert [path.name for path in autosave.left] == [f"session-{ended.pid}.codenerf"]
     autosave.discard()
-    assert [path.name for path in tmp_path.iterdir()] == [f"session-{os.getppid()}.json"]
+    assert [path.name for path in tmp_path.iterdir()] == [f"session-{os.getppid()}.codenerf"]
 
 
 def test_of_several_that_were_left_the_last_is_offered_first(session: Session, tmp_path: Path) -> None:
     for age, name in enumerate(("999999999-a", f"{os.getpid()}-b", "999999998")):  # the second's number is ours now
-        (tmp_path / f"session-{name}.json").write_text("{}")
-        os.utime(tmp_path / f"session-{name}.json", (age, age))
+        (tmp_path / f"session-{name}.codenerf").write_text("{}")
+        os.utime(tmp_path / f"session-{name}.codenerf", (age, age))
     autosave = Autosave(session, tmp_path)
     assert autosave.times == (0, 1, 2)
     autosave.discard()
     autosave.discard()
-    assert [path.name for path in tmp_path.iterdir()] == ["session-999999999-a.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["session-999999999-a.codenerf"]
     assert autosave.left
 
 
@@ -127,9 +304,9 @@ def test_what_cannot_be_read_is_reported_and_changes_nothing(
     session: Session, editor: Editor, tmp_path: Path, harm: str
 ) -> None:
     editor.show_object("object 3")
-    about = json.loads(SavedSession.of("chairs", editor.state, ()).text)
+    about = json.loads(older_text(editor, "chairs"))
     if harm == "model only":
-        about = {"model": "chairs"}
+        about = {"opened": "chairs"}
     elif harm == "no key":
         del about["mix"]["a"]
     elif harm == "another model":
@@ -144,35 +321,8 @@ def test_what_cannot_be_read_is_reported_and_changes_nothing(
     autosave = Autosave(session, tmp_path)
     autosave.restore()
     finish(session)
-    assert editor.history is before
+    assert opened(session).editor.history is before
     assert len(session.messages.errors) == 1
     assert len(list(tmp_path.iterdir())) == 1
     autosave.discard()
     assert not list(tmp_path.iterdir())
-
-
-def test_a_session_of_another_model_opens_it_first(session: Session, editor: Editor, photo: Path) -> None:
-    edit(session, photo)
-    saved = SavedSession.of("other", editor.state, (editor.objects["block"],))
-    session.restore(saved)
-    finish(session)
-    assert session.model_name == "other"
-    assert session.workspace is not None
-    editor = session.workspace.editor
-    assert editor.objects.names[0] == "block"
-    assert len(editor.state.timeline.keys) == 2
-
-
-def test_a_restored_object_whose_name_is_taken_gets_another(session: Session, editor: Editor, photo: Path) -> None:
-    edit(session, photo)
-    editor.show_object("block")
-    saved = SavedSession.of("other", editor.state, editor.objects.added)
-    codes = editor.objects["block"].codes
-    session.open_model("other")
-    finish(session)
-    assert session.workspace is not None
-    editor = session.workspace.editor
-    editor.objects.add(EditableObject("block", editor.objects["object 1"].codes))
-    session.restore(saved)
-    assert editor.state.mix.a == ("block (2)", "block (2)")
-    assert editor.objects["block (2)"].codes == codes

@@ -2,13 +2,18 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from core.models.model import Model
+from core.models.scene import Scene, save_image
+from tests.conftest import random_model
 from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
+from viewer.values.project import Project
 from viewer.workspace import Workspace
 
 
@@ -32,7 +37,7 @@ def test_nothing_is_there_before_the_model_is(worker: Worker, backend: Backend, 
     session.tick()
     session.open_scene(tmp_path / "scene.json")
     assert session.workspace is None
-    assert session.save() is None
+    assert not session.project().sessions
     assert not session.fitting_runs
     assert not session.jobs.busy()
 
@@ -111,6 +116,53 @@ def test_a_scene_dropped_while_the_model_loads_is_opened_then(
     assert opened(other).editor.scene == editor.scene
 
 
+def test_a_scene_of_the_other_shipped_model_opens_that(
+    worker: Worker, backend: Backend, model: Model, tmp_path: Path
+) -> None:
+    other = random_model(seed=5)
+    assert other.fingerprint != model.fingerprint
+    models = {"chairs": model, "cars": other}
+    session = Session(worker, replace(backend, load_model=lambda name: models[name]), seed=0)
+    scene = Scene(other.fingerprint, other.codes[2], other.camera(0.3, 0.2))
+    scene.save(tmp_path / "a.json")
+    save_image(np.zeros((8, 8, 3), np.uint8), tmp_path / "b.png", scene)
+    session.open_model("chairs")
+    finish(session)
+    opened(session).editor.show_object("object 3")
+    made = opened(session).editor.history
+    for name in ("a.json", "b.png"):
+        session.open_scene(tmp_path / name)
+        finish(session, lambda: session.model_name == "cars" and not session.loading)
+        assert session.messages.errors == []
+        assert opened(session).editor.scene == scene
+        session.open_model("chairs")
+        finish(session)
+        assert opened(session).editor.history == made
+    assert len(session.project().sessions) == 2
+
+
+def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, editor: Editor, tmp_path: Path) -> None:
+    editor.show_object("object 3")
+    session.save_project(tmp_path / "no such folder" / "a.codenerf")
+    assert session.messages.errors[-1].startswith("Cannot save the project")
+    session.save_project(tmp_path / "a.codenerf")
+    project = Project.load(tmp_path / "a.codenerf")
+    (saved,) = project.sessions
+    scene = replace(saved.history.now.scene, model="another")
+    foreign = replace(saved, history=replace(saved.history, now=replace(saved.history.now, scene=scene)))
+    Project("chairs", (foreign,)).save(tmp_path / "foreign.codenerf")
+    Project("other", (replace(foreign, model="other"),)).save(tmp_path / "foreign other.codenerf")
+    (tmp_path / "torn.codenerf").write_bytes((tmp_path / "a.codenerf").read_bytes()[:500])
+    before = editor.history
+    for name in ("foreign", "foreign other", "torn", "missing"):
+        session.messages.clear()
+        session.open_project(tmp_path / f"{name}.codenerf")
+        finish(session)
+        assert opened(session).editor.history is before, name
+        assert len(session.messages.errors) == 1, name
+    assert session.project_path == tmp_path / "a.codenerf"
+
+
 def test_scenes_that_cannot_be_opened_change_nothing(
     session: Session, editor: Editor, workspace: Workspace, tmp_path: Path
 ) -> None:
@@ -126,7 +178,37 @@ def test_scenes_that_cannot_be_opened_change_nothing(
     for name in ("other", "short", "nan", "camera", "list", "binary", "missing"):
         session.messages.clear()
         session.open_scene(tmp_path / f"{name}.json")
+        finish(session)
         assert editor.history is before, name
         assert len(session.messages.errors) == 1, name
     workspace.exporting.scene(tmp_path / "no such folder" / "scene.json")
     assert session.messages.errors[-1].startswith("Cannot save the scene")
+
+
+def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
+    session: Session, editor: Editor, photo: Path
+) -> None:
+    other, before = replace(random_model(1), category="cars"), editor.history
+    backend, here = session.jobs.backend, editor.model
+    session.jobs.backend = replace(
+        backend,
+        load_model=lambda name: other if name == "cars" else here,
+        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
+    )
+    session.fit_photos(photo)
+    finish(session, lambda: session.model_name == "cars" and not session.loading)
+    finish(session, lambda: not session.fitting_runs)
+    assert opened(session).editor.objects.names[0] == "block"
+    assert "This looks like cars, not chairs: opening that model" in [one.text for one in session.messages.all]
+    session.open_model("chairs")
+    finish(session, lambda: session.model_name == "chairs")
+    assert "block" not in opened(session).editor.objects.names
+    assert opened(session).editor.history == before
+
+
+def test_a_photo_of_nothing_known_is_fitted_and_a_person_is_told(session: Session, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
+    session.fit_photos(photo)
+    finish(session, lambda: not session.fitting_runs)
+    assert opened(session).editor.objects.names[0] == "block"
+    assert "block: this does not look like a chair" in [one.text for one in session.messages.all]

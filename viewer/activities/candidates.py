@@ -15,6 +15,7 @@ from core.rendering.progressive import Frame
 from core.rendering.reference import render_exact
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
+from viewer.values.saved_session import SavedTile
 
 _MAX_STEP = 45.0
 """degrees: one step turns no camera so far, so what is farther is another hypothesis of the same origin"""
@@ -86,6 +87,15 @@ class Candidates:
         """Another fit."""
         self.close()
         self.tiles = tiles
+
+    def saved(self) -> tuple[SavedTile, ...]:
+        """The tiles without their thumbnails."""
+        return tuple(SavedTile(tile.number, tile.hypothesis, tile.eliminated_at) for tile in self.tiles)
+
+    def restore(self, saved: tuple[SavedTile, ...]) -> None:
+        """Bring tiles back; their thumbnails are rendered anew."""
+        self.reset(tuple(Tile(*tile) for tile in saved))
+        self.finish()
 
     def update(self, step: FitStep) -> None:
         """The fit has made a step."""

@@ -95,10 +95,10 @@ class Exporting:
         stream = self._jobs.backend.frames(self._editor.model, job)
         self._jobs.submit(Job(f"image {path}", lambda: _write_image(stream, path, scene), lambda _: None, ended))
 
-    def scene(self, path: Path) -> None:
-        """Write the scene as JSON, at once."""
+    def scene(self, path: Path, scene: Scene | None = None) -> None:
+        """Write a scene, or what is shown, as JSON, at once."""
         try:
-            self._editor.scene.save(path)
+            (scene or self._editor.scene).save(path)
         except ValueError as error:
             self._jobs.report("Cannot save the scene", error)
         else:

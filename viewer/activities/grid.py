@@ -42,6 +42,10 @@ class Grid:
         """Take an object out."""
         self.names = tuple(other for other in self.names if other != name)
 
+    def rename(self, name: str, to: str) -> None:
+        """An object has another name."""
+        self.names = tuple(to if other == name else other for other in self.names)
+
     def clear(self) -> None:
         """An empty grid."""
         self.names = ()

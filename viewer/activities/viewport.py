@@ -1,5 +1,6 @@
 """The view: how its image is rendered, how large and how fine, and what is on screen."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -41,6 +42,8 @@ class Viewport:
         """the whole frame, and what of it is shown"""
         self.times: tuple[tuple[tuple[int, int], float], ...] = ()
         """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
+        self.keep_following: Callable[[], bool] = lambda: False
+        """called after an edit while a fit is shown: whether it still is"""
         editor.scene_changed = self._scene_changed
 
     def close(self) -> None:
@@ -108,8 +111,8 @@ class Viewport:
             self.render()
 
     def _scene_changed(self) -> None:
-        """The timeline edits the scene while it plays; any other edit ends following a fit."""
-        if self.source == "fit":
+        """The timeline edits the scene while it plays; an edit of codes ends following a fit."""
+        if self.source == "fit" and not self.keep_following():
             self.source = "scene"
         self.render()
 

@@ -51,7 +51,7 @@ class FitPanel:
             _draw_start(context, fitting)
         if fitting.history.photo is None:
             imgui.spacing()
-            what = f"Reading {fitting.history.name} …" if fitting.running else _invitation(context)
+            what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
             return
         if not fitting.running:
@@ -73,6 +73,20 @@ def _draw_progress(fitting: Fitting) -> None:
         label += "    Checking from other sides"
     imgui.progress_bar(history.progress, (-1, 0), label)
     tooltip(f"{last.active} candidates left" if last else "Ranking the views of the view bank for the photo")
+    _draw_queue(fitting)
+
+
+def _draw_queue(fitting: Fitting) -> None:
+    """Which photos wait, and the object that can be used already."""
+    if fitting.queue:
+        imgui.align_text_to_frame_padding()
+        imgui.text(f"{len(fitting.queue)} more wait{'s' if len(fitting.queue) == 1 else ''}")
+        tooltip("\n".join(request.history.name for request in fitting.queue))
+        imgui.same_line()
+        if button("Clear###clear queue", "Forget the photos that wait"):
+            fitting.clear_queue()
+    if fitting.result:
+        imgui.text_disabled(f"{fitting.result.name} can be used already")
 
 
 def _draw_start(context: PanelContext, fitting: Fitting) -> None:

@@ -13,8 +13,12 @@ from viewer.widgets.controls import tooltip
 
 def draw(context: PanelContext) -> None:
     """Menus, and at their right what is under way."""
-    scenes = ("open_scene", "save_scene", _draw_recent)
-    _menu(context, "File", ("fit_image", "paste", _draw_samples, None, *scenes, None, "quit"))
+    project = ("new_project", "open_scene", _draw_recent, _draw_earlier, None, "save_project", "save_project_as")
+    _menu(
+        context,
+        "File",
+        ("fit_image", "paste", _draw_samples, None, *project, None, "save_scene", None, "quit"),
+    )
     _draw_models(context)
     _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
     look = ("dark", "smooth", None, "larger_text", "smaller_text")
@@ -80,6 +84,16 @@ def _draw_recent(context: PanelContext) -> None:
             if imgui.menu_item_simple(f"{Path(name).name}###recent {number + 1}"):
                 context.drop([name])
             tooltip(name)
+        imgui.end_menu()
+
+
+def _draw_earlier(context: PanelContext) -> None:
+    """Sessions that New or another project has replaced."""
+    earlier = context.autosave.earlier if context.autosave else ()
+    if imgui.begin_menu("Earlier sessions", context.ready and bool(earlier)):
+        for number, path in enumerate(earlier):
+            if imgui.menu_item_simple(f"{path.stem.partition('.0')[0]}###earlier {number + 1}"):
+                context.session.open_project(path)
         imgui.end_menu()
 
 

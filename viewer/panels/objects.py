@@ -5,13 +5,11 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.history import PARTS
-from viewer.widgets import object_tiles
+from viewer.widgets import mine, object_tiles
 from viewer.widgets.controls import tooltip
 
 _CELL = 4.6
 """em"""
-_FITTED: Colour = (0.35, 0.75, 0.5)
-"""the dot on objects that were fitted"""
 
 
 class ObjectsPanel:
@@ -21,11 +19,15 @@ class ObjectsPanel:
     dock = "Upper"
     waiting = "The objects come with the model"
 
+    def __init__(self) -> None:
+        self._mine_menu = mine.MineMenu()
+
     def draw(self, context: PanelContext) -> None:
         """All objects; those out of sight are not rendered."""
         if imgui.begin_child("grid"):
             self._draw_grid(context)
         imgui.end_child()
+        self._mine_menu.apply(context)
 
     def _draw_grid(self, context: PanelContext) -> None:
         names, em = context.editor.objects.names, hello_imgui.em_size()
@@ -41,16 +43,16 @@ class ObjectsPanel:
             for column, name in enumerate(names[first : first + columns]):
                 if column:
                     imgui.same_line()
-                _cell(context, name, side)
+                _cell(context, name, side, self._mine_menu)
         imgui.pop_style_var()
 
 
-def _cell(context: PanelContext, name: str, side: float) -> None:
+def _cell(context: PanelContext, name: str, side: float, mine_menu: mine.MineMenu) -> None:
     editor, corner = context.editor, imgui.get_cursor_screen_pos()
     if imgui.invisible_button(f"show {name}", (side, side)):
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
-    tooltip(f"{name}\nClick to show it, drag it to a slot, right click to choose")
+    tooltip(f"{name}{mine.about(editor.objects[name])}\nClick to show it, drag it to a slot, right click to choose")
     if imgui.begin_drag_drop_source():
         context.dragged = name
         imgui.set_drag_drop_payload_py_id(object_tiles.DRAGGED, 0)
@@ -58,6 +60,8 @@ def _cell(context: PanelContext, name: str, side: float) -> None:
         imgui.end_drag_drop_source()
     if imgui.begin_popup_context_item():
         _draw_menu(context, name)
+        if name in [one.name for one in editor.objects.added]:
+            mine_menu.draw(context, name)
         imgui.end_popup()
     object_tiles.paint(context, name, corner, side)
     draw = imgui.get_window_draw_list()
@@ -66,9 +70,7 @@ def _cell(context: PanelContext, name: str, side: float) -> None:
         object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
         draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), object_tiles.rounding())
-    if context.editor.objects[name].photo:
-        low = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * hello_imgui.em_size()
-        draw.add_circle_filled(low, 0.3 * hello_imgui.em_size(), packed(_FITTED))
+    mine.draw_dot(context, name, corner, side)
 
 
 def _draw_menu(context: PanelContext, name: str) -> None:

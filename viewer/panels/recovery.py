@@ -19,8 +19,8 @@ def draw(context: PanelContext) -> None:
     imgui.set_next_window_pos(centre, imgui.Cond_.always, (0.5, 0.5))
     if imgui.begin("The last session did not end well###Recovery", None, fixed)[0]:
         when = datetime.fromtimestamp(autosave.times[-1])
-        imgui.text(f"It was saved on {when:%d %B at %H:%M}, with its timeline and its fitted objects.")
-        if button("Restore###restore", "Bring its state, its timeline and its fitted objects back", width=9):
+        imgui.text(f"All that was made with every model was saved on {when:%d %B at %H:%M}.")
+        if button("Restore###restore", "Bring it back; a fit that was under way begins again", width=9):
             autosave.restore()
         imgui.same_line()
         if button("Discard###discard", "Delete what was saved", width=9):

@@ -88,7 +88,7 @@ class ViewPanel:
             share = (_FINE if io.key_shift else 1.0) / min(size.x, size.y)
             across, down = io.mouse_delta.x * share, io.mouse_delta.y * share
             if imgui.is_mouse_down(imgui.MouseButton_.left):
-                editor.set_camera(orbit.dragged(editor.scene.camera, across, down), gesture="orbit")
+                editor.set_camera(orbit.dragged(context.fitting.following.camera, across, down), gesture="orbit")
                 context.set_preference(newcomer=False)
             else:
                 context.viewport.pan_by(across, down)
@@ -98,7 +98,9 @@ class ViewPanel:
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
                 context.viewport.reset_view()
             if io.mouse_wheel:
-                self._nudge(context, orbit.zoomed(editor.scene.camera, io.mouse_wheel, editor.model), "zoom")
+                self._nudge(
+                    context, orbit.zoomed(context.fitting.following.camera, io.mouse_wheel, editor.model), "zoom"
+                )
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(context)
         if self._nudged and imgui.is_any_item_active():
@@ -108,16 +110,16 @@ class ViewPanel:
             self._nudged = 0.0
 
     def _keys(self, context: PanelContext) -> None:
-        editor, step = context.editor, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
+        camera, step = context.fitting.following.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
             return
         turns = {"left_arrow": (-step, 0), "right_arrow": (step, 0), "up_arrow": (0, step), "down_arrow": (0, -step)}
         for key, (azimuth, elevation) in turns.items():
             if imgui.is_key_pressed(getattr(imgui.Key, key)):
-                self._nudge(context, orbit.turned(editor.scene.camera, azimuth, elevation), "keys")
+                self._nudge(context, orbit.turned(camera, azimuth, elevation), "keys")
         for keys, steps in ((("equal", "keypad_add"), 1), (("minus", "keypad_subtract"), -1)):
             if any(imgui.is_key_pressed(getattr(imgui.Key, key)) for key in keys):
-                self._nudge(context, orbit.zoomed(editor.scene.camera, steps, editor.model), "zoom")
+                self._nudge(context, orbit.zoomed(camera, steps, context.editor.model), "zoom")
         run_keys(context, in_view=True)
 
     def _nudge(self, context: PanelContext, camera: orbit.Camera, gesture: str) -> None:

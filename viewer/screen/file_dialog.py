@@ -67,6 +67,8 @@ class FileDialog:
         self._dialog: NativeDialog | None = None
         self._text = ""
         self._fresh = False
+        self._to_replace: Path | None = None
+        """a file that is there, for which the question was put whether to replace it"""
         self.folder = Path.home()
         """where the last answer was"""
 
@@ -83,7 +85,7 @@ class FileDialog:
         if self._native:
             self._dialog = self._open_native(request, self.folder)
         else:
-            self._text, self._fresh = str(self.folder / request.name), True
+            self._text, self._fresh, self._to_replace = str(self.folder / request.name), True, None
 
     def draw(self) -> None:
         """Look for the native answer, or draw the line to type in; to be called once a frame."""
@@ -118,7 +120,11 @@ class FileDialog:
         entered, self._text = imgui.input_text("##path", self._text, imgui.InputTextFlags_.enter_returns_true)
         imgui.text_disabled(self._verdict(request))
         size = hello_imgui.em_to_vec2(6, 0)
-        chosen = imgui.button("Save###choose" if request.save else "Open###choose", size) or entered
+        asked = self._to_replace == request.path(self._text)
+        label = "Open" if not request.save else "Replace" if asked else "Save"
+        chosen = imgui.button(f"{label}###choose", size) or entered
+        if chosen and request.save and not asked and is_there(request.path(self._text)):
+            self._to_replace, chosen = request.path(self._text), False
         imgui.same_line()
         cancelled = imgui.button("Cancel", size) or imgui.is_key_pressed(imgui.Key.escape)
         if chosen or cancelled:
@@ -129,8 +135,10 @@ class FileDialog:
 
     def _verdict(self, request: FileRequest) -> str:
         path = request.path(self._text)
+        if request.save and is_there(path):
+            return f"Replace {path.name}?" if path == self._to_replace else f"{path.name} is there"
         if request.save:
-            return "The file is there and will be replaced" if is_there(path) else " / ".join(request.suffixes)
+            return " / ".join(request.suffixes)
         return " / ".join(request.suffixes) if is_there(path) else "Type the path of a file"
 
     def _close(self, answer: str) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from core.export.mesh import export_mesh
 from core.export.video import write_video
 from core.fitting.fit import FitJob, FitStep, fit
+from core.fitting.plausibility import guess_category
 from core.models.library import load_model
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
@@ -15,7 +16,7 @@ from core.rendering.progressive import Frame, RenderJob, render_progressively
 
 @dataclass(frozen=True)
 class Backend:
-    """One function for each kind of value; all but the first two are streams."""
+    """One function for each kind of value; most of them are streams."""
 
     load_model: Callable[[str], Model] = load_model
     load_photo: Callable[..., Photo] = load_photo
@@ -24,3 +25,4 @@ class Backend:
     view_bank: Callable[[Model], Iterator[None]] = build_view_bank
     video: Callable[..., Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
+    guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)

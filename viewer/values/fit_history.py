@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from jaxtyping import UInt8
 
-from core.fitting.fit import FitStep
+from core.fitting.fit import FitStep, Hypothesis
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
@@ -103,6 +103,13 @@ class FitHistory:
         """Without the steps after the one that is shown."""
         kept = len(self.steps) if self.selected is None else self.selected + 1
         return replace(self, steps=self.steps[:kept], selected=None)
+
+
+class FitRequest(NamedTuple):
+    """A fit that is wanted: what there is of it already, and from which hypothesis it goes on, if not from anew."""
+
+    history: FitHistory
+    resume_from: Hypothesis | None = None
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:

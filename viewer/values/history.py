@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
@@ -34,6 +35,15 @@ class Mix:
     def with_amount(self, part: str, amount: float) -> Mix:
         """With the slider of one part moved."""
         return Mix(self.a, self.b, **({"shape": self.shape, "texture": self.texture} | {part: amount}))
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The objects that it mixes."""
+        return frozenset((*self.a, self.b))
+
+    def renamed(self, names: Mapping[str, str]) -> Mix:
+        """With other names for some objects."""
+        return replace(self, a=Pair(*(names.get(name, name) for name in self.a)), b=names.get(self.b, self.b))
 
 
 @dataclass(frozen=True)
@@ -88,3 +98,11 @@ class History:
         """At another of the states; the others stay, before and after it."""
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
+
+    def renamed(self, names: Mapping[str, str]) -> History:
+        """With other names for some objects, in every state."""
+        now, past, future = (
+            tuple(replace(state, mix=state.mix.renamed(names)) for state in states)
+            for states in ((self.now,), self.past, self.future)
+        )
+        return History(now[0], past, future, self.gesture)

@@ -1,19 +1,17 @@
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from core.benchmarks import robustness
-from core.benchmarks.charts import read_robustness, write_robustness
-from core.benchmarks.robustness import RobustnessResults, name_camera, run
+from core.benchmarks.charts import add_trial, draw_robustness, read_robustness
+from core.benchmarks.held_out_views import HeldOutView, training_object_views
+from core.benchmarks.robustness import Measured, RobustnessResults, Trial, name_camera, run
 from core.benchmarks.stressors import STRESSORS, Stressor
 from core.benchmarks.tables import robustness_table
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
-from core.geometry.camera import Camera
-from core.metrics import rotation_error
-from core.models.model import Model
+from core.fitting.fit import PRESETS, FitSettings
 from tests.conftest import image_size
 from tests.core.tiny import tiny_model
 
@@ -23,76 +21,102 @@ QUICK = {
 }
 
 
+def view() -> HeldOutView:
+    (found,) = training_object_views(tiny_model(), 1, torch.Generator().manual_seed(0))
+    return found
+
+
 def test_a_wrong_camera_is_named_by_where_it_ended():
     truth = tiny_model().camera(0.4, 0.3)
     assert name_camera(truth, truth) == "correct"
-    assert name_camera(replace(truth, azimuth=0.6), truth) == "near"
+    assert name_camera(replace(truth, azimuth=0.7), truth) == "near"
     assert name_camera(replace(truth, azimuth=0.4 - 3.1), truth) == "opposite"
     assert name_camera(replace(truth, azimuth=2.0), truth) == "wrong"
 
 
-def test_only_the_paper_is_given_an_initial_camera(monkeypatch: pytest.MonkeyPatch):
-    some = STRESSORS["initial error"]._replace(levels=(0.0, 90.0))
-    monkeypatch.setattr(robustness, "STRESSORS", {"initial error": some})
-    began, fit = list[Camera | None](), robustness.fit
-
-    def watched(model: Model, job: FitJob) -> Iterator[FitStep]:
-        began.append(job.resume_from.cameras[0] if job.resume_from else None)
-        return fit(model, job)
-
-    monkeypatch.setattr(robustness, "fit", watched)
-    *_, found = run(tiny_model(), 1, presets=QUICK)
-    assert isinstance(found, RobustnessResults)
-    assert [one is None for one in began] == [True, False, True, False]
-    assert rotation_error(began[1], began[3]) == pytest.approx(90)
-    near, far = (trial.rotation for trial in found.trials if trial.preset == "paper")
-    assert near < far
-
-
 @pytest.fixture(scope="module")
-def found() -> RobustnessResults:
+def found() -> list[Measured]:
+    """Every kind of outcome, of one object."""
     some = {name: STRESSORS[name]._replace(levels=STRESSORS[name].levels[:1]) for name in ("none", "elevation")}
     some |= {name: STRESSORS[name]._replace(levels=(0.0,)) for name in ("random pixels", "another category")}
+    some["initial error"] = STRESSORS["initial error"]._replace(levels=(90.0,))
     some["hidden"] = Stressor("", (1.0,), lambda image, *_: np.ones_like(image[..., :3]))
     patch = pytest.MonkeyPatch()
     with patch.context() as changed:
         changed.setattr(robustness, "STRESSORS", some)
-        *lines, found = run(tiny_model(), 1, presets=QUICK)
-    assert all(isinstance(line, str) for line in lines)
-    assert isinstance(found, RobustnessResults)
-    return found
+        changed.setattr(robustness, "PRESETS", QUICK)
+        return list(run(tiny_model(), (view(),)))
 
 
-def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: RobustnessResults):
-    assert [name for name, _ in found.success_rates()] == [
-        "none",
-        "elevation",
-        "random pixels",
-        "another category",
-        "hidden",
-    ]
-    assert found.success_rates()["hidden", 1.0] == {"normal": 0.0, "paper": 0.0}
-    assert found.trials[0].outcome in ("correct", "near")
-    assert all("no object" in trial.outcome for trial in found.trials if trial.stressor == "hidden")
-    assert all(trial.rotation is not None for trial in found.trials if trial.stressor in ("none", "elevation"))
+def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[Measured]):
+    trials = [one.trial for one in found]
+    assert len({trial.key for trial in trials}) == len(trials) == 12
+    assert trials[0].outcome in ("correct", "near")
+    assert trials[0].size_error == pytest.approx(0, abs=0.3)
+    assert all("no object" in trial.outcome for trial in trials if trial.stressor == "hidden")
+    assert all(trial.rotation is not None for trial in trials if trial.stressor in ("none", "elevation"))
+    assert all((one.image is None) == one.trial.success for one in found)
 
 
-def test_where_there_is_no_object_it_must_be_refused_or_doubted(found: RobustnessResults):
-    some = [trial for trial in found.trials if trial.stressor in ("random pixels", "another category")]
+def test_where_there_is_no_object_it_must_be_refused_or_doubted(found: list[Measured]):
+    some = [one.trial for one in found if one.trial.stressor in ("random pixels", "another category")]
     assert {trial.outcome for trial in some} <= {"refused", "doubted", "believed"}
-    assert {failure.trial for failure in found.failures} == {trial for trial in found.trials if not trial.success}
     assert all(trial.success == (trial.outcome != "believed") for trial in some)
 
 
-def test_charts_are_written(found: RobustnessResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_paper_fit_begins_where_the_stressor_says(found: list[Measured]):
+    (ours,) = (one.trial for one in found if one.trial.stressor == "initial error" and one.trial.preset == "normal")
+    (paper,) = (one.trial for one in found if one.trial.stressor == "initial error" and one.trial.preset == "paper")
+    assert paper.rotation is not None
+    assert ours.rotation is not None
+    assert paper.rotation > 40  # ten steps do not lead back from 90 degrees
+
+
+def test_parts_share_out_all_trials_and_a_resumed_run_leaves_out_what_is_done(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(robustness, "PRESETS", QUICK)
+    blank = {name: Stressor("", (0.0, 1.0), lambda image, *_: np.ones_like(image[..., :3])) for name in ("a", "b")}
+    monkeypatch.setattr(robustness, "STRESSORS", blank)
+
+    def keys(part: tuple[int, int], done: set[tuple[str, float, str, str]]) -> list[tuple[str, float, str, str]]:
+        return [one.trial.key for one in run(tiny_model(), (view(),), part=part, done=done)]
+
+    everything = keys((1, 1), set())
+    one, other = keys((1, 2), set()), keys((2, 2), set())
+    assert len(everything) == 8
+    assert sorted(one + other) == sorted(everything)
+    assert keys((1, 1), set(one)) == other
+    with pytest.raises(ValueError, match="K of 1 to N"):
+        keys((3, 2), set())
+    with pytest.raises(ValueError, match="no 'c'"):
+        next(run(tiny_model(), (view(),), ["c"]))
+
+
+def test_shares_have_intervals_and_are_read_at_two_angles():
+    trials = tuple(
+        Trial("none", 0.0, "normal", f"{i}", rotation, 0.95, 0.02, "correct" if rotation < 10 else "near")
+        for i, rotation in enumerate((1.0, 2.0, 20.0, 60.0))
+    )
+    results = RobustnessResults("m", trials)
+    share = results.success_rates()["none", 0.0]["normal"]
+    assert share.mean == 0.5
+    assert share.low < 0.5 < share.high
+    assert results.rough_rates()["none", 0.0]["normal"].mean == 0.75
+    table = robustness_table(results)
+    assert "| none | 0 | 50 % (" in table
+    assert "| 75 % | 2 | 2.0 % |" in table
+    assert "Failures of normal: 2 near." in table
+
+
+def test_charts_are_drawn_from_rows(found: list[Measured], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(STRESSORS, "hidden", Stressor("", (1.0,)))
-    write_robustness(found, tmp_path)
-    assert read_robustness(tmp_path / "robustness.csv").trials == found.trials
+    assert read_robustness(tmp_path) is None
+    for measured in found:
+        add_trial(tmp_path, "a machine, idle", measured)
+    results = read_robustness(tmp_path)
+    assert results is not None
+    assert results.trials == tuple(one.trial for one in found)
+    assert (results.machine, results.objects) == ("a machine, idle", 1)
+    draw_robustness(tmp_path)
     assert image_size(tmp_path / "robustness.png")[0] > 400
-    table = robustness_table(found)
-    assert (tmp_path / "robustness.md").read_text() == table
-    assert "| hidden | 1 | normal | stool0 |" in table
-    assert "look the same from there: none." in table
-    alike = replace(found, trials=tuple(replace(trial, outcome="symmetric") for trial in found.trials))
-    assert "look the same from there: stool0." in robustness_table(alike)
+    assert (tmp_path / "robustness.md").read_text() == robustness_table(results)
     assert image_size(tmp_path / "failures.png")[0] > 400

@@ -13,7 +13,7 @@ def cutout() -> np.ndarray:
     return image
 
 
-_OF_CAMERAS = ("initial error", "elevation", "focal length")
+_OF_CAMERAS = ("initial error", "elevation", "frontal", "focal length")
 
 
 @pytest.mark.parametrize("name", [name for name in STRESSORS if name not in _OF_CAMERAS])
@@ -34,6 +34,15 @@ def test_occlusion_hides_its_share_and_masks_grow_and_shrink():
     for pixels, sides in ((-2.0, (16, 12)), (2.0, (24, 20))):
         mask = STRESSORS["mask"].corrupt(cutout(), pixels, np.random.default_rng(0))[..., 3]
         assert (int(mask.any(1).sum()), int(mask.any(0).sum())) == sides
+
+
+@pytest.mark.parametrize("least", [0.2, 0.4, 0.6])
+@pytest.mark.parametrize("seed", range(5))
+def test_discs_hide_a_share_within_their_band(least: float, seed: int):
+    image = STRESSORS["hidden"].corrupt(cutout(), least, np.random.default_rng(seed))
+    hidden = 1 - image[..., 3].sum() / cutout()[..., 3].sum()
+    assert least - 0.03 <= hidden <= least + 0.3
+    assert np.array_equal(image[image[..., 3] > 0.5], cutout()[image[..., 3] > 0.5])
 
 
 def test_cameras_are_stressed_so_that_the_object_keeps_its_size():

@@ -8,9 +8,10 @@ from safetensors import safe_open
 from safetensors.torch import save_file
 
 from core.models.codes import CodeBook
+from core.models.crops import SIDE
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
-from core.models.viewpoint import SIDE, ViewpointClassifier
+from core.models.viewpoint import ViewpointClassifier
 
 
 def test_saving_and_loading_is_exact(model: Model, tmp_path):

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import broken_fit, endless_fit
+from tests.viewer.stand_ins import broken_fit, checked_fit, endless_fit, quick_fit
 from viewer.editor import Editor
 from viewer.services.messages import Kind
 from viewer.session import Session
@@ -59,7 +60,6 @@ def test_a_fit_that_is_stopped_keeps_what_it_found(
     finish_when = lambda: len(workspace.fitting.history.steps) > 4  # noqa: E731
     while not finish_when():
         session.jobs.worker.deliver()
-    workspace.fitting.start(photo)  # refused: one at a time
     assert workspace.fitting.running
     workspace.fitting.stop()
     finish(session)
@@ -172,9 +172,136 @@ def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, work
     first = workspace.fitting.history
     workspace.fitting.start(photo)
     workspace.fitting.add_photo(first, photo)
-    assert "stop it first" in session.messages.all[-1].text
-    finish(session, lambda: not workspace.fitting.running)
     assert len(workspace.fitting.history.sources) == 1
-    workspace.fitting.add_photo(first, photo)
-    finish(session, lambda: not workspace.fitting.running)
+    finish(session, lambda: not workspace.fitting.pending)
     assert len(workspace.fitting.history.sources) == 2
+
+
+def block(photo: Path, name: str) -> Path:
+    """Another photo."""
+    other = photo.with_name(f"block {name}.png")
+    other.write_bytes(photo.read_bytes())
+    return other
+
+
+def test_photos_dropped_during_a_fit_wait_and_none_is_lost(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path, bad_files: dict[str, Path]
+) -> None:
+    fitting = workspace.fitting
+    for path in (photo, block(photo, "b"), bad_files["text.png"], block(photo, "c")):
+        fitting.start(path)
+    assert [request.history.name for request in fitting.queue] == ["block b", "text", "block c"]
+    finish(session, lambda: not fitting.pending)
+    assert {one.name for one in editor.objects.added} == {"block", "block b", "block c"}
+    assert len(session.messages.errors) == 1
+    assert editor.state.mix.a.shape == "block"  # what is being edited stays
+    assert fitting.ready is not None
+    assert fitting.ready.name == "block c"
+    fitting.show_ready()
+    assert editor.state.mix.a.shape == "block c"
+    assert fitting.ready is None
+
+
+def test_stopping_a_fit_begins_the_next_one(session: Session, workspace: Workspace, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    fitting = workspace.fitting
+    fitting.start(photo)
+    fitting.start(block(photo, "b"))
+    fitting.start(block(photo, "c"))
+    deliver(session, lambda: len(fitting.history.steps) > 3)
+    fitting.stop()
+    assert fitting.history.name == "block b"
+    fitting.clear_queue()
+    deliver(session, lambda: len(fitting.history.steps) > 3)
+    fitting.stop()
+    assert not fitting.running
+
+
+def test_photos_without_a_background_are_pointed_out_one_after_the_other(
+    session: Session, workspace: Workspace, tmp_path: Path
+) -> None:
+    noise = np.random.default_rng(0)
+    for name in ("a", "b"):
+        Image.fromarray(noise.integers(0, 255, (64, 64, 3), np.uint8)).save(tmp_path / f"{name}.png")
+        workspace.fitting.start(tmp_path / f"{name}.png")
+    finish(session, lambda: not workspace.fitting.pending)
+    session.tick()
+    assert workspace.segmenting.sources[0].path.stem == "a"
+    workspace.segmenting.close()
+    session.tick()
+    assert workspace.segmenting.active
+    assert workspace.segmenting.sources[0].path.stem == "b"
+    workspace.segmenting.close()
+    session.tick()
+    assert not workspace.segmenting.active
+
+
+def test_a_result_does_not_take_over_what_is_edited(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path
+) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    workspace.fitting.start(photo)
+    deliver(session, lambda: len(workspace.fitting.history.steps) > 3)
+    editor.show_object("object 5")
+    before = editor.state
+    workspace.fitting.stop()
+    assert editor.state is before
+    assert editor.objects.names[0] == "block"
+    assert workspace.fitting.ready is not None
+    workspace.fitting.dismiss_ready()
+    assert editor.state is before
+
+
+def test_the_first_result_can_be_used_while_it_is_checked(
+    session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
+) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=checked_fit)
+    fitting = workspace.fitting
+    fitting.start(photo)
+    deliver(session, lambda: fitting.result is not None)
+    assert fitting.running
+    assert editor.scene.codes == model.codes[3]
+    assert editor.state.mix.a.shape == "block"
+    assert fitting.pending == ()
+    finish(session, lambda: not fitting.running)
+    assert editor.objects["block"].codes == model.codes[4]
+    assert editor.scene.codes == model.codes[4]  # nobody has edited it
+    assert editor.scene.camera.azimuth == pytest.approx(1.0 + np.pi, abs=0.02)
+    assert [one.name for one in editor.objects.added] == ["block"]
+    assert "a better one was found" in session.messages.all[-1].text
+    editor.undo()
+    assert editor.scene.codes == model.codes[3]
+
+
+def test_a_better_result_waits_where_the_first_one_was_edited(
+    session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
+) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=checked_fit)
+    workspace.fitting.start(photo)
+    deliver(session, lambda: workspace.fitting.result is not None)
+    editor.set_coordinate("texture", 0, 1.0)
+    before = editor.state
+    finish(session, lambda: not workspace.fitting.running)
+    assert editor.state is before
+    assert workspace.fitting.ready is not None
+    workspace.fitting.show_ready()
+    assert editor.scene.codes == model.codes[4]
+
+
+def test_a_first_result_that_nothing_beats_stays_as_it_is(
+    session: Session, editor: Editor, workspace: Workspace, photo: Path
+) -> None:
+    def agreeing(model: Model, job: FitJob) -> Iterator[FitStep]:
+        steps = list(quick_fit(model, job))
+        yield from steps
+        yield replace(steps[-1], restart=True)
+        yield replace(steps[-1], restart=True, margin=0.5)
+
+    session.jobs.backend = replace(session.jobs.backend, fit=agreeing)
+    workspace.fitting.start(photo)
+    deliver(session, lambda: workspace.fitting.result is not None or not workspace.fitting.running)
+    finish(session, lambda: not workspace.fitting.running)
+    assert len(editor.history.past) == 1
+    assert workspace.fitting.ready is None
+    assert "the first result stays" in session.messages.all[-1].text
+    assert editor.objects["block"].confidence == workspace.fitting.history.last.confidence

@@ -11,7 +11,7 @@ from core.photos import segmentation
 from core.photos.photo import Crop
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import quick_fit, quick_frames
+from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
@@ -41,7 +41,11 @@ def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: 
         while not ready.is_set():
             yield None
 
-    session = Session(worker, Backend(lambda name: tiny, frames=quick_frames, view_bank=view_bank), seed=0)
+    session = Session(
+        worker,
+        Backend(lambda name: tiny, frames=quick_frames, view_bank=view_bank, guess_category=no_guess),
+        seed=0,
+    )
     session.open_model("chairs")
     deliver(session, lambda: session.workspace is not None)
     assert session.workspace is not None
@@ -65,7 +69,13 @@ def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
     mask[40:120, 60:120] = 1.0
     monkeypatch.setattr(segmentation, "predict_saliency", lambda image: mask)
     tiny = tiny_model()
-    backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, view_bank=lambda model: iter(()))
+    backend = Backend(
+        lambda name: tiny,
+        frames=quick_frames,
+        fit=quick_fit,
+        view_bank=lambda model: iter(()),
+        guess_category=no_guess,
+    )
     session = Session(worker, backend, seed=0)
     session.open_model("chairs")
     deliver(session, lambda: session.workspace is not None)

@@ -12,7 +12,7 @@ from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import broken_fit, endless_fit, quick_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit, quick_frames, quick_photo
 from viewer.panels.fit import in_words
 from viewer.services.backend import Backend
 
@@ -239,7 +239,7 @@ def test_several_photos_are_fitted_together_with_known_poses(
         found = quick_photo(path, model)
         return replace(found, camera=camera.resized(32, 32)) if pose else found
 
-    drive(act, Backend(lambda name: model, posed, quick_frames, quick_fit))
+    drive(act, Backend(lambda name: model, posed, quick_frames, quick_fit, guess_category=no_guess))
 
 
 def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, backend: Backend, photo: Path) -> None:

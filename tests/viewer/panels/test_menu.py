@@ -114,3 +114,47 @@ def test_panels_are_closed_and_opened_in_the_view_menu(drive: Drive) -> None:
         assert window.exists("Camera/###see_front")
 
     drive(act)
+
+
+def test_projects_are_saved_opened_dropped_and_recent(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        window.fit(photo)
+        window.drag("View/orbit", 60)
+        made, ctrl = window.workspace.editor.history, imgui.Key.mod_ctrl
+        window.press(ctrl, imgui.Key.s)
+        window.type(str(tmp_path / "chair"))
+        assert (tmp_path / "chair.codenerf").is_file()
+        window.drag("View/orbit", 60)
+        again = window.workspace.editor.history
+        window.press(ctrl, imgui.Key.s)  # where it was saved before
+        assert not window.context.files.asking
+        window.press(ctrl, imgui.Key.n)
+        assert not window.workspace.editor.history.past
+        assert window.session.project_path is None
+        window.press(ctrl, imgui.Key.o)
+        window.type(str(tmp_path / "chair.codenerf"))
+        assert window.workspace.editor.history == again
+        assert window.workspace.fitting.history.photo is not None
+        window.menu("File/###new_project")
+        window.context.drop([str(tmp_path / "chair.codenerf")])
+        assert window.workspace.editor.history == again
+        window.menu("File/###new_project")
+        window.menu("File/Open recent/###recent 1")
+        assert window.workspace.editor.history == again
+        window.undo()
+        assert window.workspace.editor.state == made.now
+        window.menu("File/###save_project_as")
+        window.type(str(tmp_path / "chair.codenerf"))  # it is there: that asks
+        assert window.context.files.asking
+        before = (tmp_path / "chair.codenerf").read_bytes()
+        window.ctx.item_click("//Choose a file###ask/Cancel")
+        window.ctx.yield_(2)
+        assert (tmp_path / "chair.codenerf").read_bytes() == before
+        window.menu("File/###save_project_as")
+        window.type(str(tmp_path / "chair.codenerf"))
+        window.ctx.item_click("//Choose a file###ask/###choose")
+        window.ctx.yield_(2)
+        assert not window.context.files.asking
+        assert (tmp_path / "chair.codenerf").read_bytes() != before
+
+    drive(act)

@@ -1,0 +1,63 @@
+"""Whether photos show an object of the model's category at all: what a fit that has converged cannot know.
+
+A car in a chairs model becomes a grey chair of some kind, from a side that may well be clear. So the category is asked
+of a network that knows both (:mod:`core.models.category`).
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from operator import mul
+
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from core.models.category import predict_category
+from core.models.library import category_classifier
+from core.photos.photo import Photo
+
+UNLIKELY = 0.3
+"""Probability of a category below which people are told that the photo does not seem to show it."""
+
+
+def guess_category(pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]) -> dict[str, float]:
+    """The probability of each category that has a model, for an object on white; empty where there is no classifier.
+
+    What they lack to 1 is the probability of none of them.
+    """
+    classifier = category_classifier()
+    return predict_category(classifier, pixels, mask) if classifier else {}
+
+
+def category_likelihood(category: str, photos: Sequence[Photo]) -> float:
+    """The probability that all photos show the category, 0..1; 1 where the classifier does not know the category."""
+    each = (guess_category(photo.pixels, photo.mask).get(category, 1.0) for photo in photos)
+    return reduce(mul, each, 1.0)
+
+
+def likeliest_category(guess: Mapping[str, float]) -> str | None:
+    """The category that an image probably shows; None where it shows none of them."""
+    if not guess:
+        return None
+    name, probability = max(guess.items(), key=lambda item: item[1])
+    return name if probability > 1 - sum(guess.values()) else None
+
+
+def describe_category(guess: Mapping[str, float], category: str) -> str:
+    """What to tell a person who fits a photo with a model of ``category``; "" where nothing is the matter.
+
+    Example:
+        >>> describe_category({"cars": 0.95, "chairs": 0.03}, "chairs")
+        'this looks like a car, not a chair: try the cars model'
+        >>> describe_category({"cars": 0.1, "chairs": 0.1}, "chairs")
+        'this does not look like a chair'
+    """
+    if guess.get(category, 1.0) >= UNLIKELY:
+        return ""
+    likeliest = likeliest_category(guess)
+    if likeliest in (None, category):
+        return f"this does not look like a {_one(category)}"
+    return f"this looks like a {_one(likeliest)}, not a {_one(category)}: try the {likeliest} model"
+
+
+def _one(category: str) -> str:
+    return category.removesuffix("s")

@@ -1,0 +1,70 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.viewer.driver import deliver, finish
+from tests.viewer.stand_ins import endless_fit
+from viewer.editor import Editor
+from viewer.session import Session
+from viewer.values import orbit
+from viewer.workspace import Workspace
+
+
+@pytest.fixture
+def growing(session: Session, workspace: Workspace, photo: Path) -> Workspace:
+    """A fit under way that the view shows."""
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    workspace.fitting.start(photo)
+    deliver(session, lambda: workspace.viewport.source == "fit")
+    return workspace
+
+
+def test_the_view_is_turned_around_the_growing_object(session: Session, editor: Editor, growing: Workspace) -> None:
+    fitting, viewport = growing.fitting, growing.viewport
+    seen_from = fitting.following.camera
+    assert seen_from.azimuth == pytest.approx(1.0)
+    turned = orbit.turned(seen_from, 0.8, 0.0)
+    editor.set_camera(turned, "orbit")
+    editor.end_gesture()
+    assert fitting.is_followed
+    assert fitting.following.turned
+    assert fitting.following.camera == turned
+    assert viewport.source == "fit"
+    shown = viewport.frame
+    deliver(session, lambda: viewport.frame is not shown)
+    assert viewport.full_frame[1].camera.azimuth == turned.azimuth
+    shown, steps = viewport.frame, len(fitting.history.steps)
+    deliver(session, lambda: viewport.frame is not shown and len(fitting.history.steps) > steps)
+    assert viewport.full_frame[1].camera.azimuth == turned.azimuth
+    fitting.stop()
+    finish(session)
+    assert editor.state.mix.a.shape == "block"
+    assert editor.scene.camera == turned
+
+
+def test_follow_returns_to_the_camera_of_the_photo(session: Session, editor: Editor, growing: Workspace) -> None:
+    fitting, viewport = growing.fitting, growing.viewport
+    assert not fitting.can_follow
+    editor.set_camera(orbit.turned(fitting.following.camera, 0.8, 0.0))
+    assert fitting.can_follow
+    fitting.follow()
+    assert not fitting.can_follow
+    deliver(session, lambda: viewport.full_frame[1].camera.azimuth == pytest.approx(1.0))
+    fitting.stop()
+    finish(session)
+    assert editor.scene.camera == fitting.camera
+
+
+def test_follow_returns_to_the_fit_after_an_edit(session: Session, editor: Editor, growing: Workspace) -> None:
+    fitting, viewport = growing.fitting, growing.viewport
+    editor.show_object("object 5")
+    assert not fitting.is_followed
+    assert viewport.source == "scene"
+    assert fitting.can_follow
+    fitting.follow()
+    assert fitting.is_followed
+    deliver(session, lambda: viewport.source == "fit")
+    fitting.stop()
+    assert editor.state.mix.a.shape == "block"
+    assert fitting.ready is None

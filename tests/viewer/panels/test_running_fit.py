@@ -1,0 +1,83 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from imgui_bundle import imgui
+
+from core.models.model import Model
+from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import checked_fit, endless_fit
+from viewer.services.backend import Backend
+
+
+def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    def act(window: Driver) -> None:
+        fitting, viewport, editor = window.workspace.fitting, window.workspace.viewport, window.workspace.editor
+        window.context.drop([str(photo)])
+        window.wait(lambda: viewport.source == "fit")
+        assert not window.exists("###Running fit/###follow")
+        window.drag("View/orbit", 120)
+        assert fitting.is_followed
+        assert fitting.following.turned
+        assert viewport.source == "fit"
+        assert editor.scene.camera.azimuth != pytest.approx(1.0, abs=0.1)
+        window.ctx.yield_(3)
+        window.click("###Running fit/###follow")
+        assert not fitting.following.turned
+        window.wait(lambda: viewport.full_frame[1].camera.azimuth == pytest.approx(1.0))
+        window.press(imgui.Key.r)  # another shape and texture
+        assert viewport.source == "scene"
+        window.click("###Running fit/###follow")
+        window.wait(lambda: viewport.source == "fit")
+        fitting.stop()
+        window.wait()
+        assert editor.state.mix.a.shape == "block"
+
+    drive(act, replace(backend, fit=endless_fit))
+
+
+def test_a_finished_fit_waits_to_be_shown_while_another_object_is_edited(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    second = photo.with_name("block two.png")
+    second.write_bytes(photo.read_bytes())
+
+    def act(window: Driver) -> None:
+        fitting, editor = window.workspace.fitting, window.workspace.editor
+        window.context.drop([str(photo)])
+        window.context.drop([str(second)])
+        window.wait(lambda: bool(fitting.history.steps))
+        assert window.exists("Fit/###clear queue")
+        window.press(imgui.Key.r)  # another shape and texture
+        before = editor.state
+        window.click("Fit/###stop fit")
+        window.wait(lambda: fitting.history.name == "block two" and len(fitting.history.steps) > 3)
+        window.click("Fit/###stop fit")
+        window.wait()
+        assert editor.state is before
+        assert {one.name for one in editor.objects.added} == {"block", "block two"}
+        window.capture()
+        window.click("###Running fit/###show ready")
+        assert editor.state.mix.a.shape == "block two"
+        assert not window.exists("###Running fit/###show ready")
+        window.undo()
+        assert editor.state == before
+
+    drive(act, replace(backend, fit=endless_fit))
+
+
+def test_the_first_result_is_used_while_a_second_search_checks_it(
+    drive: Drive, backend: Backend, model: Model, photo: Path
+) -> None:
+    def act(window: Driver) -> None:
+        fitting, editor = window.workspace.fitting, window.workspace.editor
+        window.context.drop([str(photo)])
+        window.wait(lambda: fitting.result is not None)
+        assert editor.scene.codes == model.codes[3]
+        window.wait(lambda: not fitting.running)
+        assert editor.scene.codes == model.codes[4]
+        assert any("checked from other sides" in message.text for message in window.session.messages.all)
+
+    drive(act, replace(backend, fit=checked_fit))

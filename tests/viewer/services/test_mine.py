@@ -1,0 +1,59 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from core.models.model import Model
+from core.models.scene import open_scene
+from core.photos.photo import Photo
+from tests.conftest import random_model
+from viewer.services.mine import Mine
+from viewer.values.objects import EditableObject
+
+
+@pytest.fixture
+def fitted(model: Model) -> EditableObject:
+    mask = torch.zeros(8, 8, dtype=torch.bool)
+    mask[2:5] = True
+    return EditableObject("Red chair (2)", model.codes[1], Photo(torch.rand(8, 8, 3), mask), 0.83)
+
+
+def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    mine = Mine(tmp_path / "mine")
+    assert mine.open(model) == ()
+    mine.sync(model, [fitted])
+    (found,) = Mine(tmp_path / "mine").open(model)
+    assert (found.name, found.confidence) == ("Red chair (2)", 0.83)
+    assert found.codes == fitted.codes
+    assert found.photo is not None
+    (path,) = (tmp_path / "mine").iterdir()
+    assert open_scene(path, model).codes == fitted.codes  # it opens as any scene
+    assert Mine(tmp_path / "mine").open(random_model(seed=7)) == ()
+
+
+def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    mine, other = Mine(tmp_path), replace(fitted, name="../../blue")
+    mine.sync(model, [fitted, other])
+    mine.sync(model, [fitted, replace(other, name="green")])
+    assert {one.name for one in Mine(tmp_path).open(model)} == {"Red chair (2)", "green"}
+    mine.sync(model, [fitted])
+    assert len(list(tmp_path.iterdir())) == 1
+    written = next(tmp_path.iterdir()).stat().st_mtime_ns
+    mine.sync(model, [fitted])
+    assert next(tmp_path.iterdir()).stat().st_mtime_ns == written
+
+
+def test_what_it_has_not_seen_is_left_alone(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    (tmp_path / "torn.json").write_text('{"model": ')
+    mine = Mine(tmp_path)
+    mine.open(model)
+    Mine(tmp_path).sync(model, [fitted])  # of another window
+    mine.sync(model, [])
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) -> None:
+    mine = Mine()
+    mine.sync(model, [fitted])
+    assert mine.open(model) == ()

@@ -1,0 +1,137 @@
+import json
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from core.models.model import Model
+from core.photos.photo import Crop, Photo
+from core.photos.segmentation import Hints, Stroke
+from tests.viewer.driver import finish
+from viewer.editor import Editor
+from viewer.session import Session
+from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource
+from viewer.values.project import Project
+from viewer.values.saved_session import SavedSession
+from viewer.workspace import Workspace
+
+
+@pytest.fixture
+def saved(session: Session, editor: Editor, workspace: Workspace, photo: Path) -> SavedSession:
+    """A fitted object, a mix, a timeline, an undone edit, and a fit that waits."""
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    editor.set_b("object 4")
+    editor.mix("texture", 0.4)
+    workspace.player.add_key()
+    workspace.player.seek(1.5)
+    editor.show_object("object 2")
+    workspace.player.add_key()
+    workspace.player.set_turns(-2)
+    editor.undo()
+    workspace.grid.add("block", "object 1")
+    found = workspace.saved("chairs")
+    assert found is not None
+    hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
+    source = PhotoSource(photo, photo.with_suffix(".txt"), hints, Crop(1.1, 0.1, -0.1))
+    return replace(found, pending=(FitRequest(FitHistory((source,))),))
+
+
+def test_all_comes_back_from_a_file(saved: SavedSession, workspace: Workspace, tmp_path: Path) -> None:
+    Project("chairs", (saved,)).save(tmp_path / "a.codenerf")
+    project = Project.load(tmp_path / "a.codenerf")
+    (found,) = project.sessions
+    assert project.model == found.model == "chairs"
+    assert found.history == saved.history
+    assert len(found.history.past) > 3
+    assert len(found.history.future) == 1
+    assert found.history.now.timeline.turns == 0
+    assert found.history.future[0].timeline.turns == -2
+    (before,), (after,) = saved.objects, found.objects
+    assert (after.name, after.confidence) == ("block", before.confidence)
+    assert after.codes == before.codes
+    assert after.photo.pixels == pytest.approx(before.photo.pixels, abs=0.003)
+    assert (after.photo.mask == before.photo.mask).all()
+    assert found.grid == ("block", "object 1")
+    assert found.pending[0].history.sources == saved.pending[0].history.sources
+    last, expected = found.fit.last, saved.fit.last
+    assert [step.psnr for step in found.fit.steps] == [step.psnr for step in saved.fit.steps]
+    assert last.confidence == expected.confidence
+    assert last.runner_up == expected.runner_up
+    assert last.codes == expected.codes
+    assert len(last.hypotheses) == len(expected.hypotheses)
+    assert [len(step.hypotheses) for step in found.fit.steps[:-1]] == [1] * 9
+    assert (last.hypotheses[0].shift == expected.hypotheses[0].shift).all()
+    assert [tile.eliminated_at for tile in found.tiles] == [tile.eliminated_at for tile in saved.tiles]
+    assert found.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
+    found.check(workspace.model)
+
+
+def test_states_share_what_they_have_in_common(saved: SavedSession, model: Model, tmp_path: Path) -> None:
+    history = saved.history
+    for step in range(400):  # the camera moves, codes and timeline stay
+        camera = replace(history.now.scene.camera, azimuth=0.01 * step)
+        history = history.changed(replace(history.now, scene=replace(history.now.scene, camera=camera)))
+    Project("chairs", (replace(saved, history=history),)).save(tmp_path / "a.codenerf")
+    assert (tmp_path / "a.codenerf").stat().st_size < 200_000
+    (found,) = Project.load(tmp_path / "a.codenerf").sessions
+    assert found.history == history
+    first, last = found.history.states[-300], found.history.states[-1]
+    assert first.timeline is last.timeline
+    assert first.scene.codes.shape.data_ptr() == last.scene.codes.shape.data_ptr()
+
+
+def test_a_photo_keeps_what_no_image_can_hold(model: Model, saved: SavedSession, tmp_path: Path) -> None:
+    mask = torch.zeros(8, 8, dtype=torch.bool)
+    mask[2:5] = True
+    photo = Photo(torch.rand(8, 8, 3), mask, model.camera(0.1, 0.2).resized(8, 8), True, ~mask)
+    fitted = FittedPhoto.of(PhotoSource(tmp_path / "b.png"), photo)
+    pending = (FitRequest(FitHistory((fitted.source,), (fitted,))),)
+    Project("chairs", (replace(saved, pending=pending),)).save(tmp_path / "a.codenerf")
+    found = Project.load(tmp_path / "a.codenerf").sessions[0].pending[0].history.photos[0].photo
+    assert (found.camera, found.cropped) == (photo.camera, True)
+    assert (found.unseen == photo.unseen).all()
+
+
+@pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "no key", "bad number", "format", "bad photo"])
+def test_what_is_no_whole_project_is_said_in_one_line(saved: SavedSession, tmp_path: Path, harm: str) -> None:
+    path = tmp_path / "a.codenerf"
+    Project("chairs", (saved,)).save(path)
+    with zipfile.ZipFile(path) as file:
+        parts = {name: file.read(name) for name in file.namelist()}
+    about = json.loads(parts["project.json"])
+    if harm == "no tensors":
+        del parts["tensors.safetensors"]
+    elif harm == "no key":
+        del about["sessions"][0]["history"]["now"]["mix"]["a"]
+    elif harm == "bad number":
+        about["sessions"][0]["history"]["now"]["scene"]["camera"]["distance"] = "far"
+    elif harm == "format":
+        about["format"] = "another"
+    elif harm == "bad photo":
+        parts["photos/0.png"] = b"no image"
+    parts["project.json"] = json.dumps(about).encode()
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in parts.items():
+            file.writestr(name, content)
+    if harm in ("empty", "text", "cut"):
+        path.write_bytes({"empty": b"", "text": b"hello", "cut": path.read_bytes()[:900]}[harm])
+    with pytest.raises(ValueError, match=r"a\.codenerf is not a whole project") as error:
+        Project.load(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"cannot read the project a\.codenerf: No such file"):
+        Project.load(tmp_path / "a.codenerf")
+
+
+def test_a_session_of_another_model_is_refused(saved: SavedSession, model: Model) -> None:
+    scene = replace(saved.history.now.scene, model="another")
+    other = replace(saved, history=replace(saved.history, now=replace(saved.history.now, scene=scene)))
+    with pytest.raises(ValueError, match="made with another model"):
+        other.check(model)
+    with pytest.raises(ValueError, match="mixes objects that are not here"):
+        replace(saved, objects=()).check(model)

@@ -1,0 +1,52 @@
+from pathlib import Path
+
+import numpy as np
+
+from core.models.scene import Scene
+from tests.viewer.driver import Drive, Driver
+from viewer.widgets import mine
+
+
+def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        window.fit(photo)
+        colour = mine.colour_of(editor.objects["block"])
+        window.fit(photo)
+        assert editor.objects.names[:2] == ["block (2)", "block"]
+        workspace.grid.add("block")
+        window.ctx.mouse_move("//View/orbit")
+        whole, box = window.capture(), window.ctx.item_info("//Objects/**/show block").rect_full
+        tile = whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
+        assert (np.abs(tile / 255 - colour).max(-1) < 0.05).sum() > 10
+        window.click("Objects/**/show block", 1)
+        window.ctx.item_click("//**/###rename object")
+        window.ctx.item_click("//**/##new name")
+        window.ctx.key_chars_replace_enter("Red chair")
+        window.ctx.yield_(3)
+        assert editor.objects.names[:2] == ["block (2)", "Red chair"]
+        assert workspace.grid.names == ("Red chair",)
+        window.undo()
+        assert editor.state.mix.a.shape == "Red chair"
+        window.choose("Red chair", "###export object")
+        window.type(str(tmp_path / "out.json"))
+        assert Scene.load(tmp_path / "out.json", workspace.model).codes == editor.objects["Red chair"].codes
+        window.click("Objects/**/show block (2)", 1)
+        window.ctx.item_click("//**/###remove object")
+        window.ctx.item_click("//**/###remove for good")
+        window.ctx.yield_(3)
+        assert editor.objects.names[0] == "Red chair"
+        window.redo()  # undo comes back to what was removed
+        assert editor.state.mix.a.shape == "block (2)"
+
+    def second(window: Driver) -> None:
+        window.menu("File/###new_project")
+        editor = window.workspace.editor
+        assert [one.name for one in editor.objects.added] == ["Red chair"]
+        window.click("Objects/**/show Red chair")
+        assert editor.scene.codes == editor.objects["Red chair"].codes
+
+    drive(first, folder=folder)
+    drive(second, folder=folder)

@@ -1,0 +1,83 @@
+"""The objects that a person has fitted, kept from one launch to the next: a folder with a file for each."""
+
+import base64
+import json
+import re
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+from core.files import atomic_file
+from core.models.model import Model
+from core.models.scene import Scene
+from viewer.values import orbit
+from viewer.values.encoding import decode_photo, encode_photo
+from viewer.values.objects import EditableObject
+
+
+class _Stored(NamedTuple):
+    path: Path
+    about: EditableObject
+
+
+class Mine:
+    """A file is a scene with a photo beside it, so it opens as any other scene."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """``folder`` None keeps nothing."""
+        self._folder = folder
+        self._stored: dict[str, _Stored] = {}
+        """by name, those of the model that was opened last"""
+
+    def open(self, model: Model) -> tuple[EditableObject, ...]:
+        """The objects of a model, the oldest first. What cannot be read, or is of another model, is left alone."""
+        self._stored = {}
+        files = self._folder.glob("*.json") if self._folder else ()
+        for path in sorted(files, key=lambda path: path.stat().st_mtime):
+            if (found := _read(path, model)) and found.name not in self._stored:
+                self._stored[found.name] = _Stored(path, found)
+        return tuple(stored.about for stored in self._stored.values())
+
+    def sync(self, model: Model, objects: Iterable[EditableObject]) -> None:
+        """Keep these and no others. Raises ``ValueError`` where that cannot be."""
+        if self._folder is None:
+            return
+        wanted = {one.name: one for one in objects}
+        for name, one in wanted.items():
+            stored = self._stored.get(name)
+            if stored is None or not _is_same(stored.about, one):
+                path = stored.path if stored else self._folder / _file_name(name)
+                _write(path, one, model)
+                self._stored[name] = _Stored(path, one)
+        for name in self._stored.keys() - wanted.keys():
+            self._stored.pop(name).path.unlink(missing_ok=True)
+
+
+def _is_same(first: EditableObject, second: EditableObject) -> bool:
+    return first.codes is second.codes and first.photo is second.photo and first.confidence == second.confidence
+
+
+def _file_name(name: str) -> str:
+    """One that no system refuses, and that no other object has."""
+    return f"{re.sub(r'[^A-Za-z0-9]+', '-', name)[:40].strip('-').lower()}-{secrets.token_hex(3)}.json"
+
+
+def _write(path: Path, one: EditableObject, model: Model) -> None:
+    scene = Scene(model.fingerprint, one.codes, orbit.home(model))
+    photo = base64.b64encode(encode_photo(one.photo)).decode() if one.photo else None
+    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence, "photo": photo}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_file(path) as partial:
+        partial.write_text(json.dumps(about))
+
+
+def _read(path: Path, model: Model) -> EditableObject | None:
+    try:
+        text = path.read_text()
+        about = json.loads(text)
+        photo = about["photo"] and decode_photo(base64.b64decode(about["photo"]))
+        confidence = None if about["confidence"] is None else float(about["confidence"])
+        return EditableObject(str(about["name"]), Scene.from_json(text, model).codes, photo, confidence)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

@@ -1,0 +1,94 @@
+"""What can be done with an object that was fitted or opened: its dot, and its part of the menu."""
+
+from imgui_bundle import ImVec2, hello_imgui, imgui
+
+from core.fitting.confidence import DOUBTFUL
+from core.models.scene import Scene
+from viewer.context import PanelContext
+from viewer.screen.file_dialog import FileRequest
+from viewer.screen.theme import WARM, Colour, packed
+from viewer.values.objects import EditableObject
+
+_SURE: Colour = (0.35, 0.75, 0.5)
+_LIKELY: Colour = (0.85, 0.8, 0.35)
+_UNKNOWN: Colour = (0.6, 0.63, 0.66)
+_SURE_FROM = 0.9
+"""Nearly all cameras of more confidence were right."""
+
+
+def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
+    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is."""
+    found, em = context.editor.objects[name], hello_imgui.em_size()
+    if found.photo:
+        centre = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * em
+        draw = imgui.get_window_draw_list()
+        draw.add_circle_filled(centre, 0.42 * em, packed((0.07, 0.08, 0.09)))
+        draw.add_circle_filled(centre, 0.3 * em, packed(colour_of(found)))
+
+
+def colour_of(found: EditableObject) -> Colour:
+    """Of the confidence: green is sure, yellow likely, orange doubtful, grey not known."""
+    if found.confidence is None:
+        return _UNKNOWN
+    if found.confidence < DOUBTFUL:
+        return WARM
+    return _SURE if found.confidence > _SURE_FROM else _LIKELY
+
+
+def about(found: EditableObject) -> str:
+    """A line for the tooltip of a fitted object; empty for any other."""
+    if not found.photo:
+        return ""
+    sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
+    return f"\nFitted to a photo{sure}"
+
+
+class MineMenu:
+    """Rename, remove, export."""
+
+    def __init__(self) -> None:
+        self._name = ""
+        """as it is being typed"""
+        self._renamed: tuple[str, str] | None = None
+        """an object, and its new name"""
+
+    def draw(self, context: PanelContext, name: str) -> None:
+        """In the menu of an object that is not the model's own."""
+        imgui.separator()
+        self._draw_rename(context, name)
+        if imgui.menu_item_simple("Export…###export object"):
+            _export(context, name)
+        if imgui.begin_menu("Remove###remove object"):
+            if imgui.menu_item_simple(f"Remove {name}###remove for good"):
+                context.workspace.remove(name)
+            imgui.end_menu()
+
+    def apply(self, context: PanelContext) -> None:
+        """Rename what was renamed; to be called once all objects are drawn, of which some may have the old name."""
+        if self._renamed:
+            context.workspace.rename(*self._renamed)
+            self._renamed = None
+
+    def _draw_rename(self, context: PanelContext, name: str) -> None:
+        if not imgui.begin_menu("Rename###rename object"):
+            return
+        if imgui.is_window_appearing():
+            self._name = name
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(hello_imgui.em_size(12))
+        entered, self._name = imgui.input_text("##new name", self._name, imgui.InputTextFlags_.enter_returns_true)
+        if entered:
+            self._renamed = name, self._name.strip()
+            imgui.close_current_popup()
+        imgui.end_menu()
+
+
+def _export(context: PanelContext, name: str) -> None:
+    """As a scene, which is opened by dropping it."""
+    editor = context.editor
+    scene = Scene(editor.model.fingerprint, editor.objects[name].codes, editor.scene.camera)
+    context.ask(
+        FileRequest(
+            "Export the object as", lambda path: context.exporting.scene(path, scene), (".json",), True, f"{name}.json"
+        )
+    )
