@@ -130,7 +130,7 @@ def select_model_gallery(chosen: argparse.Namespace) -> None:
     require_writable(chosen.out)
     model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
     objects = select_gallery(model.codes, training_psnr(model, dataset), chosen.count)
-    replace(model, codes=model.codes.subset(objects)).save(chosen.out)
+    model.subset(objects).save(chosen.out)
     print(f"{len(objects)} of {len(model.codes)} objects, {chosen.out.stat().st_size / 1e6:.2f} MB")
 
 

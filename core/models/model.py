@@ -2,8 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -117,6 +117,12 @@ class Model:
         """A camera (rad, rad, scene units) at the training images' size, focal length and, unless given, distance."""
         size = self.image_size
         return Camera(azimuth, elevation, distance or self.distance, self.focal, size, size)
+
+    def subset(self, objects: Sequence[int]) -> "Model":
+        """The model with these objects only; its code spaces and occupied cells stay those of all."""
+        smaller = replace(self, codes=self.codes.subset(objects))
+        vars(smaller)[_CELLS] = self.occupied_cells
+        return smaller
 
     def save(self, path: Path) -> None:
         """Write weights, codes and configuration as one safetensors file; an interrupted write leaves no file."""

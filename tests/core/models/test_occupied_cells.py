@@ -95,3 +95,8 @@ _shipped = cache(load_model)
 @pytest.mark.parametrize("name", ["chairs", "cars"])
 def test_shipped_models_come_with_their_cells(name: str):
     assert "occupied_cells" in vars(load_model(name))
+
+
+def test_a_subset_of_the_objects_keeps_the_cells_of_all():
+    model = tiny_model()
+    assert model.subset([0]).occupied_cells is model.occupied_cells
