@@ -15,6 +15,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser().parse_args(arguments)
     # Imported late: `--help` and a wrong word answer before torch is loaded.
     from core.models.library import load_model
+    from core.models.threads import Threads
     from viewer.app import App
     from viewer.screen.window import NoDisplayError, config_folder
     from viewer.screenshot import Screenshot
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from viewer.services.worker import Worker
     from viewer.session import Session
 
-    worker = Worker()
+    worker = Worker(before_step=Threads().look)
     try:
         session = Session(worker, Backend(partial(load_model, device=chosen.device)))
         headless = chosen.screenshot is not None

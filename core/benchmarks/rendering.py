@@ -6,11 +6,12 @@ all settings take turns, so that other load on the machine affects all of them: 
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from core.benchmarks.held_out_views import evenly_spaced_objects
@@ -23,7 +24,7 @@ from core.rendering import fast
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.occupancy import Tolerances, tolerances
 from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
-from core.rendering.reference import render_exact
+from core.rendering.reference import exact_rays, render_exact, render_rays
 
 FULL = "full renderer"
 REFERENCE_SAMPLES = 256
@@ -32,6 +33,8 @@ FAST_SAMPLES = (32, 48, 60, 64, 96, 128, 192, 256)
 SIZES = (64, 128, 256, 512)
 INTERACTION_SIZES = (128, 256)
 """px"""
+_COMPARED = 128
+"""px, of the largest image that is compared with the reference pixel by pixel"""
 _ROUNDS = 7
 _INTERACTION_FRAMES = 40
 _WARMUP_FRAMES = 12
@@ -104,20 +107,21 @@ def run(model: Model, views: int = 3) -> Iterator[str | RenderingResults]:
     truth = [_exact(model, view, REFERENCE_SAMPLES) for view in seen]
     recipes = {("naive", samples): _naive(samples) for samples in NAIVE_SAMPLES}
     recipes |= {("fast", samples): _fast(samples) for samples in FAST_SAMPLES}
-    yield "naive and fast, 128 px"
-    timings = _time_all(model, seen, truth, recipes)
-    yield "ablation"
+    timings = yield from _time_all(model, seen, truth, recipes)
     default = RenderSettings().samples
     ablations = {(name, default): _fast(default, cutoff) for name, cutoff in _ablations(default).items()}
-    ablation = _time_all(model, seen, truth, ablations)
+    ablation = yield from _time_all(model, seen, truth, ablations)
     sizes = []
     for size in SIZES:
-        yield f"{size} px"
+        yield f"reference, {size} px"
         some = [_View(view.codes, view.camera.resized(size, size)) for view in seen[:1]]
         exact = [_exact(model, view, REFERENCE_SAMPLES) for view in some]
-        sizes += _time_all(model, some, exact, {("fast", default): _fast(default)})
-    yield "interaction"
-    interactions = tuple(one for size in INTERACTION_SIZES for one in _interactions(model, size))
+        sizes += yield from _time_all(model, some, exact, {("fast", default): _fast(default)})
+    interactions = []
+    for size in INTERACTION_SIZES:
+        for one in _interactions(model, size):
+            yield f"{one.what}, {size} px: first image after {one.preview_p50:.0f} ms, the whole after {one.p50:.0f} ms"
+            interactions.append(one)
     naive, fast = ([one for one in timings if one.recipe == name] for name in ("naive", "fast"))
     yield RenderingResults(
         describe_machine(model.device),
@@ -126,7 +130,7 @@ def run(model: Model, views: int = 3) -> Iterator[str | RenderingResults]:
         tuple(fast),
         tuple(sizes),
         tuple(ablation),
-        interactions,
+        tuple(interactions),
     )
 
 
@@ -144,7 +148,21 @@ class _Recipe(NamedTuple):
 
 
 def _exact(model: Model, view: _View, samples: int) -> Tensor:
-    return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
+    """Every pixel of a small image, of a large one as many as fit into 128 x 128: the exact renderer is slow."""
+    every = _every(view.camera)
+    if every == 1:
+        return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
+    biases, rows = model.field.biases(view.codes.shape, view.codes.texture), exact_rays(model, view.camera)
+    with torch.no_grad():
+        parts = [
+            render_rays(model, rows[row, ::every], samples, *biases).colour for row in range(0, len(rows.near), every)
+        ]
+    return torch.stack(parts).clamp(0, 1).cpu()
+
+
+def _every(camera: Camera) -> int:
+    """Of how many rows and columns of an image one is compared with the reference."""
+    return max(1, camera.height // _COMPARED)
 
 
 def _naive(samples: int) -> _Recipe:
@@ -163,8 +181,8 @@ def _fast(samples: int, cutoff: Tolerances | None = None) -> _Recipe:
 
 def _time_all(
     model: Model, views: Sequence[_View], truth: Sequence[Tensor], recipes: dict[tuple[str, int], _Recipe]
-) -> list[Timing]:
-    """Times all recipes on all views, taking turns."""
+) -> Generator[str, None, list[Timing]]:
+    """Times all recipes on all views, taking turns; says after each turn how far it is, and at last what was found."""
     seconds: dict[tuple[str, int], list[list[float]]] = {key: [[] for _ in views] for key in recipes}
     found: dict[tuple[str, int], list[Tensor]] = {}
     for turn in range(_ROUNDS + 1):
@@ -177,6 +195,7 @@ def _time_all(
                 image, spent = _timed(recipe, model, view)
                 found[key].append(image)
                 times += [spent] if turn else []
+        yield f"{len(recipes)} settings, {views[0].camera.width} px: round {turn} of {_ROUNDS}"
     timings = []
     for (name, samples), images in found.items():
         ms = 1000 * sum(median(times) for times in seconds[name, samples]) / len(views)
@@ -184,6 +203,7 @@ def _time_all(
         off = max(float((image - exact).abs().max()) for image, exact in zip(images, truth, strict=True))
         size = views[0].camera.width
         timings.append(Timing(name, size, samples, ms, sum(quality) / len(quality), min(quality), off))
+        yield f"{name}, {size} px, {samples} samples: {ms:.1f} ms, {timings[-1].psnr:.1f} dB"
     return timings
 
 
@@ -193,7 +213,8 @@ def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
         recipe.render(model, view)
     began = time.perf_counter()
     image = recipe.render(model, view).cpu()  # which waits for a graphics card to be done
-    return image, time.perf_counter() - began
+    seconds = time.perf_counter() - began
+    return image[:: _every(view.camera), :: _every(view.camera)], seconds
 
 
 def _ablations(samples: int) -> dict[str, Tolerances]:
@@ -226,11 +247,11 @@ def _interactions(model: Model, size: int) -> Iterator[Interaction]:
         _seconds_until(model, at(what, 0.0, RenderSettings()), last=True)
         budget, previews = FrameBudget(), []
         for share in shares:
-            settings = RenderSettings(divisors=budget.divisors, supersampling=2)
+            settings = RenderSettings(divisors=budget.divisors(size), supersampling=2)
             previews.append(_seconds_until(model, at(what, share, settings), last=False))
             budget.observe(settings.divisors[0], previews[-1])
         ends = [
-            at(what, 1.0 + index, RenderSettings(divisors=budget.divisors, supersampling=2))
+            at(what, 1.0 + index, RenderSettings(divisors=budget.divisors(size), supersampling=2))
             for index in range(_SETTLES)
         ]
         settle = sum(_seconds_until(model, job, last=True) for job in ends) / len(ends)

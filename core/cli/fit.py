@@ -19,6 +19,7 @@ from core.fitting.plausibility import describe_category, guess_category, likelie
 from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.scene import Scene
+from core.models.threads import with_measured_threads
 from core.photos.decode import upright_size
 from core.photos.photo import load_photo, read_cut_out
 from core.photos.plain_background import NoBackgroundError
@@ -50,7 +51,7 @@ def fit(chosen: argparse.Namespace) -> None:
         print(f"python -m core: {warning}", file=sys.stderr)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
-        for last in fits.fit(model, FitJob(photos, settings, chosen.seed)):
+        for last in with_measured_threads(fits.fit(model, FitJob(photos, settings, chosen.seed))):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()

@@ -1,6 +1,7 @@
 """``evaluate`` and ``bench``: how good, how fast, and where it fails."""
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -134,11 +135,12 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
 
 
 def _last_value(stream: Iterator[str | _Found]) -> _Found:
-    """The results of a benchmark; what it says until then is shown beside the time."""
+    """The results of a benchmark; what it says until then goes to stderr, a line each."""
     with tqdm(bar_format="{desc} {elapsed}", disable=None) as bar:
         for value in stream:
             if not isinstance(value, str):
                 return value
+            tqdm.write(value, file=sys.stderr)
             bar.set_description_str(value)
     raise ValueError("the benchmark found nothing")
 

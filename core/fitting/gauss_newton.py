@@ -20,6 +20,7 @@ from core.fitting.hypotheses import (
     Parameters,
     clamp_parameters,
     hypothesis_rays,
+    known_cells,
 )
 from core.fitting.objective import Objective, image_squared_error, image_terms, prior_terms
 from core.fitting.observations import PixelBatch
@@ -63,16 +64,18 @@ def gauss_newton_step(
     stage: Stage,
     objective: Objective,
     free: Bool[Tensor, "views 8"],
+    cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> HypothesisBatch:
     """One step of every hypothesis; its loss and squared error are those before the step.
 
     Args:
         jitter: as for :func:`core.fitting.hypotheses.hypothesis_rays`.
         free: which parameters of which camera may move.
+        cells: as for :func:`core.fitting.objective.evaluate_objective`.
 
     A hypothesis whose objective is not finite gets infinite loss and stays where it is.
     """
-    equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective)
+    equations = normal_equations(model, batch.parameters, pixels, jitter, stage, objective, cells)
     step = _solve_damped(equations, stage.damping, free)
     parameters = _apply_step(batch.parameters, step, free)
     loss = equations.objective.nan_to_num(math.inf, math.inf)
@@ -110,9 +113,10 @@ def normal_equations(
     jitter: Tensor | None,
     stage: Stage,
     objective: Objective,
+    cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> NormalEquations:
     """The quadratic of the objective around hypotheses."""
-    rendered, jacobian = _render(model, parameters, pixels, jitter, stage)
+    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells)
     colour, opacity = (pixels.mean_of_rays(one.cpu()) for one in (rendered.colour, rendered.opacity))
     image, priors = image_terms(colour, opacity, pixels, objective), prior_terms(parameters, objective)
     count, size = len(jacobian), jacobian.shape[-1]
@@ -130,7 +134,7 @@ def normal_equations(
 
 
 def _render(
-    model: Model, parameters: Parameters, pixels: PixelBatch, jitter: Tensor | None, stage: Stage
+    model: Model, parameters: Parameters, pixels: PixelBatch, jitter: Tensor | None, stage: Stage, cells: Tensor | None
 ) -> tuple[RenderedJacobian, Float[Tensor, "hypotheses views rays 4 parameters"]]:
     """The pixels, and the Jacobian of their channels (red, green, blue, opacity) along all parameters that may move."""
     shapes, textures = model.codes.shape_space, model.codes.texture_space
@@ -142,7 +146,8 @@ def _render(
     )
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     kept = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
-    seen = render_with_jacobian(model, rays, stage.samples, kept, *model.field.biases(shape, texture), entries)
+    biases, cells = model.field.biases(shape, texture), known_cells(model, cells)
+    seen = render_with_jacobian(model, rays, stage.samples, kept, *biases, entries, cells)
     codes, views = seen.codes.cpu(), rays.near.shape[1]
     jacobian = torch.zeros(*codes.shape[:-1], views * CAMERA_PARAMETERS + codes.shape[-1])
     for index, (origins, directions) in enumerate(camera_jacobian(parameters, rays)):

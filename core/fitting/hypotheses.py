@@ -14,6 +14,7 @@ from core.geometry.camera import Camera, camera_rotation
 from core.geometry.rays import Rays, cast_rays
 from core.models.codes import Codes, CodeSpace
 from core.models.model import Model
+from core.rendering.shape_cells import shape_cells
 
 CAMERA_PARAMETERS = 8
 """of one view: azimuth, elevation, logarithms of distance and focal length; logarithm of scale, roll, shift x and y"""
@@ -163,6 +164,22 @@ def image_points(
     cos, sin = roll[..., 0].cos(), roll[..., 0].sin()
     upright = torch.stack((cos * x + sin * y, cos * y - sin * x), -1)
     return upright / (scale + parameters.zoom[..., None, None]).exp()
+
+
+def hypothesis_cells(model: Model, parameters: Parameters) -> Bool[Tensor, "hypotheses x y z"] | None:
+    """The cells of the box that each hypothesis' shape may occupy, as :func:`core.rendering.shape_cells.shape_cells`
+    finds them.
+    """
+    return shape_cells(model, model.field.shape_bias(model.codes.shape_space.code(parameters.shape)))
+
+
+def known_cells(
+    model: Model, cells: Bool[Tensor, "hypotheses x y z"] | None
+) -> Bool[Tensor, "hypotheses_or_one x y z"] | None:
+    """The cells of hypotheses, where those are not known the cells of all objects; on the model's device."""
+    if cells is None and model.occupied_cells is not None:
+        return model.occupied_cells[None].to(model.device)
+    return cells
 
 
 def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Parameters:

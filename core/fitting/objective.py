@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.fitting.hypotheses import CAMERA_PARAMETERS, Parameters, hypothesis_rays
+from core.fitting.hypotheses import CAMERA_PARAMETERS, Parameters, hypothesis_rays, known_cells
 from core.fitting.observations import PixelBatch
 from core.models.model import Model
 from core.models.precision import autocast
@@ -83,14 +83,16 @@ def evaluate_objective(
     samples: int,
     objective: Objective,
     jitter: Tensor | None = None,
+    cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> ObjectiveValue:
     """The objective of every hypothesis over some pixels: Eq. 5 with robust errors, a mask and priors; differentiable.
 
     Args:
         jitter: as for :func:`core.fitting.hypotheses.hypothesis_rays`.
+        cells: those that the shapes may occupy, where known better than ``model.occupied_cells``.
     """
     codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
-    colour, opacity = _render(model, parameters, codes, pixels, samples, jitter)
+    colour, opacity = _render(model, parameters, codes, pixels, samples, jitter, cells)
     terms = (*image_terms(colour, opacity, pixels, objective), *prior_terms(parameters, objective))
     value = torch.stack([term.value for term in terms]).sum(0)
     return ObjectiveValue(value, image_squared_error(colour, pixels).detach())
@@ -209,9 +211,11 @@ def _render(
     pixels: PixelBatch,
     samples: int,
     jitter: Tensor | None,
+    cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> tuple[Float[Tensor, "hypotheses views rays 3"], Float[Tensor, "hypotheses views rays"]]:
     rays = hypothesis_rays(model, parameters, pixels, samples, jitter)
     biases = model.field.biases(*codes)
+    cells = known_cells(model, cells)
     with autocast(model.device):
-        colour, opacity = render_top_samples(model, rays, samples, max(2, samples // 6), *biases)
+        colour, opacity = render_top_samples(model, rays, samples, max(2, samples // 6), *biases, cells)
     return pixels.mean_of_rays(colour.cpu()), pixels.mean_of_rays(opacity.cpu())

@@ -19,6 +19,7 @@ from core.fitting.hypotheses import (
     best_other_basin,
     concatenate,
     flip_azimuth,
+    hypothesis_cells,
     mean_parameters,
     opposite_views,
 )
@@ -34,6 +35,8 @@ _EMA = 0.4
 """weight of a step's loss in the running mean by which hypotheses are pruned"""
 _WINDOW = 4
 """Steps of the refinement whose mean is scored: a single one follows its own pixels."""
+_CELLS_PAY, _CELLS_LAST = 60_000, 100_000
+"""Samples of a hypothesis that it pays to find the cells of its shape for, and after how many they are found again."""
 _MIN_IMPROVEMENT = 0.01
 """The refinement ends where two such means in a row are not better by this share than all that were scored before."""
 RESTART_BELOW = 0.92
@@ -59,10 +62,14 @@ def optimise(
     """All hypotheses after each step of some stages, pruned before each stage; losses are running means."""
     for stage in stages:
         batch, objective = prune(problem, batch, stage.hypotheses), problem.objective(stage.robust_scale)
+        a_step, cells = len(problem.photos) * stage.rays * stage.samples, None
+        renewed, pays = max(_WINDOW, _CELLS_LAST // a_step), stage.steps * a_step > _CELLS_PAY
         for step in range(stage.steps):
+            if step % renewed == 0 and pays:
+                cells = hypothesis_cells(problem.model, batch.parameters)
             pixels = sample_pixels(problem.observations, stage.rays, generator)
             jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5
-            after = gauss_newton_step(problem.model, batch, pixels, jitter, stage, objective, problem.free)
+            after = gauss_newton_step(problem.model, batch, pixels, jitter, stage, objective, problem.free, cells)
             loss = after.loss * viewpoint_weights(after.parameters, problem.viewpoints)
             loss = torch.lerp(batch.loss, loss, _EMA if step else 1.0).nan_to_num(math.inf, math.inf)
             batch = replace(after, loss=loss)
@@ -84,8 +91,9 @@ def score(problem: Problem, batch: HypothesisBatch, robust_scale: float) -> Hypo
     """The hypotheses with their losses on the pixels that are the same for all."""
     objective = problem.objective(robust_scale)
     with torch.no_grad():
+        cells = hypothesis_cells(problem.model, batch.parameters)
         found = evaluate_objective(
-            problem.model, batch.parameters, problem.scoring, problem.settings.samples, objective
+            problem.model, batch.parameters, problem.scoring, problem.settings.samples, objective, cells=cells
         )
     loss = found.objective.nan_to_num(math.inf, math.inf) * viewpoint_weights(batch.parameters, problem.viewpoints)
     return replace(batch, loss=loss, squared_error=found.squared_error)

@@ -2,11 +2,13 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import torch
+from jaxtyping import Bool
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
@@ -17,6 +19,7 @@ from core.models.ablations import build_field
 from core.models.codes import CodeBook, CodeSpace, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
+from core.models.occupied_cells import find_occupied_cells, pack, unpack
 from core.models.viewpoint import ViewpointClassifier
 
 FORMAT = "codenerf-1"
@@ -28,6 +31,7 @@ _OLD_KEYS = {
     "design": "architecture",
 }
 """Of older files, which are still read."""
+_CELLS = "occupied_cells"
 _CLASSIFIER_PREFIXES = ("viewpoint.", "glance.")
 """Of the viewpoint classifier's tensors; the second in older files."""
 _SPACES, _SPACE_PARTS = ("shape_space", "texture_space"), ("mean", "directions", "std")
@@ -55,6 +59,8 @@ class Model:
     """predicts from where an image was probably taken; on the processor"""
     gallery_of: str = ""
     """The fingerprint of the model whose objects were reduced to a gallery: scenes of either open with the other."""
+    stored_cells: Bool[Tensor, "x y z"] | None = None
+    """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
 
     def __post_init__(self) -> None:
         self.field.requires_grad_(False).eval()
@@ -82,6 +88,28 @@ class Model:
         return self.field.config.architecture != "codenerf"
 
     @cached_property
+    def occupied_cells(self) -> Tensor | None:
+        """Which cells of the box its objects may occupy (:mod:`core.models.occupied_cells`), on the processor.
+
+        None where the field is evaluated outside the box too, or is one that fits do not take. Model files hold it; of
+        a model that comes from none, or from an older one, finding it takes seconds.
+        """
+        for _ in self.find_occupied_cells():
+            pass
+        return vars(self).get(_CELLS, self.stored_cells)
+
+    def find_occupied_cells(self) -> Iterator[None]:
+        """Find :attr:`occupied_cells` in small steps, where they are not known yet."""
+        if self.stored_cells is not None or _CELLS in vars(self):
+            return
+        cells = None
+        if not (self.white_from_network or self.is_ablation):
+            rows = sorted({self.codes.objects[index].shape for index in self.codes.valid})
+            found = yield from find_occupied_cells(self.field, self.codes.shapes[rows], self.extent_tensor)
+            cells = found.cpu()
+        vars(self)[_CELLS] = cells  # where cached_property looks
+
+    @cached_property
     def fingerprint(self) -> str:
         """A hash of the field's weights and the codes, by which a scene recognises its model."""
         if self.gallery_of:
@@ -96,6 +124,11 @@ class Model:
         """A camera (rad, rad, scene units) at the training images' size, focal length and, unless given, distance."""
         size = self.image_size
         return Camera(azimuth, elevation, distance or self.distance, self.focal, size, size)
+
+    def subset(self, objects: Sequence[int]) -> "Model":
+        """The model with these objects only; its code spaces and occupied cells stay those of all."""
+        codes, cells = self.codes.subset(objects), self.occupied_cells
+        return replace(self, codes=codes, gallery_of=self.fingerprint, stored_cells=cells)
 
     def save(self, path: Path) -> None:
         """Write weights, codes and configuration as one safetensors file; an interrupted write leaves no file."""
@@ -136,7 +169,7 @@ class Model:
     def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
         field = build_field(FieldConfig(**about["config"]))
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
-        spaces = _pop_spaces(tensors)
+        spaces, cells = _pop_spaces(tensors), tensors.pop(_CELLS, None)
         classifier = _pop_classifier(tensors)
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about["objects"])
@@ -145,7 +178,8 @@ class Model:
             "extent": tuple(about["extent"]),
             "gallery_of": about.get("gallery_of", ""),
         }
-        return cls(field, codes, **about, viewpoint_classifier=classifier)
+        cells = None if cells is None else unpack(cells)
+        return cls(field, codes, **about, viewpoint_classifier=classifier, stored_cells=cells)
 
 
 def _with_new_keys(about: dict) -> dict:
@@ -174,14 +208,16 @@ def _pop_spaces(tensors: dict[str, Tensor]) -> tuple[CodeSpace, CodeSpace] | Non
 
 
 def _all_tensors(model: Model) -> dict[str, Tensor]:
-    """All that is saved: what renders in single precision, the viewpoint classifier in half."""
+    """All that is saved: what renders in single precision, the viewpoint classifier in half, occupied cells as bits."""
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
     spaces = {
         f"{kind}.{part}": getattr(space, part).detach().cpu().contiguous()
         for kind, space in zip(_SPACES, model.codes.spaces or (), strict=False)
         for part in _SPACE_PARTS
     }
-    return _rendering_tensors(model) | spaces | {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
+    cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
+    looking = {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
+    return _rendering_tensors(model) | spaces | looking | cells
 
 
 def _rendering_tensors(model: Model) -> dict[str, Tensor]:

@@ -6,8 +6,7 @@ how far.
 """
 
 import math
-from collections import OrderedDict
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.caches import CACHE, Kind
 from core.geometry.camera import camera_rotation
 from core.models.codes import Codes
 from core.models.model import Model
@@ -32,7 +32,6 @@ _MIN_THICKNESS = 0.05
 """of a block's optical depth over a cell: more may be the fringe of something"""
 _MIN_POINTS = 20
 """of a prototype that is worth keeping"""
-_CACHED_BANKS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,43 +53,50 @@ class ViewBank:
     distance: float
     """scene units, from which all views are seen"""
 
+    @property
+    def size(self) -> int:
+        """bytes"""
+        return self.masks.nbytes + self.luminance.nbytes
+
 
 class EmptyBankError(ValueError):
     """A model renders nothing that a view bank could hold."""
 
 
-_banks: OrderedDict[str, ViewBank] = OrderedDict()
 _in_progress: dict[str, Generator[None, None, ViewBank]] = {}
 """Begun and not finished: the next caller continues from there."""
 
 
 def view_bank(model: Model) -> ViewBank:
-    """The model's view bank, built once (seconds) and kept in memory for the last two models.
+    """The model's view bank, built once (seconds) and kept in memory as far as there is room.
 
     Raises :class:`EmptyBankError` where the model shows no objects.
     """
-    for _ in build_view_bank(model):
-        pass
-    return _banks[model.fingerprint]
+    stream = build_view_bank(model)
+    while True:
+        try:
+            next(stream)
+        except StopIteration as made:
+            return made.value
 
 
-def build_view_bank(model: Model) -> Iterator[None]:
+def build_view_bank(model: Model) -> Generator[None, None, ViewBank]:
     """Build the model's view bank, where it is not there yet, a prototype at a time, so that nobody waits for it later.
 
     Two callers in turn share the work.
     """
     key = model.fingerprint
-    while key not in _banks:
+    while (bank := CACHE.get(Kind.BANK, key)) is None:
         building = _in_progress.pop(key, None) or _build(model)
         try:
             next(building)
         except StopIteration as made:
-            _banks[key] = made.value
+            CACHE.put(Kind.BANK, key, made.value, made.value.size)
+            return made.value
         else:
             _in_progress[key] = building
             yield None
-    while len(_banks) > _CACHED_BANKS:
-        _banks.popitem(last=False)
+    return bank
 
 
 class SizeRange(NamedTuple):
@@ -148,6 +154,7 @@ def _dilate(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
 
 
 def _build(model: Model) -> Generator[None, None, ViewBank]:
+    yield from model.find_occupied_cells()
     azimuth, elevation = directions()
     kept, views = [], []
     for codes in _prototypes(model):

@@ -4,8 +4,7 @@ It works in two passes, as the field does. What a shape shows from a camera (:cl
 texture and is cached: a new texture runs the second pass only. A new view reuses the occupied cells.
 """
 
-from collections import OrderedDict
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,6 +13,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from core.caches import CACHE, Kind
 from core.geometry.camera import Camera, pixel_centres
 from core.geometry.rays import Rays, rays_at_pixels
 from core.models.codes import Codes
@@ -25,10 +25,6 @@ from core.rendering.reference import Rendered
 
 CHUNK_RAYS = 4096
 """Rays evaluated at a time, about 32k evaluations: what a newer job waits for."""
-_CACHED_VIEWS = 8
-"""Views whose visible intervals are cached: as many as an image has stages."""
-_CACHED_SHAPES = 8
-"""Shapes whose occupied cells are cached."""
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this near to the last one reuses its occupied cells."""
 _BLOCK = 8192
@@ -53,13 +49,22 @@ def render_steps(
     with torch.inference_mode():
         folded = _folded_field(model, codes)
     key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff)
-    chunks = yield from _visible_chunks(folded, key)
-    shaded = []
-    for chunk in chunks:
+    known: Sequence[Chunk] | None = CACHE.get(Kind.VIEW, key)
+    room, size = CACHE.room(Kind.VIEW), 0
+    seen, shaded = list[Chunk](), list[_Shaded]()
+    for chunk in _visible_chunks(folded, key) if known is None else known:
         with torch.inference_mode():
-            shaded.append(_shade(folded, chunk))
+            shaded.append(_Shaded(chunk.pixel, _shade(folded, chunk), chunk.depth, chunk.opacity, chunk.evaluations))
+        size += chunk.size
+        # A view too large to be kept is not held until its end either.
+        if size <= room:
+            seen.append(chunk)
+        else:
+            seen.clear()
         yield None
-    return _assemble(camera, chunks, shaded, model.device)
+    if known is None and size <= room:
+        CACHE.put(Kind.VIEW, key, seen, size)
+    return _assemble(camera, shaded, model.device)
 
 
 def render(
@@ -91,6 +96,21 @@ class Chunk:
     features: Float[Tensor, "seen width"]
     """activations that the texture part takes"""
 
+    @property
+    def size(self) -> int:
+        """bytes"""
+        return sum(part.nbytes for part in vars(self).values())
+
+
+class _Shaded(NamedTuple):
+    """What is left of a chunk once it has its colours."""
+
+    pixel: Int[Tensor, "rays"]
+    colour: Float[Tensor, "rays 3"]
+    depth: Float[Tensor, "rays"]
+    opacity: Float[Tensor, "rays"]
+    evaluations: Int[Tensor, "rays"]
+
 
 class VisibilityKey(NamedTuple):
     """What the visible intervals depend on: the key of their cache."""
@@ -103,12 +123,10 @@ class VisibilityKey(NamedTuple):
     cutoff: Tolerances | None = None
 
 
-_visible_cache: OrderedDict[VisibilityKey, list[Chunk]] = OrderedDict()
-
-
 def is_cached(model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True) -> bool:
     """Whether the visible intervals of this shape from this camera are cached, so that only colours are evaluated."""
-    return VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete) in _visible_cache
+    key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete)
+    return CACHE.get(Kind.VIEW, key) is not None
 
 
 @lru_cache(maxsize=4)
@@ -119,21 +137,17 @@ def _folded_field(model: Model, codes: Codes) -> FoldedField:
 
 def clear_views() -> None:
     """Forget every view: the next render costs what a new view costs."""
-    _visible_cache.clear()
+    CACHE.clear(Kind.VIEW)
 
 
 def clear_cache() -> None:
     """Forget every shape: the next render costs what a new shape costs."""
-    clear_views()
-    _occupancy_cache.clear()
+    CACHE.clear(Kind.VIEW, Kind.SHAPE)
     _folded_field.cache_clear()
 
 
-def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Generator[None, None, list[Chunk]]:
-    """The visible intervals of a shape, whatever its texture; cached for the last few views."""
-    if view in _visible_cache:
-        _visible_cache.move_to_end(view)
-        return _visible_cache[view]
+def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]:
+    """The visible intervals of a shape, whatever its texture."""
     with torch.inference_mode():
         occupancy = _occupancy(view)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
@@ -145,40 +159,28 @@ def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Generator[None,
         rays = replace(rays, near=near, far=torch.maximum(near, far))
         step = 2 * float(occupancy.extent.max()) / view.samples
         limits = view.cutoff or tolerances(view.samples)
-    chunks = []
     for start in range(0, len(rays.near), CHUNK_RAYS):
         with torch.inference_mode():
             some = slice(start, start + CHUNK_RAYS)
-            chunks.append(_chunk(folded, occupancy, pixel[some], rays[some], step, limits))
-        yield None
-    _visible_cache[view] = chunks
-    while len(_visible_cache) > _CACHED_VIEWS:
-        _visible_cache.popitem(last=False)
-    return _visible_cache[view]
-
-
-_occupancy_cache: OrderedDict[tuple[Model, tuple[float, ...]], Occupancy] = OrderedDict()
+            chunk = _chunk(folded, occupancy, pixel[some], rays[some], step, limits)
+        yield chunk
 
 
 def _occupancy(view: VisibilityKey) -> Occupancy:
     """A shape's occupied cells: cached, as neither a new view nor a new texture changes them."""
     key = view.model, view.shape
-    known = _occupancy_cache.get(key)
+    known: Occupancy | None = CACHE.get(Kind.SHAPE, key)
     if known is None or (view.complete and not known.complete):
         code = torch.tensor(view.shape, device=view.model.codes.shapes.device)
         folded = FoldedField(view.model, Codes(code, view.model.codes.mean.texture))
-        _occupancy_cache[key] = Occupancy(
-            view.model, folded, None if view.complete else _similar_occupancy(view.model, code)
-        )
-    _occupancy_cache.move_to_end(key)
-    while len(_occupancy_cache) > _CACHED_SHAPES:
-        _occupancy_cache.popitem(last=False)
-    return _occupancy_cache[key]
+        known = Occupancy(view.model, folded, None if view.complete else _similar_occupancy(view.model, code))
+        CACHE.put(Kind.SHAPE, key, known, known.size)
+    return known
 
 
 def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy | None:
     """The occupied cells of the shape rendered last, where it is similar."""
-    for (other, shape), occupancy in reversed(_occupancy_cache.items()):
+    for (other, shape), occupancy in CACHE.newest(Kind.SHAPE):
         if other is model:
             away = model.codes.shape_space.distance(code, torch.tensor(shape, device=code.device))
             return occupancy if float(away) < _SIMILAR_DISTANCE else None
@@ -251,14 +253,14 @@ def _shade(folded: FoldedField, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
-def _assemble(camera: Camera, chunks: list[Chunk], colours: list[Tensor], device: torch.device) -> Rendered:
+def _assemble(camera: Camera, chunks: Iterable[_Shaded], device: torch.device) -> Rendered:
     """The rendered rays in an image with a white background."""
     count = camera.height * camera.width
     colour = torch.ones(count, 3, device=device)
     depth, opacity = torch.zeros(count, device=device), torch.zeros(count, device=device)
     evaluations = torch.zeros(count, dtype=torch.long, device=device)
-    for chunk, shaded in zip(chunks, colours, strict=True):
-        colour[chunk.pixel], depth[chunk.pixel], opacity[chunk.pixel] = shaded, chunk.depth, chunk.opacity
+    for chunk in chunks:
+        colour[chunk.pixel], depth[chunk.pixel], opacity[chunk.pixel] = chunk.colour, chunk.depth, chunk.opacity
         evaluations[chunk.pixel] = chunk.evaluations
     size = camera.height, camera.width
     return Rendered(colour.reshape(*size, 3), depth.reshape(size), opacity.reshape(size), evaluations.reshape(size))

@@ -13,14 +13,15 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
 from core.models.codes import Codes
 from core.models.field import Field, encode
-from core.models.layers import linear_relu, relu_
+from core.models.layers import linear_relu, pad_rows, relu_
 from core.models.model import Model
+from core.models.occupied_cells import contains
 from core.models.precision import matmul_dtype
 
 _CHUNK_POINTS = 16384
@@ -119,19 +120,27 @@ class FoldedField:
 
 @torch.no_grad()
 def batch_density(
-    model: Model, points: Float[Tensor, "objects points 3"], shape_bias: Float[Tensor, "objects blocks width"]
+    model: Model,
+    points: Float[Tensor, "objects points 3"],
+    shape_bias: Float[Tensor, "objects blocks width"],
+    cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> Float[Tensor, "objects points"]:
-    """Density per scene unit of many objects at once, each at its own points; not differentiable."""
+    """Density per scene unit of many objects at once, each at its own points; not differentiable.
+
+    Args:
+        cells: outside of these (:mod:`core.models.occupied_cells`) it is taken to be 0.
+    """
     weights = field_weights(model, matmul_dtype(model.device.type))
     biases = shape_bias.to(weights.features.dtype)
     # A network that paints the background is evaluated around the box too.
     first = weights.position.evaluate if model.white_from_network else weights.position
-    rows = [
-        _density(model.field, weights, relu_(first(part)), bias.unbind(0))[0]
-        for one, bias in zip(points, biases, strict=True)
-        for part in one.split(_CHUNK_POINTS)
-    ]
-    return torch.cat(rows).reshape(points.shape[:-1])
+    found = torch.zeros(points.shape[:-1], device=points.device)
+    inside = torch.ones_like(found, dtype=torch.bool) if cells is None else contains(cells, points, model.extent_tensor)
+    for density, one, bias, where in zip(found, points, biases, inside, strict=True):
+        for index in where.nonzero()[:, 0].split(_CHUNK_POINTS):
+            some = pad_rows(one.index_select(0, index))
+            density[index] = _density(model.field, weights, relu_(first(some)), bias.unbind(0))[0][: len(index)]
+    return found
 
 
 @torch.no_grad()

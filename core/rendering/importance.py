@@ -5,7 +5,7 @@ samples that give nearly all of the light are then evaluated again, with gradien
 """
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.geometry.rays import Rays, ray_points
@@ -13,6 +13,22 @@ from core.models.model import Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import batch_colour, batch_density
 from core.rendering.reference import sample_intervals
+
+MIN_WEIGHT = 1e-3
+"""Share of a ray's light: samples that give less, which are most of them, are neither coloured nor differentiated."""
+
+
+def largest_weights(
+    weights: Float[Tensor, "objects views rays samples"], kept: int, least: float
+) -> Int[Tensor, "objects some"]:
+    """The samples of the largest weights among all of an object: ``kept`` of a ray on average, as far as those of any
+    object weigh more than ``least``; at least one. All, where all are kept.
+    """
+    flat = weights.flatten(1)
+    count = min(kept, weights.shape[-1]) * weights[0, ..., 0].numel()
+    if least > 0 and kept < weights.shape[-1]:
+        count = max(1, min(count, int((flat > least).sum(1).amax())))
+    return flat.topk(count, sorted=False).indices
 
 
 def render_top_samples(
@@ -22,6 +38,7 @@ def render_top_samples(
     kept: int,
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
+    cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> tuple[Float[Tensor, "objects views rays 3"], Float[Tensor, "objects views rays"]]:
     """Colour and opacity of rays, shaped (objects, views, rays), every object with its own codes.
 
@@ -30,17 +47,18 @@ def render_top_samples(
     white where there is none. With ``kept`` = ``samples`` it is :func:`core.rendering.reference.render_rays`. Where
     gradients are off, colours come from the folded field, as the densities do, so to its precision.
     """
+    differentiable = torch.is_grad_enabled()
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths)
     with torch.no_grad():
-        density_all = batch_density(model, points.flatten(1, 3), shape_bias).reshape(depths.shape)
-        count = kept * depths[0, ..., 0].numel()
+        density_all = batch_density(model, points.flatten(1, 3), shape_bias, cells).reshape(depths.shape)
         weights, transmittance = compositing_weights(density_all, edges)
-        top = weights.flatten(1).topk(count, sorted=False).indices
+        top = largest_weights(weights, kept, 0.0 if differentiable else MIN_WEIGHT)
     ray, objects = top // samples, torch.arange(len(points), device=top.device)[:, None]
     positions, directions = points.flatten(1, 3)[objects, top], rays.directions.flatten(1, 2)
-    if torch.is_grad_enabled():
+    if differentiable:
         density, features = model.field.density(positions, shape_bias[:, None])
+        density = density * (density_all.flatten(1).gather(1, top) > 0)  # nothing is outside of the cells
         direction_bias = model.field.direction_bias(directions)[objects, ray]
         rgb = model.field.colour(features, direction_bias, texture_bias[:, None])
         weights, transmittance = compositing_weights(

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 from torch.nn.functional import pad
@@ -21,9 +21,10 @@ from core.models.model import Model
 from core.models.precision import matmul_dtype
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import batch_density, field_weights
+from core.rendering.importance import MIN_WEIGHT, largest_weights
 from core.rendering.reference import sample_intervals
 
-CHUNK_POINTS = 8192
+CHUNK_POINTS = 4096
 """Points differentiated at a time: with fewer, calls cost more than leaving the cache does."""
 
 
@@ -56,16 +57,16 @@ def render_with_jacobian(
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     bias_jacobians: BiasJacobians,
+    cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> RenderedJacobian:
     """What :func:`core.rendering.importance.render_top_samples` renders, with its Jacobian; shaped (objects, views,
     rays) likewise.
     """
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths).flatten(1, 3)
-    density = batch_density(model, points, shape_bias).reshape(depths.shape)
+    density = batch_density(model, points, shape_bias, cells).reshape(depths.shape)
     sample_weights, transmittance = compositing_weights(density, edges)
-    count = min(kept, samples) * transmittance[0].numel()
-    top = sample_weights.flatten(1).topk(count, sorted=False).indices.sort().values
+    top = largest_weights(sample_weights, kept, MIN_WEIGHT).sort().values
     ray, objects = top // samples, torch.arange(len(points), device=top.device)[:, None]
     chunks = list(_chunks(*top.shape))
     colours, activations = torch.empty(*top.shape, 3, device=top.device), []
@@ -206,23 +207,24 @@ def _backward(
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    gradient = pad((by_colour * activations.rgb_derivative).diag_embed(), (0, 0, 0, 1)).to(dtype) @ weights.rgb[0]
+    # Texture does not reach the opacity: its channel comes in where the density does.
+    gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
     gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
     gradient, texture = _backward_blocks(
         gradient, activations.texture[:-1], weights.texture_blocks, bias_jacobians.texture
     )
     by_direction = _along_axes(gradient @ weights.direction.layer[0], activations.direction_derivative)
-    by_logit = (by_density * density_derivative[..., None]).to(dtype).reshape(-1, 1) @ weights.density[0]
-    gradient = torch.addmm(by_logit, gradient.flatten(0, 2), weights.features).reshape(gradient.shape)
+    by_logit = (by_density * density_derivative[..., None]).to(dtype)[..., None] * weights.density[0][0]
+    by_logit[:, :, :3] += gradient @ weights.features
+    gradient = by_logit
     gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
     by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
-    derivatives = torch.empty(
-        *by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=by_position.device
-    )
-    parts = by_position, by_position * depth[..., None, None] + by_direction, shape, texture
+    by_direction = pad(by_direction, (0, 0, 0, 1)).addcmul_(by_position, depth[..., None, None])
+    derivatives = torch.zeros(*by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=depth.device)
+    parts = by_position, by_direction, shape, texture
     # torch.cat is slower where formats differ.
     for part, to in zip(parts, derivatives.split([part.shape[-1] for part in parts], -1), strict=True):
-        to.copy_(part)
+        to[:, :, : part.shape[2]].copy_(part)
     return derivatives
 
 

@@ -80,6 +80,11 @@ class Occupancy:
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
+    @property
+    def size(self) -> int:
+        """bytes"""
+        return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
+
     def _corners_around(self) -> Int[Tensor, "some"]:
         """Every second corner, and all those of the cells within two of an occupied one."""
         around = self._coarse

@@ -88,7 +88,7 @@ class Viewport:
             return
         self._rested = None
         budget, detail = self.settings.budget, min(self.settings.quality.detail, self._sides)
-        stages = budget.divisors
+        stages = budget.divisors(detail)
 
         def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
             earlier = self.times if self.full_frame and self.full_frame[1] is crop else ()

@@ -2,6 +2,7 @@
 
 from imgui_bundle import imgui
 
+from core.caches import CACHE
 from core.models.precision import matmul_dtype
 from core.rendering.progressive import Frame
 from viewer.context import PanelContext
@@ -53,6 +54,7 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
         ("Samples a ray", f"{frame.samples}{evaluated}"),
         ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.budget:.0f} ms"),
         ("Number format", str(matmul_dtype(device.type)).removeprefix("torch.")),
+        ("Kept", f"{CACHE.used / 2**20:.0f} of {CACHE.limit / 2**20:.0f} MB"),
         ("Device", device.type if device.type == "cpu" else str(device)),
         ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
     ]

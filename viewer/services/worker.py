@@ -47,9 +47,9 @@ class _Running:
 class Worker:
     """Steps streams in turn. To stop a stream is not to step it any more, so a cancel waits for one step at most."""
 
-    def __init__(self, wake: Callable[[], None] = lambda: None) -> None:
-        """``wake`` is called from the worker's thread whenever there is something to deliver."""
-        self.wake = wake
+    def __init__(self, wake: Callable[[], None] = lambda: None, before_step: Callable[[], None] = lambda: None) -> None:
+        """Both are called from the worker's thread: ``wake`` whenever there is something to deliver."""
+        self.wake, self._before_step = wake, before_step
         self._running: list[_Running] = []
         self._next: dict[str, Job] = {}
         self._delivery: deque[tuple[_Running, Callable[[], None]]] = deque()
@@ -112,6 +112,7 @@ class Worker:
         if sys.platform == "linux":  # the window stays at its frame rate beside torch on few cores
             os.nice(10)  # of this thread alone
         while (entry := self._pick()) is not None:
+            self._before_step()
             began = time.perf_counter()
             self._step(entry)
             entry.spent += (time.perf_counter() - began) / entry.job.share

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn import functional
 
+from core.caches import CACHE, Kind
 from core.geometry.camera import _world_to_camera as placing
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
@@ -100,9 +101,9 @@ def test_a_new_texture_or_view_keeps_the_occupancy():
     a, b = MODEL.codes[0], MODEL.codes[1]
     render(MODEL, a, MODEL.camera(0.1, 0.1), 8)
     render(MODEL, Codes(a.shape, b.texture), MODEL.camera(0.9, 0.1), 8)
-    assert len(renderer._occupancy_cache) == 1
+    assert len(CACHE.newest(Kind.SHAPE)) == 1
     render(MODEL, b, MODEL.camera(0.9, 0.1), 8)
-    assert len(renderer._occupancy_cache) == 2
+    assert len(CACHE.newest(Kind.SHAPE)) == 2
 
 
 def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
@@ -127,10 +128,26 @@ def test_a_texture_moves_no_silhouette():
     assert torch.equal(first.depth, second.depth)
 
 
-def test_views_are_kept_for_a_while_only():
+def test_views_are_kept_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch):
+    renderer.clear_cache()
+    camera = MODEL.camera(0.3, 0.2).resized(64, 64)
+    render(MODEL, MODEL.codes[0], camera, 96)
+    view = CACHE.used - sum(occupancy.size for _, occupancy in CACHE.newest(Kind.SHAPE))
+    monkeypatch.setattr(CACHE, "limit", CACHE.used + view // 2)
     for turn in range(10):
-        render(MODEL, MODEL.codes[0], MODEL.camera(0.1 * turn, 0.1).resized(8, 8), 8)
-    assert len(renderer._visible_cache) <= renderer._CACHED_VIEWS
+        render(MODEL, MODEL.codes[0], replace(camera, azimuth=0.1 * turn), 96)
+        assert CACHE.used <= CACHE.limit
+    assert renderer.is_cached(MODEL, MODEL.codes[0], replace(camera, azimuth=0.9), 96)
+
+
+def test_a_view_too_large_to_keep_is_rendered_all_the_same(monkeypatch: pytest.MonkeyPatch):
+    renderer.clear_cache()
+    camera = MODEL.camera(0.3, 0.2).resized(64, 64)
+    kept = render(MODEL, MODEL.codes[0], camera, 96)
+    renderer.clear_views()
+    monkeypatch.setattr(CACHE, "limit", CACHE.used + 1000)
+    assert torch.equal(render(MODEL, MODEL.codes[0], camera, 96).colour, kept.colour)
+    assert not renderer.is_cached(MODEL, MODEL.codes[0], camera, 96)
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 2.0])

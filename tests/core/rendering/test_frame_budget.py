@@ -57,7 +57,27 @@ def test_images_begun_at_another_size_say_nothing() -> None:
 
 @pytest.mark.parametrize("divisor", [24, 8, 4, 3, 2, 1])
 def test_stages_climb_to_the_whole_and_once_more_with_all_samples(divisor: int) -> None:
-    stages = FrameBudget(divisor=divisor).divisors
+    stages = FrameBudget(divisor=divisor).divisors(2000)
     assert stages[0] == divisor
     assert stages[-2:] == (1, 1)
     assert all(before > after for before, after in pairwise(stages[:-1]))
+
+
+@given(st.integers(1, 4000), st.floats(0, 10))
+def test_no_first_image_is_lower_than_64_px(height: int, seconds: float) -> None:
+    pace = FrameBudget()
+    for _ in range(20):
+        first = pace.divisors(height)[0]
+        assert first == 1 or height // first >= 64
+        assert first == pace.divisor
+        pace.observe(first, seconds)
+
+
+@given(st.floats(0.05, 5), st.integers(1, 200))
+def test_it_recovers_soon_after_other_work_has_ended(busy: float, frames: int) -> None:
+    pace = FrameBudget()
+    for frame in range(frames):
+        pace.observe(pace.divisor, busy / pace.divisor if frame % 9 else 0.02)
+    for _ in range(30):  # a second of them
+        pace.observe(pace.divisor, 0.004 / pace.divisor**2)
+    assert pace.divisor == 1

@@ -1,0 +1,101 @@
+"""What is worth keeping between renders and fits, in memory that all of it shares.
+
+Rendering keeps what shapes show from cameras and where shapes are, fits keep the small views that cameras are ranked
+by. How much that is grows with the picture, so it is counted in bytes.
+"""
+
+from collections import OrderedDict
+from collections.abc import Hashable
+from enum import IntEnum
+from threading import Lock
+from typing import Any, NamedTuple
+
+LIMIT = 320 * 2**20
+"""bytes of all caches together"""
+
+
+class Kind(IntEnum):
+    """What a value is: kinds that are cheap to make again go first, of one kind the one not used for longest."""
+
+    VIEW = 0
+    """what a shape shows from a camera: much memory, a fraction of a second"""
+    SHAPE = 1
+    """the occupied cells of a shape"""
+    BANK = 2
+    """the view bank of a model: many seconds"""
+
+
+class _Entry(NamedTuple):
+    value: Any
+    size: int
+
+
+class ByteCache:
+    """Values by kind and key, as many as fit into a number of bytes; for several threads.
+
+    Example:
+        >>> cache = ByteCache(100)
+        >>> for key in "abc":
+        ...     cache.put(Kind.VIEW, key, key.upper(), 40)
+        >>> cache.get(Kind.VIEW, "a"), cache.get(Kind.VIEW, "c"), cache.used
+        (None, 'C', 80)
+    """
+
+    def __init__(self, limit: int = LIMIT) -> None:
+        self.limit = limit
+        self._entries: dict[Kind, OrderedDict[Hashable, _Entry]] = {kind: OrderedDict() for kind in Kind}
+        self._lock = Lock()
+
+    @property
+    def used(self) -> int:
+        """bytes"""
+        with self._lock:
+            return self._used()
+
+    def get(self, kind: Kind, key: Hashable) -> Any:
+        """The value, which counts as used now; None where there is none."""
+        with self._lock:
+            entry = self._entries[kind].get(key)
+            if entry is None:
+                return None
+            self._entries[kind].move_to_end(key)
+            return entry.value
+
+    def put(self, kind: Kind, key: Hashable, value: object, size: int) -> None:
+        """Keep a value of ``size`` bytes, in place of as many others as it takes; one that is too large is not kept."""
+        with self._lock:
+            self._entries[kind].pop(key, None)
+            if size <= self._room(kind):
+                self._entries[kind][key] = _Entry(value, size)
+                self._make_room()
+
+    def room(self, kind: Kind) -> int:
+        """The size of the largest value of this kind that could be kept: what those of higher kinds leave."""
+        with self._lock:
+            return self._room(kind)
+
+    def newest(self, kind: Kind) -> list[tuple[Any, Any]]:
+        """Keys and values of a kind, the one used last first."""
+        with self._lock:
+            return [(key, entry.value) for key, entry in reversed(self._entries[kind].items())]
+
+    def clear(self, *kinds: Kind) -> None:
+        """Forget all values of these kinds."""
+        with self._lock:
+            for kind in kinds:
+                self._entries[kind].clear()
+
+    def _used(self) -> int:
+        return sum(entry.size for entries in self._entries.values() for entry in entries.values())
+
+    def _room(self, kind: Kind) -> int:
+        return self.limit - sum(entry.size for more in Kind if more > kind for entry in self._entries[more].values())
+
+    def _make_room(self) -> None:
+        while self._used() > self.limit:
+            lowest = next(kind for kind in Kind if self._entries[kind])
+            self._entries[lowest].popitem(last=False)
+
+
+CACHE = ByteCache()
+"""What rendering and fits of this process share."""

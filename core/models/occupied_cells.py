@@ -1,0 +1,110 @@
+"""The cells of the scene's box that an object of a model may occupy: what fits ask the field for densities in.
+
+The densities of every training shape are evaluated at the corners of the cells. A cell is occupied where one of its
+corners is in any of them, and so are its neighbours. That leaves room for new codes: those of five standard deviations
+along a single direction stay inside.
+"""
+
+import math
+from collections.abc import Generator, Iterator
+
+import torch
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+from torch.nn import functional
+
+from core.models.field import Field, encode
+from core.models.precision import autocast
+
+CELLS = 32
+"""along each axis of the box"""
+MIN_OPACITY = 0.03
+"""A corner whose cell would take less of the light than this is empty."""
+_BLOCK = 16384
+"""Corners evaluated at a time."""
+
+
+def corners(extent: Float[Tensor, "3"]) -> Float[Tensor, "all 3"]:
+    """The corners of the cells, row by row."""
+    axes = [torch.linspace(-1, 1, CELLS + 1, device=extent.device)] * 3
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3) * extent
+
+
+def cells_at_corners(
+    density: Float[Tensor, "*batch all"], extent: Float[Tensor, "3"]
+) -> Bool[Tensor, "*batch cells cells cells"]:
+    """The cells with an occupied corner; a density that is no number counts as occupied, so that it shows."""
+    limit = -math.log1p(-MIN_OPACITY) / float(2 * extent.amin() / CELLS)
+    cells = ~(density.unflatten(-1, (CELLS + 1,) * 3) <= limit)
+    for axis in (-1, -2, -3):
+        cells = cells.narrow(axis, 0, CELLS) | cells.narrow(axis, 1, CELLS)
+    return cells
+
+
+def with_neighbours(cells: Bool[Tensor, "*batch x y z"]) -> Bool[Tensor, "*batch x y z"]:
+    """The cells and all that touch them."""
+    return functional.max_pool3d(cells.reshape(-1, 1, *cells.shape[-3:]).float(), 3, 1, 1).reshape(cells.shape) > 0
+
+
+def contains(
+    cells: Bool[Tensor, "#objects x y z"], points: Float[Tensor, "objects points 3"], extent: Float[Tensor, "3"]
+) -> Bool[Tensor, "objects points"]:
+    """Whether each point lies in a cell of its object; one outside the box counts to the cell beside it."""
+    scale = CELLS / (2 * extent)
+    x, y, z = torch.addcmul(scale * extent, points, scale).nan_to_num_(0).clamp_(0, CELLS - 1).floor_().unbind(-1)
+    # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
+    index = torch.add(z, torch.add(y, x, alpha=CELLS), alpha=CELLS)
+    first = torch.arange(len(cells), device=index.device)[:, None] * CELLS**3
+    return cells.flatten()[(index.int() + first).flatten()].reshape(index.shape)
+
+
+def find_occupied_cells(
+    field: Field, shapes: Float[Tensor, "shapes latent"], extent: Float[Tensor, "3"]
+) -> Generator[None, None, Bool[Tensor, "cells cells cells"]]:
+    """The cells that any of these shapes occupies, and their neighbours; some seconds for a thousand shapes.
+
+    Yields None every now and then. Every second corner along each axis is evaluated of all shapes, the others only
+    around cells that are occupied.
+    """
+    with torch.no_grad():
+        points = corners(extent)
+        first = field.point_layer(encode(points, field.config.position_frequencies)).relu()
+        biases = field.shape_bias(shapes)
+        at = torch.zeros((CELLS + 1,) * 3, dtype=torch.bool, device=first.device)
+        at[::2, ::2, ::2] = True
+        most = torch.zeros(len(points), device=first.device)
+    yield from _raise_to_densities(most, at, field, first, biases)
+    near = with_neighbours(cells_at_corners(most, extent))
+    around = functional.max_pool3d(functional.pad(near[None].float(), (1,) * 6), 2, 1)[0] > 0
+    yield from _raise_to_densities(most, around & ~at, field, first, biases)
+    return with_neighbours(cells_at_corners(most, extent))
+
+
+def _raise_to_densities(
+    most: Float[Tensor, "all"],
+    at: Bool[Tensor, "corners corners corners"],
+    field: Field,
+    first: Float[Tensor, "all width"],
+    biases: Float[Tensor, "shapes blocks width"],
+) -> Iterator[None]:
+    """Raise ``most`` to the largest density of any shape at some corners."""
+    index = at.flatten().nonzero()[:, 0]
+    activations = first[index]
+    for bias in biases:
+        with torch.no_grad(), autocast(first.device):
+            parts = [field.density_from_activations(part, bias)[0] for part in activations.split(_BLOCK)]
+            most[index] = torch.maximum(most[index], torch.cat(parts))
+        yield None
+
+
+def pack(cells: Bool[Tensor, "x y z"]) -> UInt8[Tensor, "bytes"]:
+    """As bits, eight to a byte, as model files hold them."""
+    bits = cells.cpu().flatten().reshape(-1, 8).to(torch.uint8)
+    return (bits << torch.arange(8, dtype=torch.uint8)).sum(-1, dtype=torch.uint8)
+
+
+def unpack(packed: UInt8[Tensor, "bytes"]) -> Bool[Tensor, "cells cells cells"]:
+    """The inverse of :func:`pack`. Raises ``ValueError`` where it is of other cells."""
+    if packed.numel() * 8 != CELLS**3:
+        raise ValueError(f"occupied cells take {CELLS**3 // 8} bytes, got {packed.numel()}")
+    return ((packed[:, None] >> torch.arange(8, dtype=torch.uint8)) & 1).bool().reshape(CELLS, CELLS, CELLS)

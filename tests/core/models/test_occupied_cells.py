@@ -1,0 +1,102 @@
+"""The cells that objects may occupy: right for objects that were trained on, with room for new ones."""
+
+from functools import cache
+
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.models.library import load_model
+from core.models.model import Model
+from core.models.occupied_cells import (
+    CELLS,
+    MIN_OPACITY,
+    cells_at_corners,
+    contains,
+    corners,
+    pack,
+    unpack,
+    with_neighbours,
+)
+from core.models.precision import autocast
+from tests.core.tiny import EXTENT, tiny_model
+
+_EXTENT = torch.tensor(EXTENT)
+
+
+def test_a_cell_is_occupied_where_one_of_its_corners_is():
+    density = torch.zeros((CELLS + 1) ** 3)
+    density[(CELLS + 1) ** 2 * 5 + (CELLS + 1) * 7 + 9] = 1e3
+    cells = cells_at_corners(density, _EXTENT)
+    assert cells.nonzero().tolist() == [[x, y, z] for x in (4, 5) for y in (6, 7) for z in (8, 9)]
+    assert int(with_neighbours(cells).sum()) == 4**3
+
+
+def test_points_are_found_in_their_own_cells():
+    generator = torch.Generator().manual_seed(0)
+    cells = torch.rand((2, CELLS, CELLS, CELLS), generator=generator) > 0.5
+    points = (torch.rand((2, 200, 3), generator=generator) * 2 - 1) * _EXTENT
+    found = contains(cells, points, _EXTENT)
+    for of, some, inside in zip(cells, points, found, strict=True):
+        x, y, z = ((some / _EXTENT + 1) / 2 * CELLS).long().T
+        assert torch.equal(of[x, y, z], inside)
+    assert torch.equal(contains(cells[:1], points, _EXTENT)[0], found[0])
+
+
+def test_points_outside_the_box_count_to_the_cell_beside_them():
+    cells = torch.zeros((1, CELLS, CELLS, CELLS), dtype=torch.bool)
+    cells[0, 0, 0, -1] = True
+    assert contains(cells, torch.tensor([[[-9.0, -9.0, 9.0], [-9.0, -9.0, -9.0]]]), _EXTENT).tolist() == [[True, False]]
+
+
+@given(st.integers(0, 2**31))
+def test_packed_cells_are_the_same_again(seed: int):
+    cells = torch.rand((CELLS, CELLS, CELLS), generator=torch.Generator().manual_seed(seed)) > 0.7
+    assert torch.equal(unpack(pack(cells)), cells)
+
+
+def test_other_cells_are_refused():
+    with pytest.raises(ValueError, match="4096 bytes"):
+        unpack(torch.zeros(12, dtype=torch.uint8))
+
+
+def _outside(model: Model, code: torch.Tensor) -> float:
+    """The share of the box that a shape takes beyond the model's cells."""
+    assert model.occupied_cells is not None
+    with torch.no_grad(), autocast(model.device):
+        density = model.field.density(corners(model.extent_tensor), model.field.shape_bias(code))[0]
+    return float((cells_at_corners(density, model.extent_tensor) & ~model.occupied_cells).float().mean())
+
+
+def test_all_of_the_training_objects_is_inside():
+    model = tiny_model()
+    assert model.occupied_cells is not None
+    assert 0.05 < float(model.occupied_cells.float().mean()) < 0.8
+    assert all(_outside(model, shape) == 0 for shape in model.codes.shapes)
+    assert 0 < MIN_OPACITY < 0.1
+
+
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+@given(seed=st.integers(0, 2**31))
+def test_shapes_of_five_standard_deviations_are_inside(name: str, seed: int):
+    model, generator = _shipped(name), torch.Generator().manual_seed(seed)
+    space = model.codes.shape_space
+    direction = int(torch.randint(len(space.std), (), generator=generator))
+    deviations = torch.zeros(len(space.std))
+    deviations[direction] = 10 * float(torch.rand((), generator=generator)) - 5
+    assert _outside(model, space.code(deviations)) < 1e-3
+    assert _outside(model, space.code(torch.randn(len(space.std), generator=generator))) < 1e-3
+
+
+_shipped = cache(load_model)
+
+
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+def test_shipped_models_come_with_their_cells(name: str):
+    assert load_model(name).stored_cells is not None
+
+
+def test_a_subset_of_the_objects_keeps_the_cells_of_all():
+    model = tiny_model()
+    assert model.subset([0]).occupied_cells is model.occupied_cells

@@ -1,0 +1,84 @@
+"""Threads by measurement: several where they help, one where they wait for each other."""
+
+from collections.abc import Iterator
+
+import pytest
+import torch
+
+from core.models import threads
+from core.models.threads import Threads, with_measured_threads
+
+
+@pytest.fixture(autouse=True)
+def same_threads_afterwards() -> Iterator[None]:
+    before = torch.get_num_threads()
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize(("several", "chosen"), [(0.5, 2), (0.8, 2), (0.95, 1), (1.0, 1), (9.0, 1)])
+def test_several_threads_must_be_clearly_faster(several: float, chosen: int):
+    torch.set_num_threads(2)
+    Threads(lambda count: several if count > 1 else 1.0).look()
+    assert torch.get_num_threads() == chosen
+
+
+def test_a_single_round_decides_nothing():
+    strokes = iter([0.1] * 3 + [5.0] * 5)
+    torch.set_num_threads(2)
+    Threads(lambda count: next(strokes) if count > 1 else 1.0).look()
+    assert torch.get_num_threads() == 1
+
+
+def test_where_there_is_one_thread_nothing_is_measured():
+    def never(count: int) -> float:
+        raise AssertionError
+
+    torch.set_num_threads(1)
+    Threads(never).look()
+    assert torch.get_num_threads() == 1
+
+
+def test_it_is_measured_again_after_a_while(monkeypatch: pytest.MonkeyPatch):
+    taken: list[int] = []
+
+    def measure(count: int) -> float:
+        taken.append(count)
+        return 1.0 if count == 1 or busy else 0.5
+
+    busy, now = False, 100.0
+    monkeypatch.setattr(threads.time, "monotonic", lambda: now)
+    torch.set_num_threads(2)
+    some = Threads(measure)
+    some.look()
+    asked, busy = len(taken), True
+    some.look()
+    assert (len(taken), torch.get_num_threads()) == (asked, 2)
+    now += 60
+    some.look()
+    assert (len(taken), torch.get_num_threads()) == (2 * asked, 1)
+    now, busy = now + 60, False
+    some.look()
+    assert torch.get_num_threads() == 2
+
+
+def test_whoever_sets_another_number_says_how_many_there_may_be():
+    torch.set_num_threads(3)
+    some = Threads(lambda count: 1 / count)
+    some.look()
+    assert torch.get_num_threads() == 3
+    torch.set_num_threads(2)
+    some.look()
+    assert torch.get_num_threads() == 2
+
+
+def test_a_stream_gives_its_values_and_leaves_the_threads_as_they_were():
+    torch.set_num_threads(2)
+    assert list(with_measured_threads(iter("abc"))) == ["a", "b", "c"]
+    assert torch.get_num_threads() == 2
+
+
+def test_what_is_really_measured_takes_time():
+    torch.set_num_threads(2)
+    Threads().look()
+    assert torch.get_num_threads() in (1, 2)

@@ -1,0 +1,37 @@
+"""Single shapes: their cells hold all of them that counts, and little else."""
+
+import pytest
+import torch
+
+from core.geometry.rays import cast_rays
+from core.models.library import load_model
+from core.rendering.importance import render_top_samples
+from core.rendering.shape_cells import shape_cells
+from tests.conftest import random_model
+
+
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+def test_a_render_within_the_cells_of_its_shape_is_the_same(name: str):
+    model, generator = load_model(name), torch.Generator().manual_seed(0)
+    rows = torch.randperm(len(model.codes.shapes), generator=generator)[:4]
+    shape, texture = model.field.biases(model.codes.shapes[rows], model.codes.textures[:4])
+    cells = shape_cells(model, shape)
+    assert cells is not None
+    assert model.occupied_cells is not None
+    assert bool((cells <= model.occupied_cells).all())
+    assert float(cells.float().mean()) < 0.6 * float(model.occupied_cells.float().mean())
+    places = torch.rand((4, 1, 300, 2), generator=generator) * 0.4 - 0.2
+    angles = torch.rand((4, 1, 1), generator=generator)
+    rays = cast_rays(
+        places, 6 * angles, angles, torch.full_like(angles, model.distance), 1.0, (0, 0), model.extent_tensor
+    )
+    with torch.no_grad():
+        whole, inside = (render_top_samples(model, rays, 48, 12, shape, texture, some) for some in (None, cells))
+    for one, other in zip(whole, inside, strict=True):
+        assert float((one - other).square().mean()) < 1e-6
+
+
+def test_where_the_network_paints_the_background_there_are_none():
+    model = random_model(white_from_network=True)
+    assert model.occupied_cells is None
+    assert shape_cells(model, model.field.shape_bias(model.codes.shapes)) is None
