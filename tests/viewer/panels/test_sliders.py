@@ -14,6 +14,7 @@ from viewer.values.influence import CodeInfluence
 
 def test_one_part_alone_can_be_shown(drive: Drive) -> None:
     def act(window: Driver) -> None:
+        window.show("Sliders")
         for shown, there in (("Texture", "texture"), ("Shape", "shape"), ("Shape and texture", "both")):
             window.click("Sliders/##parts")
             window.click(f"$FOCUSED/{shown}")
