@@ -65,17 +65,25 @@ class Autosave:
 
     def restore(self) -> None:
         """Go on with what was left last. Where that cannot be, it stays until it is discarded."""
+        path = self.left[-1]
         try:
-            project = Project.load(self.left[-1])
+            project = Project.load(path)
         except ValueError as error:
             self._session.messages.report("Cannot restore the session", error)
         else:
-            self._session.replace(project, self.discard)
+            self._session.replace(project, lambda: self._discard(path))
 
     def discard(self) -> None:
         """Delete what was left last."""
-        self.left[-1].unlink(missing_ok=True)
-        self.left, self.times = self.left[:-1], self.times[:-1]
+        self._discard(self.left[-1])
+
+    def _discard(self, path: Path) -> None:
+        """Delete one of what was left, unless that has been done."""
+        if path in self.left:
+            path.unlink(missing_ok=True)
+            index = self.left.index(path)
+            self.left = (*self.left[:index], *self.left[index + 1 :])
+            self.times = (*self.times[:index], *self.times[index + 1 :])
 
     def close(self) -> None:
         """The run ends well; what an earlier one left stays until someone has decided."""

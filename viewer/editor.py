@@ -200,7 +200,8 @@ class Editor:
         for one in saved.objects:
             if one.name not in self.objects or self.objects[one.name].codes != one.codes:
                 names[one.name] = self.objects.add(one)
-        self.objects.remove(*(names.get(name, name) for name in saved.removed))
+        known = {one.name for one in saved.objects}
+        self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
         self._go(saved.history.renamed(names))
 
     # Undo

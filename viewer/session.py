@@ -41,6 +41,8 @@ class Session:
         """called with what is about to be replaced, or cannot be continued with"""
         self._deferred: list[Callable[[], None]] = []
         """what waits for the model on its way"""
+        self._elsewhere: tuple[tuple[tuple[PhotoSource, ...], str], ...] = ()
+        """photos of another category, and that, which wait until the model can be changed"""
         self._left: dict[str, SavedSession] = {}
         """by the name of their model, sessions that were left for another model"""
         self.project_path: Path | None = None
@@ -60,6 +62,8 @@ class Session:
         self.jobs.worker.deliver()
         if self.workspace:
             self.workspace.tick()
+            if self._elsewhere and self._rests(self.workspace):
+                self._fit_elsewhere()
 
     def open_model(self, name: str) -> None:
         """Load a model, by shipped name or path. The open one stays until it is there; what was made with the model
@@ -121,11 +125,15 @@ class Session:
             self.project_path = path
             self.messages.notify(f"Saved {path.name}")
 
-    def open_project(self, path: Path) -> None:
-        """Put a project in the place of all that was made. What cannot be read changes nothing."""
+    def open_project(self, path: Path, keep_path: bool = True) -> None:
+        """Put a project in the place of all that was made. What cannot be read changes nothing.
+
+        Args:
+            keep_path: it is saved there again.
+        """
 
         def opened() -> None:
-            self.project_path = path
+            self.project_path = path if keep_path else None
             self.messages.notify(f"Opened {path.name}")
 
         try:
@@ -225,13 +233,26 @@ class Session:
         self.jobs.submit(Job(f"model of {path}", search, found, self.jobs.reporting("Cannot open the scene")))
 
     def _fit_with_its_model(self, sources: tuple[PhotoSource, ...], category: str) -> None:
-        """Photos of another category are fitted with the model of that."""
-        self.messages.notify(f"This looks like {category}, not {self._workspace().model.category}: opening that model")
-        self.open_model(category)
+        """Photos of another category are fitted with the model of that, once nothing here would be lost by it."""
+        here = self._workspace().model.category
+        self.messages.notify(f"{sources[0].path.name} looks like {category}, not {here}: that model opens for it")
+        self._elsewhere = (*self._elsewhere, (sources, category))
+
+    def _rests(self, workspace: Workspace) -> bool:
+        """Nothing is under way that another model would end."""
+        busy = workspace.fitting.running, workspace.segmenting.active, workspace.exporting.running
+        return not (self.loading or self._replacing or any(busy))
+
+    def _fit_elsewhere(self) -> None:
+        category = self._elsewhere[0][1]
+        photos = [sources for sources, wanted in self._elsewhere if wanted == category]
+        self._elsewhere = tuple(one for one in self._elsewhere if one[1] != category)
 
         def begin() -> None:
-            self._workspace().fitting.fit(*sources)
+            for sources in photos:
+                self._workspace().fitting.fit(*sources)
 
+        self.open_model(category)
         self.when_ready(begin)
 
     def _restore(self, saved: SavedSession) -> None:

@@ -15,7 +15,7 @@ from viewer.services.jobs import Jobs
 from viewer.services.mine import Mine
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.fit_history import FitHistory, PhotoSource
+from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.saved_session import SavedSession
 
 _VIEW_BANK_SHARE = 0.2
@@ -35,6 +35,8 @@ class Workspace:
         self._kept = self.editor.objects.version
         self._unclear: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
         """photos whose object is to be pointed out after the one that is"""
+        self._asking: tuple[PhotoSource, ...] = ()
+        """whose object is being pointed out, as it was not found"""
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, model)
         self.grid = Grid(jobs)
@@ -57,7 +59,7 @@ class Workspace:
         self.thumbnails.tick()
         if self._unclear and not self.segmenting.active:
             first, *others = self._unclear
-            self._unclear = tuple(others)
+            self._unclear, self._asking = tuple(others), first[0]
             self.segmenting.open(*first)
         if self._kept != self.editor.objects.version:
             self._keep_mine()
@@ -72,7 +74,8 @@ class Workspace:
     def saved(self, name: str) -> SavedSession | None:
         """All that was made, under the name of the model; None if nothing was."""
         history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
-        if not (history.past or history.future or fitting.history.sources or fitting.pending):
+        pending = (*fitting.pending, *(FitRequest(FitHistory(sources)) for sources in self._not_found))
+        if not (history.past or history.future or fitting.history.sources or pending):
             return None
         used = frozenset(self.grid.names).union(*(state.mix.names for state in history.states))
         return SavedSession(
@@ -83,7 +86,7 @@ class Workspace:
             self.grid.names,
             FitHistory() if fitting.running and not fitting.result else fitting.history,
             fitting.candidates.saved(),
-            fitting.pending,
+            pending,
         )
 
     @property
@@ -92,7 +95,8 @@ class Workspace:
         objects, fitting = self.editor.objects, self.fitting
         fit = fitting.request, fitting.queue, fitting.result, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
-        return (self.editor.history, objects.removed, self.grid.names, *fit, steps, *objects.ever_added)
+        added = objects.ever_added
+        return (self.editor.history, objects.removed, self.grid.names, *fit, steps, *self._not_found, *added)
 
     def restore(self, saved: SavedSession) -> None:
         """Go on with a saved session. Raises ``ValueError`` where that cannot be, and changes nothing then."""
@@ -121,20 +125,27 @@ class Workspace:
         elif view == "photo" and self.fitting.history.last:
             self.editor.set_camera(self.fitting.camera)
         elif view in orbit.VIEWS:
-            self.editor.set_camera(orbit.seen_from(self.editor.scene.camera, view))
+            self.editor.set_camera(orbit.seen_from(self.fitting.following.camera, view))
 
     @property
     def orthographic(self) -> bool:
         """The view has no perspective."""
-        return orbit.is_orthographic(self.editor.scene.camera, self.model)
+        return orbit.is_orthographic(self.fitting.following.camera, self.model)
 
     def set_orthographic(self, orthographic: bool) -> None:
         """See the object without perspective, or with the model's own."""
-        self.editor.set_camera(orbit.with_perspective(self.editor.scene.camera, self.model, not orthographic))
+        camera = self.fitting.following.camera
+        self.editor.set_camera(orbit.with_perspective(camera, self.model, not orthographic))
 
     def segment_photo(self) -> None:
         """Point out the object in the photo of the fit that is shown."""
         self.segmenting.open(self.fitting.history.sources, self.fitting.history.photo_index)
+
+    @property
+    def _not_found(self) -> tuple[tuple[PhotoSource, ...], ...]:
+        """Photos whose object is still to be pointed out."""
+        asked = self.segmenting.active and self._asking and self.segmenting.sources == self._asking
+        return (*((self._asking,) if asked else ()), *(sources for sources, _ in self._unclear))
 
     def _point_out(self, sources: tuple[PhotoSource, ...], index: int) -> None:
         """In this photo the object was not found: a person is asked, for one photo at a time."""

@@ -1,7 +1,7 @@
 """What stays the same during a fit: photos as observations, known cameras, the objective and the pixels to score by."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
@@ -59,6 +59,8 @@ class Problem:
         generator: torch.Generator,
     ) -> "Problem":
         """Raises ``ValueError`` where a photo shows no object."""
+        if settings.estimate_focal:
+            photos = tuple(replace(photo, focal=None) for photo in photos)
         observations = tuple(Observation.of(photo, model) for photo in photos)
         cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in photos)
         viewpoints = tuple(_viewpoint(model, photo) if components.viewpoint_classifier else None for photo in photos)
@@ -97,7 +99,7 @@ class Problem:
                 prior[3] = SCALED_SCALE if photo.scaled else MOVED_SCALE
                 prior[5:] = math.inf  # the shift
             if photo.focal is not None:
-                prior[1], prior[2] = SCALED_SCALE, math.inf
+                prior[1:4] = math.inf  # the distance is whatever the size asks for
         scale[~self.unknown] = math.inf
         weight = torch.tensor(CAMERA_PRIOR_WEIGHT) * self.components.camera_prior
         mask_weight = MASK_WEIGHT if self.components.mask_loss and not self.model.white_from_network else 0.0
@@ -106,7 +108,7 @@ class Problem:
     @cached_property
     def expected_scale(self) -> Float[Tensor, "views directions"] | None:
         """Of photos that were scaled, the scale (logarithm) at which they show objects from all directions."""
-        scaled = self.unknown & torch.tensor([photo.scaled for photo in self.photos])
+        scaled = self.unknown & torch.tensor([photo.scaled and photo.focal is None for photo in self.photos])
         if not (bool(scaled.any()) and self.components.view_bank):
             return None
         images = [

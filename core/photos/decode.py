@@ -23,6 +23,8 @@ _FILM_DIAGONAL = math.hypot(36, 24)
 """mm"""
 _LENSES = 8, 600
 """mm, the shortest and the longest focal length that is believed"""
+_SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
+"""of whole photographs, longer by shorter side; and how far they may be off"""
 _TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""
 
@@ -69,6 +71,9 @@ def lens_focal(image: Image.Image) -> float | None:
     written = image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
     if not isinstance(written, int | float) or not _LENSES[0] <= written <= _LENSES[1]:
         return None
+    short, long = sorted(image.size)
+    if all(abs(long / short / ratio - 1) > _SAME_RATIO for ratio in _SENSOR_RATIOS):
+        return None  # a part of what the camera saw, of which nobody knows how large a part
     return float(written) / _FILM_DIAGONAL * math.hypot(*image.size)
 
 

@@ -122,7 +122,10 @@ def _segment_without_hints(
         # Colours follow edges more closely than a network of 320 px does, but take shadows for the object.
         near = binary_dilation(salient > _FAINT, iterations=max(1, round(_NETWORK_ERROR * max(image.size))))
         return _on_white(colours, ~plain.mask & near, plain.white)
-    return _on_white(colours, salient, white=False, edge_error=_NETWORK_ERROR * max(image.size))
+    # Inside an object the network may be unsure what it sees, but not that there is something.
+    edge = _NETWORK_ERROR * max(image.size)
+    inside = binary_erosion(salient > 0.5, iterations=max(1, round(edge)))
+    return _on_white(colours, np.where(inside, np.float32(1), salient), white=False, edge_error=edge)
 
 
 def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:

@@ -196,10 +196,13 @@ def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
         guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
     )
     session.fit_photos(photo)
-    finish(session, lambda: session.model_name == "cars" and not session.loading)
+    while session.model_name != "cars":
+        session.tick()
     finish(session, lambda: not session.fitting_runs)
     assert opened(session).editor.objects.names[0] == "block"
-    assert "This looks like cars, not chairs: opening that model" in [one.text for one in session.messages.all]
+    assert "block.png looks like cars, not chairs: that model opens for it" in [
+        one.text for one in session.messages.all
+    ]
     session.open_model("chairs")
     finish(session, lambda: session.model_name == "chairs")
     assert "block" not in opened(session).editor.objects.names

@@ -156,7 +156,11 @@ class Fitting:
         """Continue from what is on screen: its codes, and for the photo that is shown its camera."""
         if initial := self.resume_point:
             scene, cameras, index = self._editor.scene, list(initial.cameras), self.history.photo_index
-            cameras[index] = scene.camera.resized(cameras[index].width, cameras[index].height)
+            seen, found = scene.camera, cameras[index]
+            if self.history.photos[index].photo.cropped:  # its size in the view is not that in the photo
+                cameras[index] = replace(found, azimuth=seen.azimuth, elevation=seen.elevation)
+            else:
+                cameras[index] = seen.resized(found.width, found.height)
             self.resume(replace(initial, cameras=tuple(cameras), codes=scene.codes))
 
     @property
@@ -286,6 +290,7 @@ class Fitting:
             sources = self.history.sources
             self._withdraw()
             self.other_category(sources, likeliest)
+            self._next()
         elif warning:
             self._jobs.notify(f"{self.history.name}: {warning}")
 

@@ -18,7 +18,7 @@ class Following:
     """The fit is followed until codes are edited or the timeline plays; turning the view is no such edit."""
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
-        self._jobs, self._editor, self._newestport = jobs, editor, viewport
+        self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self._began_from: Scene | None = None
         """what is edited, and has not been since following began; None: no fit is followed"""
         self._newest: View | None = None
@@ -36,12 +36,12 @@ class Following:
         """The view belongs to the scene again."""
         self._began_from = self._newest = None
         self._jobs.cancel("fit view")
-        self._newestport.release("fit")
+        self._viewport.release("fit")
 
     @property
     def active(self) -> bool:
         """The view shows the fit: nobody has edited codes since that began, and the timeline rests."""
-        return self._newestport.source != "timeline" and self._holds
+        return self._viewport.source != "timeline" and self._holds
 
     @property
     def turned(self) -> bool:
@@ -76,14 +76,14 @@ class Following:
     def _render(self) -> None:
         """Show the newest object at once, as the view's camera is another now."""
         assert self._newest is not None, "nothing to follow yet"
-        settings = self._newestport.settings
+        settings = self._viewport.settings
         camera = self.camera
         crop = orbit.fit_to_panel(camera, *settings.panel, camera.height, settings.pan)
         job = RenderJob(self._newest.codes, crop.camera, LIVE)
 
         def rendered(frame: Frame) -> None:
             if self.active:
-                self._newestport.display(frame, crop, "fit")
+                self._viewport.display(frame, crop, "fit")
 
         frames, model = self._jobs.backend.frames, self._editor.model
         ended = self._jobs.reporting("Cannot render the fit")

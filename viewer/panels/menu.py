@@ -99,8 +99,8 @@ def _draw_earlier(context: PanelContext) -> None:
     earlier = context.autosave.earlier if context.autosave else ()
     if imgui.begin_menu("Earlier sessions", context.ready and bool(earlier)):
         for number, path in enumerate(earlier):
-            if imgui.menu_item_simple(f"{path.stem.partition('.0')[0]}###earlier {number + 1}"):
-                context.session.open_project(path)
+            if imgui.menu_item_simple(f"{path.stem[:19]}###earlier {number + 1}"):
+                context.session.open_project(path, keep_path=False)
         imgui.end_menu()
 
 

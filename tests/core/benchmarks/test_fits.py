@@ -10,7 +10,7 @@ from core.benchmarks.charts import prepare, read_fits, redraw, write_fits
 from core.benchmarks.fits import FitResults
 from core.benchmarks.held_out_views import HELD_OUT_VIEWS, is_symmetric_view, random_camera, training_object_views
 from core.benchmarks.tables import fit_table
-from core.fitting.confidence import confidence
+from core.fitting.confidence import confidence, explained
 from core.fitting.fit import PRESETS, FitSettings
 from core.geometry.camera import Camera
 from core.metrics import psnr
@@ -67,7 +67,7 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: FitRes
         else:
             assert trial.margin is not None
             assert trial.uncertainty is not None
-            assert trial.confidence == confidence(trial.margin, trial.uncertainty)
+            assert trial.confidence == confidence(trial.margin, trial.uncertainty) * explained(trial.psnr)
     assert [summary.preset for summary in found.summaries] == list(QUICK)
     assert {summary.fits for summary in found.summaries} == {2}
     assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in found.summaries)

@@ -41,7 +41,8 @@ def test_a_known_object_scores_as_rendering_its_fit_by_hand(tiny: Model):
         truth = torch.from_numpy(views.images[index]).float() / 255
         by_hand.append((psnr(drawn, truth), ssim(drawn, truth)))
     expected = np.mean(by_hand, 0)
-    assert score.psnr == pytest.approx(expected[0], abs=2.0)  # by the fast renderer, at 36 dB
+    # Beyond 45 dB the fast renderer's own error counts.
+    assert min(score.psnr, 45) == pytest.approx(min(expected[0], 45), abs=2.0)
     assert score.ssim == pytest.approx(expected[1], abs=0.01)
     assert score.psnr > 22
     assert (score.name, score.views, score.poses) == ("stool1", 3, ())
