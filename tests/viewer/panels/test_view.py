@@ -193,6 +193,7 @@ def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
         def image() -> np.ndarray:
             window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
             window.wait()
+            window.wait(lambda: window.workspace.viewport.sharp)  # every pixel comes once the hand rests
             return window.capture_view(border=80)
 
         window.context.set_preference(newcomer=False)
