@@ -17,7 +17,7 @@ _TYPICAL, _UNUSUAL = 1.4, 1.8
 _GREEN: Colour = (0.35, 0.75, 0.5)
 _AMBER: Colour = (0.9, 0.66, 0.25)
 _HELP = (
-    "From the mean of the trained {part}s, in standard deviations; a trained one has about 1.\n"
+    "How far from the mean of the trained {part}s, in standard deviations; a typical one has about 1.\n"
     "Drag to the left to bring the {part} back towards the mean."
 )
 
@@ -49,7 +49,7 @@ class RealismPanel:
         imgui.text_colored((*colour, 1.0), far)
         imgui.set_next_item_width(-1)
         imgui.push_style_color(imgui.Col_.slider_grab, (*colour, 1.0))
-        moved, to = imgui.slider_float(f"##distance {part}", distance, _LEAST, _REACH, "%.2f SD")
+        moved, to = imgui.slider_float(f"##distance {part}", distance, _LEAST, _REACH, "%.2f × typical")
         imgui.pop_style_color()
         if moved and abs(to - distance) > 1e-4:
             editor.scale_to_distance(part, max(_LEAST, to), gesture=f"distance {part}")
@@ -70,7 +70,7 @@ class RealismPanel:
         imgui.begin_group()
         imgui.text_disabled("Nearest")
         imgui.text_wrapped(name)
-        imgui.text_disabled(f"{distance:.2f} SD away")
+        imgui.text_disabled(f"{distance:.2f} × typical away")
         imgui.end_group()
 
 
