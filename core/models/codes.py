@@ -200,3 +200,20 @@ class CodeBook:
         """The rows, less those that only collapsed objects use."""
         lost = {rows[index] for index in self.collapsed} - {rows[index] for index in self.valid}
         return codes[[row for row in range(len(codes)) if row not in lost]] if lost else codes
+
+
+def farthest_first(points: Float[Tensor, "points size"], count: int | None = None, first: int = 0) -> list[int]:
+    """Indices of points: ``first``, then always the one that is farthest from all before it (Gonzalez 1985).
+
+    Args:
+        count: at most so many; all of them if None.
+    """
+    count = len(points) if count is None else min(count, len(points))
+    if not count:
+        return []
+    order, left = [first], (points - points[first]).norm(dim=1)
+    while len(order) < count:
+        left[order[-1]] = -1.0  # also where points are equal, each comes once
+        order.append(int(left.argmax()))
+        left = torch.minimum(left, (points - points[order[-1]]).norm(dim=1))
+    return order

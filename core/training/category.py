@@ -11,10 +11,8 @@ from torch.nn import functional
 from core.models.category import CategoryClassifier
 from core.models.crops import SIDE
 from core.training.augmentation import Crops, augment_photo, on_white, recrop, resample, some
-from core.training.viewpoint import ViewpointDataset, ViewpointStep
+from core.training.viewpoint import BATCH_SIZE, ViewpointDataset, ViewpointStep, train_classifier
 
-_BATCH_SIZE = 96
-_PEAK_LR = 2e-3
 _LABEL_SMOOTHING = 0.02
 """keeps the network from being more certain than its data are varied"""
 _LOW = math.radians(35)
@@ -33,23 +31,18 @@ def train_category(
         datasets: images of each of the classifier's categories.
     """
     generator = torch.Generator().manual_seed(seed)
-    optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
-    classifier.requires_grad_(True).train()
-    share = _BATCH_SIZE // (len(datasets) + 1)
+    share = BATCH_SIZE // (len(datasets) + 1)
     labels = torch.arange(len(datasets) + 1).repeat_interleave(share)
-    for step in range(steps):
-        optimiser.param_groups[0]["lr"] = _PEAK_LR * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
+
+    def batch_loss() -> Tensor:
         rows = [torch.randint(len(part.images), (share,), generator=generator) for part in datasets]
         images = torch.cat([part.images[row] for part, row in zip(datasets, rows, strict=True)]).float() / 255
         low = torch.cat([part.elevation[row] for part, row in zip(datasets, rows, strict=True)]).abs() < _LOW
         images = torch.cat((images, random_distractors(images[low], share, generator)))
         images, _ = augment_photo(images, torch.zeros(len(images)), generator)
-        loss = functional.cross_entropy(classifier(images), labels, label_smoothing=_LABEL_SMOOTHING)
-        optimiser.zero_grad()
-        loss.backward()
-        optimiser.step()
-        yield ViewpointStep(step + 1, steps, float(loss.detach()))
-    classifier.requires_grad_(False).eval()
+        return functional.cross_entropy(classifier(images), labels, label_smoothing=_LABEL_SMOOTHING)
+
+    yield from train_classifier(classifier, batch_loss, steps)
 
 
 def random_distractors(images: Crops, count: int, generator: torch.Generator) -> _Distractors:

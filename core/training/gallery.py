@@ -12,7 +12,7 @@ from torch import Tensor
 
 from core.datasets.srn import Dataset
 from core.metrics import psnr
-from core.models.codes import CodeBook
+from core.models.codes import CodeBook, farthest_first
 from core.models.model import Model
 from core.rendering.reference import render_exact
 
@@ -50,7 +50,8 @@ def select_gallery(book: CodeBook, scores: Mapping[str, float], count: int = GAL
     scored.sort(key=lambda index: scores[book.objects[index].name])
     good = sorted(scored[int(_REJECTED * len(scored)) :])
     places = _coordinates(book, good)
-    return tuple(good[one] for one in _farthest_points(places, min(count, len(good))))
+    middle = int(places.square().sum(1).argmin())
+    return tuple(good[one] for one in farthest_first(places, count, middle))
 
 
 def _coordinates(book: CodeBook, objects: Sequence[int]) -> Float[Tensor, "objects numbers"]:
@@ -59,13 +60,3 @@ def _coordinates(book: CodeBook, objects: Sequence[int]) -> Float[Tensor, "objec
     shapes, textures = book.shapes[[one.shape for one in entries]], book.textures[[one.texture for one in entries]]
     parts = ((book.shape_space, shapes, 1.0), (book.texture_space, textures, _TEXTURE_WEIGHT))
     return torch.cat([w * (codes - space.mean) / space.std.square().sum().sqrt() for space, codes, w in parts], 1)
-
-
-def _farthest_points(places: Float[Tensor, "objects numbers"], count: int) -> list[int]:
-    """Rows, beginning with the one nearest to the middle; each next is the farthest from all before it."""
-    chosen = [int(places.square().sum(1).argmin())]
-    nearest = (places - places[chosen[0]]).norm(dim=1)
-    while len(chosen) < count:
-        chosen.append(int(nearest.argmax()))
-        nearest = torch.minimum(nearest, (places - places[chosen[-1]]).norm(dim=1))
-    return chosen

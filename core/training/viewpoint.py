@@ -1,7 +1,7 @@
 """Training :mod:`core.models.viewpoint` on the images of a dataset, made like photographs."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,11 +12,12 @@ from torch.nn import functional
 
 from core.datasets.srn import Dataset
 from core.geometry.camera import camera_rotation
-from core.models.crops import crop_to_object
+from core.models.crops import CropClassifier, crop_to_object
 from core.models.viewpoint import ViewpointClassifier, direction_weights, directions
 from core.training.augmentation import augment_photo
 
-_BATCH_SIZE = 96
+BATCH_SIZE = 96
+"""images"""
 _PEAK_LR = 2e-3
 _KERNEL_WIDTH = math.radians(9)
 """rad; standard deviation of the target distribution around the true direction"""
@@ -59,14 +60,25 @@ def train_viewpoint(
 ) -> Iterator[ViewpointStep]:
     """Train a network in place, yielding each step; to stop, take no more values."""
     generator = torch.Generator().manual_seed(seed)
+
+    def batch_loss() -> Tensor:
+        index = torch.randint(len(dataset.images), (BATCH_SIZE,), generator=generator)
+        images, azimuth = augment_photo(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
+        target = direction_weights(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
+        return functional.cross_entropy(classifier(images), target)
+
+    yield from train_classifier(classifier, batch_loss, steps)
+
+
+def train_classifier(
+    classifier: CropClassifier, batch_loss: Callable[[], Tensor], steps: int
+) -> Iterator[ViewpointStep]:
+    """Train a network in place on the losses of batches, yielding each step."""
     optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
     classifier.requires_grad_(True).train()
     for step in range(steps):
         optimiser.param_groups[0]["lr"] = _PEAK_LR * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
-        index = torch.randint(len(dataset.images), (_BATCH_SIZE,), generator=generator)
-        images, azimuth = augment_photo(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
-        target = direction_weights(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
-        loss = functional.cross_entropy(classifier(images), target)
+        loss = batch_loss()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()

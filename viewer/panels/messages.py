@@ -6,19 +6,10 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
 from viewer.services.messages import Kind, Message
-from viewer.widgets.controls import tooltip
+from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
 _WIDTH = 24
 """em"""
-_FLAGS = (
-    imgui.WindowFlags_.no_decoration
-    | imgui.WindowFlags_.always_auto_resize
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_focus_on_appearing
-    | imgui.WindowFlags_.no_nav
-    | imgui.WindowFlags_.no_docking
-    | imgui.WindowFlags_.no_move
-)
 
 
 def draw(context: PanelContext) -> None:
@@ -29,7 +20,7 @@ def draw(context: PanelContext) -> None:
     em = hello_imgui.em_size()
     imgui.set_next_window_pos(context.view[1] - ImVec2(0.7 * em, 0.7 * em), imgui.Cond_.always, (1, 1))
     imgui.set_next_window_bg_alpha(0.94)
-    if imgui.begin("Messages", None, _FLAGS)[0]:
+    if imgui.begin("Messages", None, OVERLAY_FLAGS)[0]:
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         for number, message in enumerate(due):
             _draw(context, message, number)

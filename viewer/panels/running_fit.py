@@ -3,17 +3,7 @@
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
-from viewer.widgets.controls import action_button, button, tooltip
-
-_FLAGS = (
-    imgui.WindowFlags_.no_decoration
-    | imgui.WindowFlags_.always_auto_resize
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_focus_on_appearing
-    | imgui.WindowFlags_.no_nav
-    | imgui.WindowFlags_.no_docking
-    | imgui.WindowFlags_.no_move
-)
+from viewer.widgets.controls import OVERLAY_FLAGS, action_button, button, tooltip
 
 
 def draw(context: PanelContext) -> None:
@@ -25,7 +15,7 @@ def draw(context: PanelContext) -> None:
     place = ImVec2((low.x + high.x) / 2, low.y + hello_imgui.em_size(5.8))
     imgui.set_next_window_pos(place, imgui.Cond_.always, (0.5, 0))
     imgui.set_next_window_bg_alpha(0.94)
-    if imgui.begin("###Running fit", None, _FLAGS)[0]:
+    if imgui.begin("###Running fit", None, OVERLAY_FLAGS)[0]:
         if fitting.ready:
             _draw_ready(context, fitting.ready.name)
         if fitting.can_follow:

@@ -3,9 +3,10 @@
 import re
 from collections.abc import Sequence
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
+
+from core.models.codes import farthest_first
 
 _SOURCE = re.compile(r"^(blendswap_cc_(0|by)|gazebo|katorlegaz|kenney|quaternius(_realistic|_[a-z]+\d{4})?|scopia)_")
 """who made a mesh, before its name"""
@@ -47,18 +48,6 @@ def readable(name: str) -> str:
         plain = plain[: found.start()]
     words = _NOUN.sub(" ", re.sub(r"(?<=[a-z])(\d+)$", r" \1", plain.replace("_", " ")))
     return words[:1].upper() + words[1:] + variant
-
-
-def farthest_first(points: Float[Tensor, "points size"]) -> list[int]:
-    """Indices that begin with the first point; each next one is the farthest from all before it (Gonzalez 1985)."""
-    if not len(points):
-        return []
-    order, left = [0], (points - points[0]).norm(dim=1)
-    while len(order) < len(points):
-        left[order[-1]] = -1.0  # also where points are equal, each comes once
-        order.append(int(left.argmax()))
-        left = torch.minimum(left, (points - points[order[-1]]).norm(dim=1))
-    return order
 
 
 def families(names: Sequence[str], codes: Float[Tensor, "names latent"]) -> dict[str, tuple[str, ...]]:

@@ -10,6 +10,16 @@ from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on
 
 T = TypeVar("T")
+OVERLAY_FLAGS = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_saved_settings
+    | imgui.WindowFlags_.no_focus_on_appearing
+    | imgui.WindowFlags_.no_nav
+    | imgui.WindowFlags_.no_docking
+    | imgui.WindowFlags_.no_move
+)
+"""of a small window over the view that nobody moves"""
 
 
 def tooltip(text: str) -> None:

@@ -3,7 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.models.codes import CodeBook, Codes, CodeSpace, Entry
+from core.models.codes import CodeBook, Codes, CodeSpace, Entry, farthest_first
 
 
 def cloud(seed: int = 0, count: int = 40, latent: int = 6) -> torch.Tensor:
@@ -115,3 +115,11 @@ def test_the_nearest_objects_are_sound_ones_of_each_kind() -> None:
     assert book.nearest_texture(book.textures[0]) != 4
     with pytest.raises(ValueError, match="no objects"):
         CodeBook(book.shapes, book.textures, ()).nearest_shape(book.shapes[0])
+
+
+def test_the_most_different_come_first_and_each_once() -> None:
+    points = torch.tensor([[0.0], [0.1], [10.0], [4.0], [4.0]])
+    assert farthest_first(points) == [0, 2, 3, 1, 4]
+    assert farthest_first(torch.empty(0, 3)) == []
+    assert farthest_first(points, 2, 3)[0] == 3
+    assert len(farthest_first(points, 2, 3)) == 2

@@ -1,12 +1,6 @@
 import torch
 
-from viewer.values.variety import families, farthest_first, readable
-
-
-def test_the_most_different_come_first_and_each_once() -> None:
-    points = torch.tensor([[0.0], [0.1], [10.0], [4.0], [4.0]])
-    assert farthest_first(points) == [0, 2, 3, 1, 4]
-    assert farthest_first(torch.empty(0, 3)) == []
+from viewer.values.variety import families, readable
 
 
 def test_variants_are_behind_the_first_of_their_form() -> None:
