@@ -8,7 +8,7 @@ import torch
 from core.models.library import shipped_models
 from core.models.model import Model
 from core.models.scene import open_scene, scene_model
-from viewer.activities.fitting import FitOptions
+from viewer.activities.fit_stream import FitOptions
 from viewer.activities.viewport import ViewSettings
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs

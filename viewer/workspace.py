@@ -4,7 +4,8 @@ import torch
 
 from core.models.model import Model
 from viewer.activities.exporting import Exporting
-from viewer.activities.fitting import FitOptions, Fitting
+from viewer.activities.fit_stream import FitOptions
+from viewer.activities.fitting import Fitting
 from viewer.activities.grid import Grid
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting

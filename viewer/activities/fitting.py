@@ -1,36 +1,28 @@
 """A fit under way, and those that wait: photos, steps so far, and the renders of the fitted object."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import UInt8
-from PIL import Image
-
 from core.export.keyframes import View
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, Hypothesis
+from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.plausibility import describe_category, likeliest_category
-from core.fitting.settings import PaperSettings
 from core.geometry.camera import Camera
 from core.photos.plain_background import NoBackgroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.candidates import Candidates
+from viewer.activities.fit_stream import CategoryGuess, FitOptions, fit_stream
 from viewer.activities.following import LIVE, Following
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, match_poses
+from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Ready, match_poses
 from viewer.values.objects import EditableObject
 
-CHOICES = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
-"""Presets to choose from; the paper's own recipe is a baseline for the command line."""
-_RESUMED_SHARE = 3
-"""A fit that is resumed has one of so many steps of the preset: there is no search."""
 _RENDER_EVERY = 0.3
 """s between two renders of the fit, which take their time from it"""
 _RENDER_STEPS = 4
@@ -38,27 +30,6 @@ _RENDER_STEPS = 4
 _SURE_CATEGORY = 0.8
 """Probability from which a photo is fitted with the model of the category that it shows, whichever is open."""
 _FINISHED = RenderSettings(divisors=(1,))
-
-
-class CategoryGuess(dict[str, float]):
-    """How probable it is that a photo shows each category."""
-
-
-@dataclass(eq=False)
-class FitOptions:
-    """How the next fit is made, whichever model is open."""
-
-    preset: str = "normal"
-    estimate_focal: bool = False
-
-
-@dataclass(frozen=True)
-class Ready:
-    """A fitted object that can be shown."""
-
-    name: str
-    camera: Camera
-    """from where its photo was taken, at the size of the model's images"""
 
 
 class Fitting:
@@ -310,9 +281,8 @@ class Fitting:
         if follow:
             self.following.begin()
         self._rendered_at, self._steps_since = 0.0, 0
-        settings = replace(PRESETS[self.options.preset], estimate_focal=self.options.estimate_focal)
-        if resume_from:
-            settings = replace(settings, steps=max(1, settings.steps // _RESUMED_SHARE))
+        backend, model = self._jobs.backend, self._editor.model
+        stream = partial(fit_stream, backend, model, request, self.options.settings(resume_from is not None))
 
         def ended(error: Exception | None) -> None:
             read = len(self.history.photos)
@@ -324,25 +294,7 @@ class Fitting:
                 self.no_background(history.sources, read)
             self._next()
 
-        self._jobs.submit(Job("fit", lambda: self._stream(history, settings, resume_from), self._receive, ended))
-
-    def _stream(
-        self, history: FitHistory, settings: FitSettings, resume_from: Hypothesis | None
-    ) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
-        """The photos that have not been read, what the first shows, then the steps; runs on the worker."""
-        backend, model = self._jobs.backend, self._editor.model
-        if resume_from is None:
-            with suppress(ValueError):  # without a view bank, the steps that need one raise
-                yield from backend.view_bank(model)
-        photos = [fitted.photo for fitted in history.photos]
-        for source in history.sources[len(photos) :]:
-            photos.append(backend.load_photo(source.path, model, *source[1:]))
-            yield FittedPhoto.of(source, photos[-1])
-            if len(photos) == 1:
-                yield CategoryGuess(backend.guess_category(photos[0]))
-        past = history.steps[-1].seconds if history.steps else 0.0
-        for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
-            yield replace(step, seconds=past + step.seconds)
+        self._jobs.submit(Job("fit", stream, self._receive, ended))
 
     def _receive(self, value: FittedPhoto | CategoryGuess | FitStep) -> None:
         if isinstance(value, CategoryGuess):
@@ -377,7 +329,7 @@ class Fitting:
                 self._viewport.display(frame, crop, "fit")
             if index == self.history.photo_index and (fitted := self.history.photo):
                 middle = crop.middle(camera).cropped(frame)
-                difference = _doubled_difference(fitted.pixels, middle.image)
+                difference = fitted.doubled_difference(middle.image)
                 self.history = replace(self.history, frame=middle, difference=difference)
 
         frames, model = self._jobs.backend.frames, self._editor.model
@@ -444,11 +396,3 @@ class Fitting:
     def _camera_of(self, step: FitStep) -> Camera:
         """Of the photo that is shown, at the size of the model's images."""
         return self._at_model_size(step.cameras[self.history.photo_index])
-
-
-def _doubled_difference(
-    photo: UInt8[np.ndarray, "height width 3"], render: UInt8[np.ndarray, "h w 3"]
-) -> UInt8[np.ndarray, "height width 3"]:
-    """Both at the photo's size; a render that is a preview is smaller."""
-    enlarged = np.asarray(Image.fromarray(render).resize(photo.shape[1::-1]), np.int16)
-    return (2 * np.abs(photo - enlarged)).clip(0, 255).astype(np.uint8)

@@ -6,7 +6,8 @@ from imgui_bundle import icons_fontawesome_4, imgui
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.photos.decode import IMAGE_SUFFIXES
-from viewer.activities.fitting import CHOICES, Fitting
+from viewer.activities.fit_stream import CHOICES
+from viewer.activities.fitting import Fitting
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.widgets.comparison import Comparison

@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from jaxtyping import UInt8
+from PIL import Image
 
 from core.fitting.fit import FitStep, Hypothesis
+from core.geometry.camera import Camera
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
@@ -43,6 +45,11 @@ class FittedPhoto:
     def of(cls, source: PhotoSource, photo: Photo) -> FittedPhoto:
         """With its pixels as bytes."""
         return cls(source, photo, (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+
+    def doubled_difference(self, render: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "height width 3"]:
+        """Twice the absolute difference, at the photo's size; a render that is a preview is smaller."""
+        enlarged = np.asarray(Image.fromarray(render).resize(self.pixels.shape[1::-1]), np.int16)
+        return (2 * np.abs(self.pixels - enlarged)).clip(0, 255).astype(np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,3 +127,12 @@ def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:
     if poses:
         raise ValueError(f"{next(iter(poses.values())).name}: there is no image of this name beside the pose")
     return sources
+
+
+@dataclass(frozen=True)
+class Ready:
+    """A fitted object that can be shown."""
+
+    name: str
+    camera: Camera
+    """from where its photo was taken, at the size of the model's images"""

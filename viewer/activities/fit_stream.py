@@ -1,0 +1,52 @@
+"""What a fit in the window is asked for, and the stream of what it finds; it runs on the worker."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.fitting.settings import PaperSettings
+from core.models.model import Model
+from viewer.services.backend import Backend
+from viewer.values.fit_history import FitRequest, FittedPhoto
+
+CHOICES = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
+"""Presets to choose from; the paper's own recipe is a baseline for the command line."""
+_RESUMED_SHARE = 3
+"""A fit that is resumed has one of so many steps of the preset: there is no search."""
+
+
+class CategoryGuess(dict[str, float]):
+    """How probable it is that a photo shows each category."""
+
+
+@dataclass(eq=False)
+class FitOptions:
+    """How the next fit is made, whichever model is open."""
+
+    preset: str = "normal"
+    estimate_focal: bool = False
+
+    def settings(self, resumed: bool) -> FitSettings:
+        """Of a fit from the beginning, or of one that is resumed."""
+        settings = replace(PRESETS[self.preset], estimate_focal=self.estimate_focal)
+        return replace(settings, steps=max(1, settings.steps // _RESUMED_SHARE)) if resumed else settings
+
+
+def fit_stream(
+    backend: Backend, model: Model, request: FitRequest, settings: FitSettings
+) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
+    """The photos that have not been read, what the first shows, then the steps."""
+    history, resume_from = request
+    if resume_from is None:
+        with suppress(ValueError):  # without a view bank, the steps that need one raise
+            yield from backend.view_bank(model)
+    photos = [fitted.photo for fitted in history.photos]
+    for source in history.sources[len(photos) :]:
+        photos.append(backend.load_photo(source.path, model, *source[1:]))
+        yield FittedPhoto.of(source, photos[-1])
+        if len(photos) == 1:
+            yield CategoryGuess(backend.guess_category(photos[0]))
+    past = history.steps[-1].seconds if history.steps else 0.0
+    for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
+        yield replace(step, seconds=past + step.seconds)
