@@ -20,6 +20,8 @@ MARGIN = 0.04
 """of the frame's width and height, left free at either side at the least"""
 _SHAPES = 6
 """shapes of a video that are looked at, evenly spaced: those between them are mixtures of them"""
+_CAMERAS = 180
+"""of a long video that are looked at: two degrees of a turn apart"""
 _MIN_OPACITY = 0.03
 """of a cell that counts as the object's: fainter ones are a haze that nobody sees at an edge"""
 _PARTS = 2
@@ -40,7 +42,7 @@ def filling_frame(model: Model, views: Sequence[View], zoom_out: bool = True) ->
     step = max(1, math.ceil((len(views) - 1) / (_SHAPES - 1)))
     shapes = {view.codes for view in [*views[::step], *views[-1:]]}
     points = torch.cat([_outline(model, codes) for codes in shapes])
-    zoom = min(_largest_zoom(view.camera, points) for view in views)
+    zoom = min(_largest_zoom(view.camera, points) for view in [*views[:: -(-len(views) // _CAMERAS)], *views[-1:]])
     zoom = zoom if zoom_out else max(1.0, zoom)
     return [View(view.codes, replace(view.camera, focal=zoom * view.camera.focal)) for view in views]
 
