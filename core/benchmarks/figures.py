@@ -103,7 +103,7 @@ def _unlike(model: Model, codes: Codes) -> Codes:
 
 def _grid(model: Model, fitted: Sequence[FittedPhoto]) -> list[list[Cell]]:
     """Every shape, row by row, with every texture, from one viewpoint: the first photo's."""
-    camera, blank = fitted[0].steps[-1].cameras[0], torch.full((8, 8, 3), 255, dtype=torch.uint8)
+    camera, blank = fitted[0].steps[-1].cameras[0], torch.full((_SIDE, _SIDE, 3), 255, dtype=torch.uint8)
     head = [("", blank), *(_of_photo(one.photo, f"texture {number}") for number, one in enumerate(fitted, 1))]
     rows = [
         [_of_photo(one.photo, f"shape {number}")]

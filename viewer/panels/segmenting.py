@@ -148,14 +148,35 @@ class SegmentingDialog:
         imgui.set_next_item_width(-1)
         _, share = imgui.slider_float("##brush", 100 * self._brush, 0.5, 15, "Brush %.1f %%", _WITHIN)
         self._brush = share / 100
+        self._draw_threshold(segmenting)
         if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last box or stroke back (Ctrl+Z)"):
             segmenting.undo()
         if imgui.is_key_chord_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
         imgui.same_line()
-        if button("Clear###clear hints", "No box, no strokes: found automatically", enabled=bool(segmenting.hints)):
+        if button(
+            "Clear###clear hints",
+            "No box, no strokes, the usual edge: found automatically",
+            enabled=bool(segmenting.hints),
+        ):
             segmenting.begin_change()
             segmenting.set_hints(Hints())
+
+    def _draw_threshold(self, segmenting: Segmenting) -> None:
+        """How much of a soft edge belongs to the object, and how much of it the cut-out leaves undecided."""
+        imgui.begin_disabled(segmenting.hints.box is not None)
+        imgui.set_next_item_width(-1)
+        percent = 100 * segmenting.hints.threshold
+        changed, percent = imgui.slider_float("##threshold", percent, 5, 95, "Edge at %.0f %%", _WITHIN)
+        if imgui.is_item_activated():
+            segmenting.begin_change()
+        if changed:
+            segmenting.set_hints(replace(segmenting.hints, threshold=percent / 100))
+        tooltip("How opaque a pixel must be to belong to the object. Lower: more of a soft edge, and of thin legs")
+        imgui.end_disabled()
+        if segmenting.result and segmenting.result.found.undecided:
+            imgui.text_disabled(f"{100 * segmenting.result.found.undecided:.0f} % of it undecided")
+            tooltip("Where the cut-out is neither sure of the object nor of the background. Paint over what is wrong")
 
 
 def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
