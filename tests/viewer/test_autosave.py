@@ -104,7 +104,7 @@ def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path:
     autosave.tick()
     assert not list(tmp_path.iterdir())  # nothing was made yet
     clock.now = 20.0
-    editor.set_coordinate("shape", 0, 1.0, gesture="shape 0")
+    editor.mix("shape", 0.5, gesture="mix shape")
     autosave.tick()
     assert not list(tmp_path.iterdir())
     editor.end_gesture()

@@ -4,7 +4,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour
-from viewer.values.history import PARTS, Part
+from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import flow, tooltip
 

@@ -9,7 +9,9 @@ from core.models.scene import open_scene
 from core.photos.photo import Photo
 from tests.conftest import random_model
 from viewer.services.mine import Mine
+from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject
+from viewer.values.part import PARTS
 
 
 @pytest.fixture
@@ -57,3 +59,20 @@ def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) 
     mine = Mine()
     mine.sync(model, [fitted])
     assert mine.open(model) == ()
+
+
+def test_named_directions_last_for_their_model_alone(tmp_path: Path, model: Model) -> None:
+    directions = tuple(replace(Direction.principal(model.codes, part, 0), name="sportier") for part in PARTS)
+    Mine(tmp_path).keep_directions(model, directions)
+    assert Mine(tmp_path).directions(model) == directions
+    assert Mine(tmp_path).directions(random_model(seed=7)) == ()
+    Mine(tmp_path).keep_directions(model, ())
+    assert Mine(tmp_path).directions(model) == ()
+
+
+@pytest.mark.parametrize("text", ["", "7", "[1]", "{}", '[["a", [1.0], [2.0]]]', '[["a", ["b"], [2.0]]]', '[["a"]]'])
+def test_directions_that_cannot_be_read_are_none(tmp_path: Path, model: Model, text: str) -> None:
+    Mine(tmp_path).keep_directions(model, ())
+    (path,) = (tmp_path / "directions").iterdir()
+    path.write_text(text)
+    assert Mine(tmp_path).directions(model) == ()
