@@ -120,6 +120,8 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Hover over a slider", "which pixels it changes, and whether the silhouette moves"),
         Gesture("Ctrl+click", "type a value"),
         Gesture("Right click", "set the direction to 0"),
+        Gesture("Click the pin", "name the way from A to B, or a direction, and keep it above"),
+        Gesture("Click a name", "rename it, remove it"),
     ),
     "Timeline": (
         Action(

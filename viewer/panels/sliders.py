@@ -18,6 +18,7 @@ from viewer.widgets.directions import FILTER, DirectionMenu, NewDirection, in_wo
 from viewer.widgets.text import push_small
 
 _DICE, _PIN = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_THUMBTACK
+_SHOWN = FILTER | {PARTS: "All"}
 _FIRST = 8
 """sliders shown at first"""
 _REACH = 3.0
@@ -101,8 +102,8 @@ class SlidersPanel:
         imgui.same_line()
         _, self._strips = imgui.checkbox("Thumbnails###strips", self._strips)
         tooltip(_STRIPS_HELP)
-        flow(FILTER[PARTS])
-        self._parts = choose("parts", self._parts, FILTER, "Which directions are shown")
+        flow("Texture" + 4 * " ")
+        self._parts = choose("parts", self._parts, _SHOWN, "Which directions are shown")
 
     def _draw_named(self, context: PanelContext) -> None:
         if button(f"{_PIN}  Name a direction…###name mix", "Give the way from A to B a name, such as: sportier"):

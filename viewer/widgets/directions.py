@@ -8,7 +8,7 @@ from viewer.context import PanelContext
 from viewer.editor import Editor
 from viewer.values.direction import Direction
 from viewer.values.part import PARTS, Part
-from viewer.widgets.controls import NameField, button, choose
+from viewer.widgets.controls import NameField, button, choose, tooltip
 from viewer.widgets.text import caption, push_small
 
 FILTER: dict[tuple[Part, ...], str] = {PARTS: "Shape and texture", ("shape",): "Shape", ("texture",): "Texture"}
@@ -40,7 +40,7 @@ class NewDirection:
         if self._principal:
             caption(context, f"Direction {self._principal.name} of the {in_words(self._principal.parts)}")
         else:
-            caption(context, "From A to B, in both directions")
+            caption(context, "The way from A to B")
             self._parts = choose("changes", self._parts, FILTER, "What it changes", 12)
         if name := self._field.draw(hint=_HINT):
             self._add(context, name)
@@ -68,6 +68,7 @@ class DirectionMenu:
         push_small()
         pressed = imgui.small_button(label)
         imgui.pop_font()
+        tooltip("Rename it, or remove it")
         popup = f"direction {index}"
         if pressed:
             imgui.open_popup(popup)

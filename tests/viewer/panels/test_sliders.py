@@ -15,7 +15,7 @@ from viewer.values.part import PARTS
 def test_one_part_alone_can_be_shown(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.show("Sliders")
-        for shown, there in (("Texture", "texture"), ("Shape", "shape"), ("Shape and texture", "both")):
+        for shown, there in (("Texture", "texture"), ("Shape", "shape"), ("All", "both")):
             window.click("Sliders/##parts")
             window.click(f"$FOCUSED/{shown}")
             window.ctx.yield_(2)
