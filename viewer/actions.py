@@ -145,6 +145,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             _ready,
         ),
         Gesture("Click or drag a keyframe", "show it, move it in time; right click for more"),
+        Gesture("Drag a dot of the path", "on the map over the view: from where a keyframe sees the object"),
         Gesture("Right click the ruler", "paste the copied keyframe at the playhead"),
     ),
     "History": (Gesture("Click a thumbnail", "go back, or forward, to that state"),),

@@ -76,6 +76,11 @@ class TimelinePanel:
         if changed:
             player.set_loop(loop)
         tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
+        flow("Camera path" + 6 * " ")
+        changed, path = imgui.checkbox("Camera path", context.preferences.camera_path)
+        if changed:
+            context.set_preference(camera_path=path)
+        tooltip("Over the view, from two keyframes on: where the camera goes; drag a dot to change a keyframe's camera")
 
     def _draw_check(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline
