@@ -209,10 +209,7 @@ class Editor:
         cannot be, and then changes nothing.
         """
         saved.check(self.model)
-        names = {}
-        for one in saved.objects:
-            if one.name not in self.objects or self.objects[one.name].codes != one.codes:
-                names[one.name] = self.objects.add(one)
+        names = self.objects.add_missing(saved.objects)
         known = {one.name for one in saved.objects}
         self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
         self._go(saved.history.renamed(names).with_directions(self.state.directions))

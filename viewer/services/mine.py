@@ -7,6 +7,7 @@ import json
 import re
 import secrets
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +20,7 @@ from core.models.scene import Scene
 from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.encoding import decode_photo, encode_photo
-from viewer.values.objects import EditableObject
+from viewer.values.objects import EditableObject, unique_name
 from viewer.values.saved_session import UNREADABLE
 
 
@@ -42,8 +43,9 @@ class Mine:
         self._stored = {}
         files = self._folder.glob("*.json") if self._folder else ()
         for path in sorted(files, key=lambda path: path.stat().st_mtime):
-            if (found := _read(path, model)) and found.name not in self._stored:
-                self._stored[found.name] = _Stored(path, found)
+            if found := _read(path, model):
+                name = unique_name(found.name, self._stored)  # another window may have given the same one
+                self._stored[name] = _Stored(path, replace(found, name=name))
         return tuple(stored.about for stored in self._stored.values())
 
     def sync(self, model: Model, objects: Iterable[EditableObject]) -> None:

@@ -84,7 +84,7 @@ def labelled_slider(
     draw.add_text(corner + ImVec2(room - width, down), colour, shown)
     imgui.set_cursor_pos_x(left + before)
     imgui.set_next_item_width(max(em, room - before - after))
-    return imgui.slider_float(f"##{name}", value, *limits, "")
+    return imgui.slider_float(f"##{name}", value, *limits, "", imgui.SliderFlags_.always_clamp)
 
 
 def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:

@@ -97,6 +97,15 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.wait(lambda: segmenting.result is not None)
         window.context.drop([str(tmp_path / "missing.png")])
         window.wait(lambda: bool(session.messages.errors))
+        assert segmenting.active  # with its photo
+        window.context.drop([str(tmp_path / "busy.png")])
+        window.wait()
+        assert segmenting.hints == hints
+        window.click("Cut out###segment/**/###cancel segmentation")
+        window.wait(lambda: segmenting.active and segmenting.problem != "")  # the one that was dropped
+        assert not segmenting.hints
+        window.click("Cut out###segment/**/###cancel segmentation")
+        window.wait()
         past = len(editor.history.past)
         window.drag("View/orbit", 50)  # the dialog is gone
         assert len(editor.history.past) == past + 1

@@ -55,6 +55,19 @@ def test_what_it_has_not_seen_is_left_alone(tmp_path: Path, model: Model, fitted
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    windows, other = [Mine(tmp_path), Mine(tmp_path)], replace(fitted, codes=model.codes[2])
+    for mine, one in zip(windows, (fitted, other), strict=True):
+        mine.sync(model, [one])
+    again = Mine(tmp_path)
+    found = again.open(model)
+    assert {one.name for one in found} == {"Red chair (2)", "Red chair (2) (2)"}
+    assert {one.codes for one in found} == {fitted.codes, other.codes}
+    again.sync(model, [one for one in found if one.codes == other.codes])
+    (left,) = Mine(tmp_path).open(model)
+    assert left.codes == other.codes
+
+
 def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) -> None:
     mine = Mine()
     mine.sync(model, [fitted])
