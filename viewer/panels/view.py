@@ -12,6 +12,7 @@ from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
 from viewer.values import orbit
 from viewer.values.quality import QUALITIES
 from viewer.values.view_modes import MODES, in_mode
+from viewer.widgets.camera_path import CameraPath
 from viewer.widgets.controls import action_button, button, choose, tooltip
 from viewer.widgets.welcome import Welcome
 
@@ -48,7 +49,7 @@ class ViewPanel:
 
     def __init__(self) -> None:
         self._nudged = 0.0
-        self._welcome = Welcome()
+        self._welcome, self._path = Welcome(), CameraPath()
         self._cached: tuple[Frame, str, Frame] | None = None
         """of which frame and mode, the frame that is shown"""
 
@@ -87,6 +88,7 @@ class ViewPanel:
             self._welcome.draw(context, corner, size)
         else:
             _draw_badge(viewport, viewport.frame, corner, size)
+            self._path.draw(context, corner, size)
 
     def _in_mode(self, viewport: Viewport, mode: str) -> Frame:
         """The frame as the mode shows it, computed once."""

@@ -30,6 +30,8 @@ class Preferences:
     """which of :data:`viewer.values.quality.QUALITIES`"""
     newcomer: bool = True
     """nobody has turned the object yet"""
+    camera_path: bool = True
+    """drawn over the view, where the timeline has one"""
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()
     """paths of images and scenes that were opened, the last one first"""

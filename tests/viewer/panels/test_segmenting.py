@@ -98,6 +98,15 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.wait(lambda: segmenting.result is not None)
         window.context.drop([str(tmp_path / "missing.png")])
         window.wait(lambda: bool(session.messages.errors))
+        assert segmenting.active  # with its photo
+        window.context.drop([str(tmp_path / "busy.png")])
+        window.wait()
+        assert segmenting.hints == hints
+        window.click("Cut out###segment/**/###cancel segmentation")
+        window.wait(lambda: segmenting.active and segmenting.problem != "")  # the one that was dropped
+        assert not segmenting.hints
+        window.click("Cut out###segment/**/###cancel segmentation")
+        window.wait()
         past = len(editor.history.past)
         window.drag("View/orbit", 50)  # the dialog is gone
         assert len(editor.history.past) == past + 1
@@ -122,7 +131,7 @@ def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_pa
             return int(segmenting.result.found.mask.sum())
 
         before = area()
-        window.set("Cut out###segment/**/##threshold", 20)
+        window.set("Cut out###segment/**/##threshold", 0.2)
         window.wait(lambda: segmenting.settled)
         assert segmenting.hints.threshold == pytest.approx(0.2)
         assert area() > 1.2 * before
