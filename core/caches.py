@@ -10,7 +10,7 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any, NamedTuple
 
-LIMIT = 320 * 2**20
+LIMIT = 288 * 2**20
 """bytes of all caches together"""
 
 
@@ -74,6 +74,16 @@ class ByteCache:
         with self._lock:
             return self._room(kind)
 
+    def make_room(self, kind: Kind, size: int) -> bool:
+        """Forget as much as a value of ``size`` bytes will take that is being made; False, and nothing is forgotten,
+        where it could not be kept.
+        """
+        with self._lock:
+            if size > self._room(kind):
+                return False
+            self._make_room(size)
+            return True
+
     def newest(self, kind: Kind) -> list[tuple[Any, Any]]:
         """Keys and values of a kind, the one used last first."""
         with self._lock:
@@ -91,8 +101,8 @@ class ByteCache:
     def _room(self, kind: Kind) -> int:
         return self.limit - sum(entry.size for more in Kind if more > kind for entry in self._entries[more].values())
 
-    def _make_room(self) -> None:
-        while self._used() > self.limit:
+    def _make_room(self, size: int = 0) -> None:
+        while self._used() + size > self.limit:
             lowest = next(kind for kind in Kind if self._entries[kind])
             self._entries[lowest].popitem(last=False)
 

@@ -4,7 +4,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+
+from viewer.screen import window
+from viewer.screen.splash import Splash
+from viewer.screen.window import NoDisplayError, config_folder
 
 _LONGEST = 900.0
 """s that an image of the window may wait for its fit"""
@@ -13,20 +18,35 @@ _LONGEST = 900.0
 def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window. Without a display: one line on stderr, status 1."""
     chosen = parser().parse_args(arguments)
-    # Imported late: `--help` and a wrong word answer before torch is loaded.
+    headless = chosen.screenshot is not None
+    try:
+        if not headless:
+            _import_behind_splash()
+    except (NoDisplayError, ImportError, OSError) as error:
+        sys.exit(f"python -m viewer: {error}")
+    _run(chosen, headless)
+
+
+def _import_behind_splash() -> None:
+    """Show at once that the program starts; torch takes seconds to import."""
+    window.prepare(headless=False)
+    Splash(lambda: import_module("viewer.app")).run()
+
+
+def _run(chosen: argparse.Namespace, headless: bool) -> None:
+    # Imported late: `--help`, a wrong word and the splash are there before torch is.
     from core.models.library import load_model
     from core.models.threads import Threads
     from viewer.app import App
-    from viewer.screen.window import NoDisplayError, config_folder
     from viewer.screenshot import Screenshot
     from viewer.services.backend import Backend
+    from viewer.services.memory import return_free_memory
     from viewer.services.worker import Worker
     from viewer.session import Session
 
-    worker = Worker(before_step=Threads().look)
+    worker = Worker(before_step=Threads().look, at_rest=return_free_memory)
     try:
         session = Session(worker, Backend(partial(load_model, device=chosen.device)))
-        headless = chosen.screenshot is not None
         app = App(session, chosen.size, None if headless else config_folder(), headless)
         name = chosen.model or app.last_model or "chairs"
         path = Path(name)

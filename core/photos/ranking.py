@@ -5,7 +5,7 @@ from itertools import product
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Float16, Int
 from torch import Tensor
 from torch.nn import functional
 
@@ -21,6 +21,8 @@ _VIEWPOINT_WEIGHT = 0.06
 """of the logarithm of a direction's probability, against the overlap"""
 _NEIGHBOURS = 20
 """best matching views that say where an object should lie"""
+_MATCHED = 8
+"""prototypes at a time, as the bank's numbers take more memory in the format that is computed in"""
 _TRUNCATION = (0.0, 0.25, 0.6)
 """How much of an object may lie beyond an edge that cuts it off, as shares of what is seen of it."""
 
@@ -163,15 +165,18 @@ def _box(mask: Tensor) -> tuple[int, int, int, int]:
 
 
 def _match(
-    masks: Float[Tensor, "*views side side"], luminance: Float[Tensor, "*views side side"], template: _Template
+    masks: Bool[Tensor, "*views side side"], luminance: Float16[Tensor, "*views side side"], template: _Template
 ) -> Float[Tensor, "*views"]:
     """Overlap of the masks (intersection over union) where the image is seen, and a share of the correlation of
     luminance.
     """
-    views, flat = masks.flatten(-2), template.mask.flatten()
-    shared = views @ flat
-    overlap = shared / (views @ template.seen.flatten() + flat.sum() - shared)
-    return overlap + _LUMINANCE_WEIGHT * (luminance.flatten(-2) @ template.luminance.flatten())
+    flat, scores = template.mask.flatten(), []
+    for some, values in zip(masks.split(_MATCHED), luminance.split(_MATCHED), strict=True):
+        views = some.flatten(-2).float()
+        shared = views @ flat
+        overlap = shared / (views @ template.seen.flatten() + flat.sum() - shared)
+        scores.append(overlap + _LUMINANCE_WEIGHT * (values.flatten(-2).float() @ template.luminance.flatten()))
+    return torch.cat(scores)
 
 
 def _spaced_out(scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:

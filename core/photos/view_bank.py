@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float16
 from torch import Tensor
 from torch.nn import functional
 
 from core.caches import CACHE, Kind
 from core.geometry.camera import camera_rotation
 from core.models.codes import Codes
+from core.models.layers import pad_rows
 from core.models.model import Model
 from core.models.precision import autocast
 from core.models.viewpoint import directions
@@ -32,6 +33,8 @@ _MIN_THICKNESS = 0.05
 """of a block's optical depth over a cell: more may be the fringe of something"""
 _MIN_POINTS = 20
 """of a prototype that is worth keeping"""
+_SPLATTED = 24
+"""views at a time: the points of more leave the cache, and take much memory"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +46,8 @@ class ViewBank:
     azimuth: Float[Tensor, "views"]
     elevation: Float[Tensor, "views"]
     """rad"""
-    masks: Float[Tensor, "prototypes views side side"]
-    luminance: Float[Tensor, "prototypes views side side"]
+    masks: Bool[Tensor, "prototypes views side side"]
+    luminance: Float16[Tensor, "prototypes views side side"]
     """luminance less its mean over the object, of unit norm; 0 off the object"""
     sizes: Float[Tensor, "prototypes views"]
     """the longer side of the bounding box, in focal lengths"""
@@ -131,10 +134,11 @@ def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"
         inside = torch.zeros_like(near)
         inside[near] = _density(model, grid[near], bias) * cell > 0.5
         points = grid[inside & _dilate(~inside)]
-        features = model.field.density(points, bias)[1]
-        inward = model.field.direction_bias(-functional.normalize(points, dim=-1))
+        padded = pad_rows(points)
+        features = model.field.density(padded, bias)[1]
+        inward = model.field.direction_bias(-functional.normalize(padded, dim=-1))
         colours = model.field.colour(features, inward, model.field.texture_bias(codes.texture))
-    return points, colours.clamp(0, 1)
+    return points, colours[: len(points)].clamp(0, 1)
 
 
 def _grid(counts: Sequence[int], step: float, device: torch.device) -> Float[Tensor, "x y z 3"]:
@@ -145,7 +149,8 @@ def _grid(counts: Sequence[int], step: float, device: torch.device) -> Float[Ten
 
 def _density(model: Model, points: Float[Tensor, "*batch 3"], bias: Tensor) -> Float[Tensor, "*batch"]:
     parts = points.reshape(-1, 3).split(8192)
-    return torch.cat([model.field.density(part, bias)[0] for part in parts]).reshape(points.shape[:-1])
+    found = [model.field.density(pad_rows(part), bias)[0][: len(part)] for part in parts]
+    return torch.cat(found).reshape(points.shape[:-1])
 
 
 def _dilate(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
@@ -156,17 +161,26 @@ def _dilate(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
 def _build(model: Model) -> Generator[None, None, ViewBank]:
     yield from model.find_occupied_cells()
     azimuth, elevation = directions()
-    kept, views = [], []
-    for codes in _prototypes(model):
+    prototypes, kept = _prototypes(model), list[Codes]()
+    # In its place from the start: small results among large temporaries keep the memory of these from being returned.
+    shape = len(prototypes), len(azimuth)
+    masks = torch.empty(*shape, SIDE, SIDE, dtype=torch.bool)
+    luminance = torch.empty(*shape, SIDE, SIDE, dtype=torch.half)
+    sizes, offsets = torch.empty(shape), torch.empty(*shape, 2)
+    for codes in prototypes:
         points, colours = (part.cpu() for part in surface_points(model, codes))
         if len(points) >= _MIN_POINTS:
+            for start in range(0, len(azimuth), _SPLATTED):
+                some = slice(start, start + _SPLATTED)
+                splatted = _splat(points, colours, azimuth[some], elevation[some], model.distance)
+                for part, whole in zip(splatted, (masks, luminance, sizes, offsets), strict=True):
+                    whole[len(kept), some] = part
             kept.append(codes)
-            views.append(_splat(points, colours, azimuth, elevation, model.distance))
         yield None
     if not kept:
         raise EmptyBankError("the model shows no objects: all of its prototypes are empty")
     codes = Codes(torch.stack([one.shape for one in kept]), torch.stack([one.texture for one in kept]))
-    masks, luminance, sizes, offsets = (torch.stack(part) for part in zip(*views, strict=True))
+    masks, luminance, sizes, offsets = (part[: len(kept)] for part in (masks, luminance, sizes, offsets))
     return ViewBank(codes, azimuth, elevation, masks, luminance, sizes, offsets, model.distance)
 
 

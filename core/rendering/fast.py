@@ -50,19 +50,17 @@ def render_steps(
         folded = _folded_field(model, codes)
     key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff)
     known: Sequence[Chunk] | None = CACHE.get(Kind.VIEW, key)
-    room, size = CACHE.room(Kind.VIEW), 0
+    keep, size, done = known is None, 0, 0.0
     seen, shaded = list[Chunk](), list[_Shaded]()
     for chunk in _visible_chunks(folded, key) if known is None else known:
         with torch.inference_mode():
             shaded.append(_Shaded(chunk.pixel, _shade(folded, chunk), chunk.depth, chunk.opacity, chunk.evaluations))
-        size += chunk.size
-        # A view too large to be kept is not held until its end either.
-        if size <= room:
-            seen.append(chunk)
-        else:
-            seen.clear()
+        size, done = size + chunk.size, done + chunk.share
+        # What is held until the view is whole counts as kept already; a view that will be too large is not held.
+        keep = keep and CACHE.make_room(Kind.VIEW, round(size / done))
+        seen.append(chunk) if keep else seen.clear()
         yield None
-    if known is None and size <= room:
+    if keep:
         CACHE.put(Kind.VIEW, key, seen, size)
     return _assemble(camera, shaded, model.device)
 
@@ -95,11 +93,13 @@ class Chunk:
     """share of its ray's light"""
     features: Float[Tensor, "seen width"]
     """activations that the texture part takes"""
+    share: float
+    """of the view's rays, those included that cross nothing"""
 
     @property
     def size(self) -> int:
         """bytes"""
-        return sum(part.nbytes for part in vars(self).values())
+        return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
 
 
 class _Shaded(NamedTuple):
@@ -162,7 +162,8 @@ def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]
     for start in range(0, len(rays.near), CHUNK_RAYS):
         with torch.inference_mode():
             some = slice(start, start + CHUNK_RAYS)
-            chunk = _chunk(folded, occupancy, pixel[some], rays[some], step, limits)
+            share = len(pixel[some]) / len(pixel)
+            chunk = _chunk(folded, occupancy, pixel[some], rays[some], step, limits, share)
         yield chunk
 
 
@@ -188,9 +189,15 @@ def _similar_occupancy(model: Model, code: Float[Tensor, "latent"]) -> Occupancy
 
 
 def _chunk(
-    folded: FoldedField, occupancy: Occupancy, pixel: Tensor, rays: Rays, step: float, tolerances: Tolerances
+    folded: FoldedField,
+    occupancy: Occupancy,
+    pixel: Tensor,
+    rays: Rays,
+    step: float,
+    tolerances: Tolerances,
+    share: float,
 ) -> Chunk:
-    """Some rays, to the end; those that cross nothing are dropped."""
+    """Some rays, this ``share`` of all, to the end; those that cross nothing are dropped."""
     occupied = occupancy.intersect(rays, step, tolerances.termination)
     some, ray, counts = torch.unique_consecutive(occupied.ray, return_inverse=True, return_counts=True)
     pixel, rays = pixel.index_select(0, some), rays[some]
@@ -215,9 +222,9 @@ def _chunk(
     depth = torch.zeros_like(opacity).index_add_(0, owner, weight * depths.index_select(0, order))
     depth = depth / opacity.clamp_min(1e-6)
     seen = (weight > tolerances.min_weight * opacity.index_select(0, owner)).nonzero()[:, 0]
-    kept = (part.index_select(0, seen) for part in (owner, weight, features))
+    ray, weight, features = (part.index_select(0, seen) for part in (owner, weight, features))
     evaluations = torch.bincount(owner, minlength=len(counts))
-    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, *kept)
+    return Chunk(pixel, rays.directions, depth * (opacity > 0), opacity, evaluations, ray, weight, features, share)
 
 
 def _evaluation_rounds(

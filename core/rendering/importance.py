@@ -16,18 +16,22 @@ from core.rendering.reference import sample_intervals
 
 MIN_WEIGHT = 1e-3
 """Share of a ray's light: samples that give less, which are most of them, are neither coloured nor differentiated."""
+_STEP = 256
+"""Samples of an object are chosen in multiples of this. Every count of rows costs oneDNN a kernel of its own, which
+takes longer to compile than to run, and up to half a megabyte that it keeps."""
 
 
 def largest_weights(
     weights: Float[Tensor, "objects views rays samples"], kept: int, least: float
 ) -> Int[Tensor, "objects some"]:
     """The samples of the largest weights among all of an object: ``kept`` of a ray on average, as far as those of any
-    object weigh more than ``least``; at least one. All, where all are kept.
+    object weigh more than ``least``, rounded up to a count for which oneDNN has a kernel. All, where all are kept.
     """
     flat = weights.flatten(1)
     count = min(kept, weights.shape[-1]) * weights[0, ..., 0].numel()
     if least > 0 and kept < weights.shape[-1]:
-        count = max(1, min(count, int((flat > least).sum(1).amax())))
+        weighing = int((flat > least).sum(1).amax())
+        count = min(count, max(1, -(-weighing // _STEP)) * _STEP)
     return flat.topk(count, sorted=False).indices
 
 

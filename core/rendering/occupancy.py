@@ -207,7 +207,7 @@ def _max_pool_corners(corners: Float[Tensor, "corners corners corners"]) -> Floa
     return corners
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
 def _corner_activations(model: Model, dtype: torch.dtype) -> Float[Tensor, "all width"]:
     """First-layer activations at all corners of the grid."""
     axes = [torch.linspace(-half, half, CELLS + 1, device=model.device) for half in model.extent]

@@ -20,6 +20,19 @@ def test_the_limit_holds(puts: list[tuple[Kind, int, int]]):
     assert sum(kept) == cache.used
 
 
+@given(puts)
+def test_room_made_for_a_value_is_there_when_it_comes(puts: list[tuple[Kind, int, int]]):
+    cache = ByteCache(100)
+    for kind, key, size in puts:
+        cache.put(kind, key, size, size)
+        before = cache.used
+        if cache.make_room(Kind.VIEW, 40):
+            assert cache.used <= 60
+        else:
+            assert cache.used == before
+            assert cache.room(Kind.VIEW) < 40
+
+
 def test_views_go_before_banks_and_the_oldest_first():
     cache = ByteCache(100)
     cache.put(Kind.BANK, "bank", 0, 40)

@@ -13,6 +13,9 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
+_REST = 1.0
+"""s without work after which the worker is at rest: memory that it gives back then costs time to get again"""
+
 
 @dataclass(frozen=True, eq=False)
 class Job(Generic[T]):
@@ -47,9 +50,16 @@ class _Running:
 class Worker:
     """Steps streams in turn. To stop a stream is not to step it any more, so a cancel waits for one step at most."""
 
-    def __init__(self, wake: Callable[[], None] = lambda: None, before_step: Callable[[], None] = lambda: None) -> None:
-        """Both are called from the worker's thread: ``wake`` whenever there is something to deliver."""
-        self.wake, self._before_step = wake, before_step
+    def __init__(
+        self,
+        wake: Callable[[], None] = lambda: None,
+        before_step: Callable[[], None] = lambda: None,
+        at_rest: Callable[[], None] = lambda: None,
+    ) -> None:
+        """All are called from the worker's thread: ``wake`` whenever there is something to deliver, ``at_rest`` once
+        there has been nothing to do for a while.
+        """
+        self.wake, self._before_step, self._at_rest, self._rests = wake, before_step, at_rest, False
         self._running: list[_Running] = []
         self._next: dict[str, Job] = {}
         self._delivery: deque[tuple[_Running, Callable[[], None]]] = deque()
@@ -125,13 +135,18 @@ class Worker:
             with self._changed:
                 ended = [entry for entry in self._running if entry.over]
                 self._running = [entry for entry in self._running if not entry.over]
-                if not (self._running or ended or self._closing):
-                    self._changed.wait()
+                quiet = not (self._running or ended or self._closing)
+                if quiet:
+                    quiet = not self._changed.wait(None if self._rests else _REST)
                 order = sorted(self._running, key=lambda it: (it.shown or not it.job.urgent, it.spent))
             for entry in ended:
                 _close(entry.stream)
             if order:
+                self._rests = False
                 return order[0]
+            if quiet and not self._rests:
+                self._rests = True
+                self._at_rest()
         return None
 
     def _step(self, entry: _Running) -> None:

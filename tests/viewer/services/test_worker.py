@@ -143,6 +143,16 @@ def test_the_window_is_woken_for_every_delivery() -> None:
     worker.close()
 
 
+def test_it_rests_once_after_each_spell_of_work() -> None:
+    rested: list[int] = []
+    worker = Worker(at_rest=lambda: rested.append(len(rested)))
+    for turn in range(2):
+        worker.submit(Job("one", lambda: iter([1]), lambda value: None))
+        wait(worker, lambda turn=turn: len(rested) > turn)
+    worker.close()
+    assert rested == [0, 1]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="threads have a priority of their own on Linux only")
 def test_the_worker_steps_back_behind_the_window(worker: Worker) -> None:
     seen: list[int] = []

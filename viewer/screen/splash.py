@@ -1,0 +1,72 @@
+"""The small window of the first seconds: it is there at once, while what takes long is imported behind it.
+
+What it needs itself does not import torch.
+"""
+
+import threading
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui
+
+from viewer.screen import theme, window
+
+T = TypeVar("T")
+
+_SIZE = 420, 150
+"""px of a 96 ppi screen"""
+_FIRST_FRAMES = 3
+"""after which the window is on screen"""
+_RATE = 20.0
+"""Frames per second: the processor is wanted elsewhere."""
+
+
+class Splash(Generic[T]):
+    """Waits for a function that runs in a thread of its own; says why, if that fails."""
+
+    def __init__(self, work: Callable[[], T]) -> None:
+        self._work = work
+        self._result: list[T] = []
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="start")
+        self.params = hello_imgui.RunnerParams()
+        place = self.params.app_window_params
+        place.window_title, place.window_geometry.size, place.borderless = window.NAME, _SIZE, True
+        self.params.ini_disable = True
+        self.params.renderer_backend_options.open_gl_options = hello_imgui.OpenGlOptions(anti_aliasing_samples=0)
+        self.params.fps_idling.fps_max = self.params.fps_idling.fps_idle = _RATE
+        self.params.imgui_window_params.background_color = ImVec4(*theme.DARK.back, 1.0)
+        self.params.callbacks.setup_imgui_style = lambda: theme.apply(theme.DARK)
+        self.params.callbacks.show_gui = self._draw
+
+    def run(self) -> T:
+        """What the function returns, or raises; :class:`SystemExit` where the window is closed before."""
+        window.run(self.params)
+        if self._error:
+            raise self._error
+        if not self._result:
+            raise SystemExit(0)
+        return self._result[0]
+
+    def _run(self) -> None:
+        try:
+            self._result.append(self._work())
+        except BaseException as error:  # shown, and raised by :meth:`run`
+            self._error = error
+
+    def _draw(self) -> None:
+        # Not before a picture is on screen: the two would share one interpreter until then.
+        if imgui.get_frame_count() == _FIRST_FRAMES:
+            self._thread.start()
+        if self._result:
+            self.params.app_shall_exit = True
+        imgui.push_font(None, theme.SIZE * 1.6)
+        imgui.text(window.NAME)
+        imgui.pop_font()
+        if self._error:
+            imgui.text_wrapped(f"It cannot start: {self._error}")
+            if imgui.button("Close"):
+                self.params.app_shall_exit = True
+        else:
+            imgui.text_disabled("Loading …")
+            imgui.progress_bar(-float(imgui.get_time()), ImVec2(-1.0, 4.0), "")
