@@ -7,10 +7,12 @@ from core.export.mesh import export_mesh
 from core.export.video import write_video
 from core.fitting.fit import FitJob, FitStep, fit
 from core.fitting.plausibility import guess_category
+from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
 from core.photos.view_bank import build_view_bank
+from core.rendering.baked_field import BakedField, bake
 from core.rendering.progressive import Frame, RenderJob, render_progressively
 
 
@@ -21,6 +23,7 @@ class Backend:
     load_model: Callable[[str], Model] = load_model
     load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
+    bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Iterator[None]] = build_view_bank
     video: Callable[..., Iterator[int]] = write_video

@@ -1,4 +1,5 @@
 import time
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 from imgui_bundle import hello_imgui, imgui
 
+from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
 from viewer.values import orbit
@@ -213,3 +215,44 @@ def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
         window.press(imgui.Key._2)
 
     drive(act)
+
+
+def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_follows(
+    drive: Drive, real_backend: Backend
+) -> None:
+    stools = replace(tiny_model(), category="chairs")
+
+    def act(window: Driver) -> None:
+        context, viewport = window.context, window.workspace.viewport
+        window.context.set_preference(newcomer=False)
+        window.click("View/###view options")
+        window.click("$FOCUSED/##turning")
+        window.click("**/On")
+        window.press(imgui.Key.escape)
+        window.press(imgui.Key.escape)
+        assert context.preferences.turning == "on"
+        window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
+        exact = window.capture_view(border=80)
+        window.workspace.editor.set_camera(orbit.turned(window.workspace.editor.scene.camera, 0.0, 0.0))
+        viewport.render()
+        shown = viewport.turning
+        window.ctx.yield_()
+        assert shown is not None
+        canvas = context.baked_canvas
+        drawn = canvas.pixels()[80:-80].astype(float)
+        assert drawn.shape == exact.shape
+        assert np.sqrt(np.square(drawn - exact).mean()) < 6
+        assert np.abs(exact - exact[0, 0]).max() > 50
+        ctx = window.ctx
+        ctx.mouse_move("//View/orbit")
+        ctx.mouse_down(0)
+        place = imgui.get_mouse_pos()
+        ctx.mouse_move_to_pos((place.x + 60, place.y))
+        ctx.mouse_up(0)
+        window.wait(lambda: viewport.turning is None and viewport.sharp, longest=120.0)
+        window.press(imgui.Key.v)  # depth: nothing is baked of that
+        window.drag("View/orbit", 30)
+        assert viewport.turning is None
+        assert window.session.messages.errors == []
+
+    drive(act, replace(real_backend, load_model=lambda name: stools))
