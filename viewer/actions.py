@@ -121,6 +121,8 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Hover over a slider", "which pixels it changes, and whether the silhouette moves"),
         Gesture("Ctrl+click", "type a value"),
         Gesture("Right click", "set the direction to 0"),
+        Gesture("Click the pin", "name the way from A to B, or a direction, and keep it above"),
+        Gesture("Click a name", "rename it, remove it"),
     ),
     "Timeline": (
         Action(
@@ -144,6 +146,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             _ready,
         ),
         Gesture("Click or drag a keyframe", "show it, move it in time; right click for more"),
+        Gesture("Drag a dot of the path", "on the map over the view: from where a keyframe sees the object"),
         Gesture("Right click the ruler", "paste the copied keyframe at the playhead"),
     ),
     "History": (Gesture("Click a thumbnail", "go back, or forward, to that state"),),

@@ -240,8 +240,6 @@ class PanelContext:
         """Take files dropped on the window: scenes, and images that hold one, are opened; all others are photos of one
         object, which is fitted.
         """
-        if self.ready:
-            self.segmenting.close()
         others = []
         for path in map(Path, paths):
             if path.suffix.lower() in (SUFFIX, ".json") or embedded_scene(path):

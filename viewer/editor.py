@@ -12,22 +12,24 @@ from core.models.codes import Codes, CodeSpace
 from core.models.model import Model
 from core.models.scene import Scene
 from viewer.values import orbit
-from viewer.values.history import PARTS, History, Mix, Pair, Part, State
+from viewer.values.direction import Direction
+from viewer.values.history import History, Mix, Pair, State
 from viewer.values.objects import EditableObject, ObjectLibrary
+from viewer.values.part import PARTS, Part
 from viewer.values.saved_session import SavedSession
 
 
 class Editor:
     """Each edit is one step of undo, or joins the drag (``gesture``) that it belongs to until :meth:`end_gesture`."""
 
-    def __init__(self, model: Model, generator: torch.Generator) -> None:
+    def __init__(self, model: Model, generator: torch.Generator, directions: tuple[Direction, ...] = ()) -> None:
         self.model = model
         self.objects = ObjectLibrary(model)
         self.locked: frozenset[Part] = frozenset()
         """what no edit of codes changes; opening a scene or a fit does, and undo"""
         first, second = self.objects.names[0], self.objects.names[min(1, len(self.objects.names) - 1)]
         scene = Scene(model.fingerprint, self.objects[first].codes, orbit.home(model))
-        self.history = History(State(scene, Mix(Pair(first, first), second)))
+        self.history = History(State(scene, Mix(Pair(first, first), second), directions=directions))
         self.scene_changed: Callable[[], None] = lambda: None
         """called after every change of the scene, undo included"""
         self._generator = generator
@@ -88,10 +90,6 @@ class Editor:
         """Give the object another shape, or another texture."""
         self._set_codes(replace(self.scene.codes, **{part: code}), self.state.mix, gesture)
 
-    def set_coordinate(self, part: Part, direction: int, to: float, gesture: str = "") -> None:
-        """Set one coordinate of a code, in standard deviations along a principal direction."""
-        self.set_code(part, self.space(part).with_coordinate(self.code(part), direction, to), gesture)
-
     def scale_to_distance(self, part: Part, to: float, gesture: str = "") -> None:
         """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
         mean, distance = self.space(part).mean, self.distance(part)
@@ -113,6 +111,21 @@ class Editor:
     def sample_all(self) -> None:
         """Shape and texture sampled; what is locked stays."""
         self._set_codes(self.model.codes.sample(self._generator), self.state.mix)
+
+    # Along a direction
+
+    def strength(self, direction: Direction) -> float:
+        """How far the object is along a direction, in standard deviations from the mean."""
+        return direction.strength(self.scene.codes, self.model.codes.mean)
+
+    def move_along(self, direction: Direction, to: float, gesture: str = "") -> None:
+        """Give the object another strength along a direction."""
+        codes = direction.moved(self.scene.codes, self.model.codes.mean, to)
+        self._set_codes(codes, self.state.mix, gesture)
+
+    def set_directions(self, directions: tuple[Direction, ...]) -> None:
+        """Change which directions have a name; what is shown stays."""
+        self._go(self.history.changed(replace(self.state, directions=directions)))
 
     # Objects A and B
 
@@ -192,17 +205,14 @@ class Editor:
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: SavedSession) -> None:
-        """Go on with a saved session, its undo included. Raises ``ValueError`` where that cannot be, and then changes
-        nothing.
+        """Go on with a saved session, its undo included; named directions of now stay. Raises ``ValueError`` where that
+        cannot be, and then changes nothing.
         """
         saved.check(self.model)
-        names = {}
-        for one in saved.objects:
-            if one.name not in self.objects or self.objects[one.name].codes != one.codes:
-                names[one.name] = self.objects.add(one)
+        names = self.objects.add_missing(saved.objects)
         known = {one.name for one in saved.objects}
         self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
-        self._go(saved.history.renamed(names))
+        self._go(saved.history.renamed(names).with_directions(self.state.directions))
 
     # Undo
 

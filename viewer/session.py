@@ -1,6 +1,7 @@
 """A run of the program: the model that is open, and what stays when another is opened. No window here."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -67,8 +68,11 @@ class Session:
 
     def open_model(self, name: str) -> None:
         """Load a model, by shipped name or path. The open one stays until it is there; what was made with the model
-        comes back with it.
+        comes back with it. A project that is on its way comes first.
         """
+        if self._replacing and name != self._replacing[0].model:
+            self.when_ready(lambda: self.open_model(name))
+            return
         self.loading = name
 
         def ended(error: Exception | None) -> None:
@@ -104,21 +108,22 @@ class Session:
         sessions = dict(self._left)
         if self.workspace and (saved := self.workspace.saved(self.model_name)):
             sessions[self.model_name] = saved
-        return Project(self.model_name, tuple(sessions.values()))
+        return Project(self.model_name, tuple(sessions.values()), self.project_path)
 
     @property
     def parts(self) -> tuple[object, ...]:
         """What :meth:`project` is made of: as long as these are the same, so is that."""
-        return (*self._left.values(), *(self.workspace.parts if self.workspace else ()))
+        return (self.project_path, *self._left.values(), *(self.workspace.parts if self.workspace else ()))
 
     def go_on_with(self, project: Project) -> None:
         """What the next models that are opened begin with."""
+        self.project_path = project.path
         self._left = {saved.model: saved for saved in project.sessions}
 
     def save_project(self, path: Path) -> None:
         """Write all that was made into one file."""
         try:
-            self.project().save(path)
+            replace(self.project(), path=None).save(path)  # a file that is handed on names no folder
         except ValueError as error:
             self.messages.report("Cannot save the project", error)
         else:
@@ -198,7 +203,6 @@ class Session:
                     return False
         if (before := self.project()).sessions:
             self.keep_aside(before)
-        self.project_path = None
         self.go_on_with(project)
         return True
 

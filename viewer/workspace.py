@@ -30,7 +30,9 @@ class Workspace:
         self, model: Model, jobs: Jobs, generator: torch.Generator, view: ViewSettings, fit: FitOptions, mine: Mine
     ) -> None:
         self.model, self._jobs, self._mine = model, jobs, mine
-        self.editor = Editor(model, generator)
+        self._directions = mine.directions(model)
+        """those that are kept"""
+        self.editor = Editor(model, generator, self._directions)
         self._from_mine = frozenset(map(self.editor.objects.add, mine.open(model)))
         """names of objects that were there from the beginning"""
         self._kept = self.editor.objects.version
@@ -62,7 +64,7 @@ class Workspace:
             first, *others = self._unclear
             self._unclear, self._asking = tuple(others), first[0]
             self.segmenting.open(*first)
-        if self._kept != self.editor.objects.version:
+        if self._kept != self.editor.objects.version or self._directions is not self.editor.state.directions:
             self._keep_mine()
 
     def close(self) -> None:
@@ -153,10 +155,11 @@ class Workspace:
         self._unclear = (*self._unclear, (sources, index))
 
     def _keep_mine(self) -> None:
-        """What was fitted is there at the next launch."""
+        """What was fitted or named is there at the next launch."""
         objects = self.editor.objects
-        self._kept = objects.version
+        self._kept, self._directions = objects.version, self.editor.state.directions
         try:
             self._mine.sync(self.model, [one for one in objects.added if one.photo])
+            self._mine.keep_directions(self.model, self._directions)
         except (ValueError, OSError) as error:
-            self._jobs.report("Cannot keep the objects", error)
+            self._jobs.report("Cannot keep what was made", error)

@@ -10,6 +10,7 @@ import torch
 from tqdm import tqdm
 
 from core.benchmarks import ablations, charts, fits, gate, model_sizes, rendering, robustness, tables
+from core.benchmarks.figures import fit_photo, write_figures
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.benchmarks.machine import describe_machine
 from core.cli.progress import require_writable
@@ -20,6 +21,7 @@ from core.evaluation.protocol import evaluate as scored
 from core.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
 from core.models.library import load_model
 from core.models.model import Model
+from core.photos.photo import load_photo
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")
@@ -47,6 +49,15 @@ def evaluate(chosen: argparse.Namespace) -> None:
     print(format_table(scores, protocol), flush=True)
     if chosen.report:
         write_report(chosen.report, scores, protocol, about)
+
+
+def figures(chosen: argparse.Namespace) -> None:
+    """``figures``: photos are fitted, one after another, and the paper's figures made of them; prints each path."""
+    model = load_model(chosen.model, chosen.device)
+    photos = [load_photo(image, model) for image in chosen.images]
+    fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(photos, unit="fit", disable=None)]
+    for path in write_figures(model, fitted, chosen.out):
+        print(path, flush=True)
 
 
 def bench_render(chosen: argparse.Namespace) -> None:

@@ -52,6 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_select_gallery(commands)
     _add_convert(commands)
     _add_evaluate(commands)
+    _add_figures(commands)
     _add_bench(commands)
     return top
 
@@ -309,6 +310,19 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--report", type=Path, metavar="R.json", help="the scores; a chart is written beside them as PNG"
     )
+    _add_seed(command)
+
+
+def _add_figures(commands: argparse._SubParsersAction) -> None:
+    command = _command(
+        commands,
+        "figures",
+        "measure.figures",
+        "the paper's figures of one's own photos: fit, edits, grid, interpolation",
+    )
+    command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="each of another object of one category")
+    _add_model(command)
+    command.add_argument("--out", type=Path, required=True, metavar="DIR")
     _add_seed(command)
 
 

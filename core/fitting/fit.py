@@ -17,7 +17,7 @@ from core.fitting.initial import combine_views, initial_hypotheses, local_hypoth
 from core.fitting.plausibility import category_likelihood
 from core.fitting.problem import Problem
 from core.fitting.schedule import Schedule, build_schedule
-from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, select
+from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitJob, FitStep, RunnerUp, SearchState
 from core.models.model import Model
@@ -57,6 +57,8 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
     initial = yield from _initial(problem, schedule, job, generator)
     result: SearchResult | None = None
     for attempt in range(1 + job.settings.max_restarts):
+        if attempt:
+            problem = replace(problem, occluded=True)
         state = partial(SearchState, problem, range(len(job.photos)), restart=attempt > 0)
         try:
             # 2. Optimise all hypotheses in one batch and prune: from everywhere, then around the best cameras.
@@ -80,8 +82,12 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             if result is None:
                 raise
             return  # with the result of the first search
-        result = better_of(problem, result, found) if result else found
-        # 5. Restart once if in doubt: other pixels lead another way.
+        if result:
+            first = score(problem, result.winner, schedule.final.robust_scale)  # by the objective of the second
+            result = better_of(problem, result._replace(winner=first), found)
+        else:
+            result = found
+        # 5. Restart once if in doubt: by other pixels, and something in front may hide parts of the object.
         again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
         yield state(result.winner, result, restart_follows=again)
         if not again:

@@ -130,7 +130,8 @@ def normal_equations(
         gradient[:, term.of] += (term.weight * term.residual).flatten(1)
         hessian.diagonal(dim1=1, dim2=2)[:, term.of] += term.weight.flatten(1)
     value = torch.stack([term.value for term in (*image, *priors)]).sum(0)
-    return NormalEquations(value, image_squared_error(colour, pixels), gradient, hessian)
+    error = image_squared_error(colour, opacity, pixels, objective.occluder_scale)
+    return NormalEquations(value, error, gradient, hessian)
 
 
 def _render(

@@ -26,6 +26,8 @@ MASK_WEIGHT = 0.1
 CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
 """How far a camera moves before it costs much: rad below the ground's level, the logarithm of the distance away from
 that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.picture`."""
+OCCLUDER_SCALE = 0.2
+"""As :attr:`Objective.occluder_scale`, once it is doubted that the object is seen as a whole."""
 MOVED_SCALE = 0.05
 """Of the scale, for a photo that was moved before it was fitted."""
 SCALED_SCALE = 0.15
@@ -55,6 +57,8 @@ class Objective(NamedTuple):
     robust_scale: float = math.inf
     """A colour error of this size (root mean square over the channels) pulls half as hard as in Eq. 5: there is
     something that the model cannot render."""
+    occluder_scale: float = math.inf
+    """The same for colours and opacity beside the object, where something in front may hide more of it."""
 
 
 class ObjectiveValue(NamedTuple):
@@ -95,7 +99,8 @@ def evaluate_objective(
     colour, opacity = _render(model, parameters, codes, pixels, samples, jitter, cells)
     terms = (*image_terms(colour, opacity, pixels, objective), *prior_terms(parameters, objective))
     value = torch.stack([term.value for term in terms]).sum(0)
-    return ObjectiveValue(value, image_squared_error(colour, pixels).detach())
+    error = image_squared_error(colour, opacity, pixels, objective.occluder_scale)
+    return ObjectiveValue(value, error.detach())
 
 
 def paper_objective(
@@ -106,21 +111,27 @@ def paper_objective(
     Args:
         parameters: whose shape and texture are the codes themselves.
     """
-    colour, _ = _render(model, parameters, (parameters.shape, parameters.texture), pixels, samples, jitter)
-    error = image_squared_error(colour, pixels)
+    colour, opacity = _render(model, parameters, (parameters.shape, parameters.texture), pixels, samples, jitter)
+    error = image_squared_error(colour, opacity, pixels)
     priors = [code_prior_term(code, code_prior).value for code in (parameters.shape, parameters.texture)]
     return ObjectiveValue(error + sum(priors), error.detach())
 
 
-def image_squared_error(colour: Tensor, pixels: PixelBatch) -> Float[Tensor, "hypotheses"]:
-    """The mean squared error per channel over whole photos, as estimated from some of their pixels."""
-    squared = (colour - pixels.colours).square().mean(-1)
+def image_squared_error(
+    colour: Tensor, opacity: Tensor, pixels: PixelBatch, occluder_scale: float = math.inf
+) -> Float[Tensor, "hypotheses"]:
+    """The mean squared error per channel over whole photos, as estimated from some of their pixels.
+
+    What something in front may hide counts as little as it does in the objective.
+    """
+    _, seen = cauchy_loss((opacity - pixels.target_opacity).square(), _scales(pixels, math.inf, occluder_scale))
+    squared = seen * (colour - pixels.colours).square().mean(-1)
     return (squared * pixels.weights).sum((1, 2)) / squared.shape[1]
 
 
 def image_terms(colour: Tensor, opacity: Tensor, pixels: PixelBatch, objective: Objective) -> tuple[Term, ...]:
     """The terms of rendered pixels: of their colours, of their opacity; a residual per channel."""
-    return photometric_term(colour, pixels, objective.robust_scale), mask_term(opacity, pixels, objective.mask_weight)
+    return photometric_term(colour, pixels, objective), mask_term(opacity, pixels, objective)
 
 
 def prior_terms(parameters: Parameters, objective: Objective) -> tuple[Term, ...]:
@@ -134,19 +145,21 @@ def prior_terms(parameters: Parameters, objective: Objective) -> tuple[Term, ...
     )
 
 
-def photometric_term(colour: Tensor, pixels: PixelBatch, robust_scale: float) -> Term:
+def photometric_term(colour: Tensor, pixels: PixelBatch, objective: Objective) -> Term:
     """Errors of colours, averaged over channels, pixels and views; robust by Cauchy's loss."""
     error = colour - pixels.colours
-    loss, weight = cauchy_loss(error.square().mean(-1), robust_scale)
+    beside = min(objective.robust_scale, objective.occluder_scale)
+    loss, weight = cauchy_loss(error.square().mean(-1), _scales(pixels, objective.robust_scale, beside))
     weight = (weight * pixels.certainty / error[0].numel())[..., None].expand_as(error)
     return Term((loss * pixels.certainty).mean((1, 2)), error, weight, COLOUR)
 
 
-def mask_term(opacity: Tensor, pixels: PixelBatch, mask_weight: float) -> Term:
+def mask_term(opacity: Tensor, pixels: PixelBatch, objective: Objective) -> Term:
     """Errors of opacity where the mask is known, averaged over pixels and views."""
-    error = (opacity - pixels.target_opacity)[..., None]
-    weight = (mask_weight * pixels.mask_valid * pixels.certainty / error[0].numel())[..., None].expand_as(error)
-    return Term((weight * error.square()).sum((1, 2, 3)), error, weight, OPACITY)
+    error = opacity - pixels.target_opacity
+    loss, weight = cauchy_loss(error.square(), _scales(pixels, math.inf, objective.occluder_scale))
+    each = objective.mask_weight * pixels.mask_valid * pixels.certainty / error[0].numel()
+    return Term((each * loss).sum((1, 2)), error[..., None], (each * weight)[..., None], OPACITY)
 
 
 def code_prior_term(code: Float[Tensor, "hypotheses rank"], code_prior: float) -> Term:
@@ -168,12 +181,18 @@ def camera_prior_term(parameters: Parameters, objective: Objective) -> Term:
     return Term(value, residual, weight, slice(None))
 
 
-def cauchy_loss(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
+def cauchy_loss(squared: Tensor, scale: Float[Tensor, "*#squared"]) -> tuple[Tensor, Tensor]:
     """Cauchy's loss of squared residuals, and its derivative: far beyond the scale it grows with the logarithm."""
-    if math.isinf(scale):
-        return squared, torch.ones_like(squared)
-    ratio = squared / scale**2
-    return scale**2 * ratio.log1p(), 1 / (1 + ratio)
+    robust = scale.isfinite()
+    unit = scale.square().where(robust, torch.ones_like(scale))
+    ratio = squared / unit
+    return (unit * ratio.log1p()).where(robust, squared), (1 / (1 + ratio)).where(robust, torch.ones_like(ratio))
+
+
+def _scales(pixels: PixelBatch, on_object: float, beside: float) -> Float[Tensor, "views rays"]:
+    """A scale for the pixels of the object, another for the rest."""
+    scale = torch.full_like(pixels.target_opacity, on_object)
+    return scale.masked_fill(pixels.target_opacity < 0.5, beside)
 
 
 def camera_residuals(

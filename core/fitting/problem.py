@@ -13,6 +13,7 @@ from core.fitting.objective import (
     CAMERA_PRIOR_WEIGHT,
     MASK_WEIGHT,
     MOVED_SCALE,
+    OCCLUDER_SCALE,
     SCALED_SCALE,
     Objective,
 )
@@ -48,6 +49,8 @@ class Problem:
     scoring: PixelBatch
     """the pixels that hypotheses are compared on"""
     validation: PixelBatch
+    occluded: bool = False
+    """whether something in front may hide parts of the object"""
 
     @classmethod
     def of(
@@ -64,11 +67,11 @@ class Problem:
         observations = tuple(Observation.of(photo, model) for photo in photos)
         cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in photos)
         viewpoints = tuple(_viewpoint(model, photo) if components.viewpoint_classifier else None for photo in photos)
-        batches = [
+        scoring, validation, _ = (
             sample_pixels(observations, count, generator)
             for count in (SCORING_RAYS, _VALIDATION_RAYS, _VALIDATION_RAYS)
-        ][:2]
-        return cls(model, settings, components, photos, observations, cameras, viewpoints, *batches)
+        )
+        return cls(model, settings, components, photos, observations, cameras, viewpoints, scoring, validation)
 
     @property
     def unknown(self) -> Bool[Tensor, "views"]:
@@ -103,7 +106,10 @@ class Problem:
         scale[~self.unknown] = math.inf
         weight = torch.tensor(CAMERA_PRIOR_WEIGHT) * self.components.camera_prior
         mask_weight = MASK_WEIGHT if self.components.mask_loss and not self.model.white_from_network else 0.0
-        return Objective(self.settings.code_prior, scale, weight, self.expected_scale, mask_weight, robust_scale)
+        occluder = OCCLUDER_SCALE if self.occluded else math.inf
+        return Objective(
+            self.settings.code_prior, scale, weight, self.expected_scale, mask_weight, robust_scale, occluder
+        )
 
     @cached_property
     def expected_scale(self) -> Float[Tensor, "views directions"] | None:

@@ -75,10 +75,12 @@ class CodeSpace:
         """How each coordinate moves a code, per standard deviation."""
         return self.std[:, None] * self.directions
 
-    def with_coordinate(self, code: Float[Tensor, "latent"], direction: int, to: float) -> Float[Tensor, "latent"]:
-        """The same code with one coordinate set to ``to`` standard deviations; nothing else changes."""
-        step = to - float(self.coordinates(code)[direction])
-        return code + step * self.std[direction] * self.directions[direction]
+    def one_deviation(self, way: Float[Tensor, "latent"]) -> Float[Tensor, "latent"]:
+        """The step that leads one standard deviation of the cloud along a way, whose length does not matter; zero where
+        the cloud has no extent.
+        """
+        unit = torch.nn.functional.normalize(way, dim=0)
+        return (self.basis @ unit).norm() * unit
 
     def distance(
         self, code: Float[Tensor, "*batch latent"], start: Float[Tensor, "*#batch latent"] | None = None

@@ -30,6 +30,8 @@ _UNDECIDED = 0.5
 """of an object's area: photographs of objects leave 0.04 to 0.22 of it undecided, noise and bare landscapes over 7"""
 _NETWORK_ERROR = 0.006
 """of the image's longer side: two pixels of the network's own image, by which its edges may be off"""
+_THRESHOLD = 0.5
+"""opacity from which a pixel belongs to the object"""
 _REACH = 2.0
 """Radii from a stroke up to which it changes what was found: who wipes a shadow away wants to keep the wheels."""
 
@@ -44,9 +46,11 @@ class CutOut:
     white: bool
     """the background was white or clear, as in training images"""
     opacity: Float[np.ndarray, "height width"]
-    """0..1, of the object; the mask is where it is more than a half"""
+    """0..1, of the object; the mask is where it is more than the threshold, a half unless hints say so"""
     edge_error: float = 0.0
     """px by which the edges may be off"""
+    undecided: float = 0.0
+    """the share of the object's area where the saliency network saw neither object nor background"""
     focal: float | None = None
     """px, where the image tells"""
 
@@ -68,15 +72,24 @@ class Hints:
     box: tuple[float, float, float, float] | None = None
     """left, top, right, bottom in shares of width and height; the object is inside. None: where it is is known"""
     strokes: tuple[Stroke, ...] = ()
+    threshold: float = _THRESHOLD
+    """opacity, 0..1, from which a pixel belongs to an object that the alpha channel or the saliency network finds"""
 
     def __post_init__(self) -> None:
+        if not 0 < self.threshold < 1:
+            raise ValueError("the threshold of a cut-out is between 0 and 1")
         if self.box is not None:
             left, top, right, bottom = self.box
             if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
                 raise ValueError("the box around the object has no inside within the image")
 
-    def __bool__(self) -> bool:
+    @property
+    def pointed(self) -> bool:
+        """Whether there is a box or a stroke."""
         return self.box is not None or bool(self.strokes)
+
+    def __bool__(self) -> bool:
+        return self.pointed or self.threshold != _THRESHOLD
 
 
 def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
@@ -97,19 +110,20 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
 def _cut_out(image: Image.Image, hints: Hints | None) -> CutOut:
     values = np.asarray(image, dtype=np.float32) / 255
     colours, alpha = values[..., :3], values[..., 3:]
-    if hints:
+    if hints and hints.pointed:
         colours = colours * alpha + 1 - alpha
         return _on_white(colours, _segment_with_hints(image, colours, hints), white=False)
-    return _segment_without_hints(image, colours, alpha)
+    return _segment_without_hints(image, colours, alpha, hints.threshold if hints else _THRESHOLD)
 
 
 def _segment_without_hints(
     image: Image.Image,
     colours: Float[np.ndarray, "height width 3"],
     alpha: Float[np.ndarray, "height width 1"],
+    threshold: float,
 ) -> CutOut:
     if (alpha < 0.5).mean() > 0.001:
-        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0], white=True)
+        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0], white=True, threshold=threshold)
     plain = _plain_background(colours)
     if plain and plain.certain:
         return _on_white(colours, ~plain.mask, plain.white)
@@ -125,7 +139,9 @@ def _segment_without_hints(
     # Inside an object the network may be unsure what it sees, but not that there is something.
     edge = _NETWORK_ERROR * max(image.size)
     inside = binary_erosion(salient > 0.5, iterations=max(1, round(edge)))
-    return _on_white(colours, np.where(inside, np.float32(1), salient), white=False, edge_error=edge)
+    opacity = np.where(inside, np.float32(1), salient)
+    cut = _on_white(colours, opacity, white=False, edge_error=edge, threshold=threshold)
+    return replace(cut, undecided=float(_undecided(salient).sum() / cut.mask.sum()))
 
 
 def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
@@ -137,8 +153,11 @@ def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBack
 
 def _is_sure(salient: Float[np.ndarray, "height width"]) -> bool:
     """Whether a saliency network sees an object: where there is none, most of what it gives is neither 0 nor 1."""
-    undecided = (salient > _FAINT) & (salient < 1 - _FAINT)
-    return bool(undecided.sum() < _UNDECIDED * (salient > 0.5).sum())
+    return bool(_undecided(salient).sum() < _UNDECIDED * (salient > 0.5).sum())
+
+
+def _undecided(salient: Float[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
+    return (salient > _FAINT) & (salient < 1 - _FAINT)
 
 
 def _overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "height width"]) -> float:
@@ -151,8 +170,9 @@ def _on_white(
     opacity: Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"],
     white: bool,
     edge_error: float = 0.0,
+    threshold: float = _THRESHOLD,
 ) -> CutOut:
-    mask = _without_specks(opacity > 0.5)
+    mask = _without_specks(opacity > threshold)
     if mask.sum() < _MIN_OBJECT_PIXELS:
         hint = "a larger image, or a box closer around the object, may help"
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
@@ -173,7 +193,12 @@ def _segment_with_hints(
     """GrabCut from the box, or what is found without one; then once more where strokes correct it."""
     height, width = colours.shape[:2]
     window = _around(hints.box, width, height)
-    mask = cut_out(image).mask if hints.box is None else _grabcut(colours, _in_box(hints.box, (height, width)), window)
+    alone = Hints(threshold=hints.threshold)
+    mask = (
+        cut_out(image, alone).mask
+        if hints.box is None
+        else _grabcut(colours, _in_box(hints.box, (height, width)), window)
+    )
     if not hints.strokes:
         return mask
     mask = _grabcut(colours, _corrected(mask, hints.strokes), window)

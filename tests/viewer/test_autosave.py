@@ -104,7 +104,7 @@ def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path:
     autosave.tick()
     assert not list(tmp_path.iterdir())  # nothing was made yet
     clock.now = 20.0
-    editor.set_coordinate("shape", 0, 1.0, gesture="shape 0")
+    editor.mix("shape", 0.5, gesture="mix shape")
     autosave.tick()
     assert not list(tmp_path.iterdir())
     editor.end_gesture()
@@ -259,6 +259,20 @@ def test_a_session_that_ends_the_program_is_not_begun_with_again(
     begun(worker, backend, tmp_path, clock)
     (path,) = tmp_path.glob("session*")
     assert path.stem.startswith(f"session-{os.getpid()}-")  # as is offered where that run is no more
+
+
+def test_the_place_of_the_project_is_known_at_the_next_launch(
+    session: Session, editor: Editor, worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    autosave = Autosave(session, tmp_path / "kept", clock)
+    (tmp_path / "kept").mkdir()
+    editor.show_object("object 2")
+    session.save_project(tmp_path / "a.codenerf")
+    assert Project.load(tmp_path / "a.codenerf").path is None  # which may be given to others
+    autosave.close()
+    again = Session(worker, backend)
+    Autosave(again, tmp_path / "kept", clock)
+    assert again.project_path == tmp_path / "a.codenerf"
 
 
 def test_of_two_windows_neither_session_is_lost(worker: Worker, backend: Backend, tmp_path: Path, clock: Clock) -> None:

@@ -9,7 +9,8 @@ from core.models.model import Model
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
-from viewer.values.history import PARTS
+from viewer.values.direction import Direction
+from viewer.values.part import PARTS
 from viewer.workspace import Workspace
 
 
@@ -26,7 +27,8 @@ def test_every_edit_can_be_undone_and_redone(
         lambda: editor.mix_both(0.2, 0.3),
         lambda: editor.take("texture", "object 3"),
         lambda: editor.swap(),
-        lambda: editor.set_coordinate("shape", 1, 2.0),
+        lambda: editor.move_along(Direction.principal(model.codes, "shape", 1), 2.0),
+        lambda: editor.set_directions((Direction.principal(model.codes, "texture", 0),)),
         lambda: editor.sample("texture"),
         lambda: editor.scale_to_distance("shape", 0.5),
         lambda: editor.set_to_mean("shape"),
@@ -49,18 +51,18 @@ def test_every_edit_can_be_undone_and_redone(
         assert editor.state == state
 
 
-def test_a_drag_is_one_step(editor: Editor) -> None:
-    before = editor.state
+def test_a_drag_is_one_step(editor: Editor, model: Model) -> None:
+    before, direction = editor.state, Direction.principal(model.codes, "shape", 0)
     for number in range(20):
-        editor.set_coordinate("shape", 0, 0.1 * number + 0.05, gesture="shape 0")
+        editor.move_along(direction, 0.1 * number + 0.05, gesture="shape 0")
     editor.end_gesture()
     editor.undo()
     assert editor.state == before
 
 
-def test_a_direction_moves_alone(editor: Editor) -> None:
+def test_a_direction_moves_alone(editor: Editor, model: Model) -> None:
     before = editor.space("shape").coordinates(editor.code("shape"))
-    editor.set_coordinate("shape", 2, -1.5)
+    editor.move_along(Direction.principal(model.codes, "shape", 2), -1.5)
     after = editor.space("shape").coordinates(editor.code("shape"))
     expected = before.clone()
     expected[2] = -1.5
@@ -95,7 +97,7 @@ def test_shape_and_texture_are_taken_from_different_objects(editor: Editor) -> N
     assert editor.state.mix.a == ("object 2", "object 1")
     torch.testing.assert_close(editor.code("shape"), two.shape)
     torch.testing.assert_close(editor.code("texture"), one.texture)
-    editor.set_coordinate("shape", 0, 1.0)
+    editor.move_along(Direction.principal(editor.model.codes, "shape", 0), 1.0)
     editor.reset_to_object("shape")
     assert torch.equal(editor.code("shape"), two.shape)
 

@@ -163,6 +163,25 @@ def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, edito
     assert session.project_path == tmp_path / "a.codenerf"
 
 
+def test_a_model_that_is_asked_for_while_a_project_loads_opens_after_it(
+    session: Session, editor: Editor, tmp_path: Path
+) -> None:
+    editor.show_object("object 2")
+    made = editor.state
+    session.save_project(tmp_path / "a.codenerf")
+    session.open_model("cars")
+    finish(session)
+    session.open_project(tmp_path / "a.codenerf")
+    session.open_model("cars")
+    finish(session, lambda: session.model_name == "cars")
+    assert not session.messages.errors
+    assert session.project_path == tmp_path / "a.codenerf"
+    session.open_model("chairs")
+    finish(session)
+    assert session.workspace is not None
+    assert session.workspace.editor.state == made
+
+
 def test_scenes_that_cannot_be_opened_change_nothing(
     session: Session, editor: Editor, workspace: Workspace, tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from core.export.keyframes import MIN_GAP, Timeline, View
+from core.geometry.camera import Camera
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.viewport import Viewport
@@ -145,6 +146,15 @@ class Player:
         self._stop()
         self.seconds = moved.keys[index].seconds
         self._editor.set_timeline(moved, f"key {index}")
+
+    def aim_key(self, index: int, camera: Camera) -> None:
+        """Let a keyframe be seen from another camera, and show it; to be ended by :meth:`Editor.end_gesture`."""
+        self._stop()
+        key, gesture = self.timeline.keys[index], f"aim {index}"
+        view = View(key.view.codes, camera)
+        self.seconds = key.seconds
+        self._editor.set_timeline(self.timeline.replaced(index, view), gesture)
+        self._editor.show(*view, gesture)
 
     def go_to_key(self, index: int) -> None:
         """Move the playhead to a keyframe and show it."""

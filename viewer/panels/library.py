@@ -4,8 +4,8 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
-from viewer.values.history import PARTS
 from viewer.values.objects import ObjectLibrary
+from viewer.values.part import PARTS
 from viewer.values.variety import family, readable
 from viewer.widgets import mine, object_tiles
 from viewer.widgets.controls import action_button, tooltip

@@ -4,7 +4,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
-from viewer.values.history import PARTS, Part
+from viewer.values.part import PARTS, Part
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, flow, labelled_slider, tooltip

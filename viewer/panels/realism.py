@@ -4,9 +4,9 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour
-from viewer.values.history import PARTS, Part
+from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import flow, tooltip
+from viewer.widgets.controls import flow, labelled_slider, tooltip
 
 _REACH = 3.0
 """standard deviations, where the slider ends"""
@@ -17,7 +17,7 @@ _TYPICAL, _UNUSUAL = 1.4, 1.8
 _GREEN: Colour = (0.35, 0.75, 0.5)
 _AMBER: Colour = (0.9, 0.66, 0.25)
 _HELP = (
-    "How far from the mean of the trained {part}s, in standard deviations; a typical one has about 1.\n"
+    "How far from the mean of the trained {part}s; a typical one has about 1 (a standard deviation).\n"
     "Drag to the left to bring the {part} back towards the mean."
 )
 
@@ -47,12 +47,11 @@ class RealismPanel:
         imgui.text(part.capitalize())
         flow(far)
         imgui.text_colored((*colour, 1.0), far)
-        imgui.set_next_item_width(-1)
         imgui.push_style_color(imgui.Col_.slider_grab, (*colour, 1.0))
-        moved, to = imgui.slider_float(f"##distance {part}", distance, _LEAST, _REACH, "%.2f × typical")
+        moved, to = labelled_slider(f"distance {part}", "", distance, (_LEAST, _REACH), f"{distance:.2f} ×")
         imgui.pop_style_color()
         if moved and abs(to - distance) > 1e-4:
-            editor.scale_to_distance(part, max(_LEAST, to), gesture=f"distance {part}")
+            editor.scale_to_distance(part, to, gesture=f"distance {part}")
         if imgui.is_item_deactivated():
             editor.end_gesture()
         tooltip(_HELP.format(part=part))

@@ -10,7 +10,7 @@ from viewer.actions import chord
 from viewer.activities.segmenting import Segmenting
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, packed
-from viewer.widgets.controls import button, tooltip
+from viewer.widgets.controls import button, labelled_slider, tooltip
 
 _TITLE = "Cut out###segment"
 _FARTHEST = 8.0
@@ -24,7 +24,6 @@ _TIPS = (
 _CUTTING = "Cutting …"
 _COLUMN = 14.5
 """em, of tools and preview"""
-_WITHIN = imgui.SliderFlags_.always_clamp
 """also where numbers are typed"""
 _LEAST = 0.01
 """of the photo: a smaller box is a slip"""
@@ -145,17 +144,35 @@ class SegmentingDialog:
             if imgui.radio_button(tool, self._tool == tool):
                 self._tool = tool
             tooltip(text)
-        imgui.set_next_item_width(-1)
-        _, share = imgui.slider_float("##brush", 100 * self._brush, 0.5, 15, "Brush %.1f %%", _WITHIN)
-        self._brush = share / 100
+        self._brush = labelled_slider("brush", "Brush", self._brush, (0.005, 0.15), f"{self._brush:.1%}")[1]
+        self._draw_threshold(segmenting)
         if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last box or stroke back (Ctrl+Z)"):
             segmenting.undo()
         if imgui.is_key_chord_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
         imgui.same_line()
-        if button("Clear###clear hints", "No box, no strokes: found automatically", enabled=bool(segmenting.hints)):
+        if button(
+            "Clear###clear hints",
+            "No box, no strokes, the usual edge: found automatically",
+            enabled=bool(segmenting.hints),
+        ):
             segmenting.begin_change()
             segmenting.set_hints(Hints())
+
+    def _draw_threshold(self, segmenting: Segmenting) -> None:
+        """How much of a soft edge belongs to the object, and how much of it the cut-out leaves undecided."""
+        imgui.begin_disabled(segmenting.hints.box is not None)
+        threshold = segmenting.hints.threshold
+        changed, threshold = labelled_slider("threshold", "Edge", threshold, (0.05, 0.95), f"{threshold:.0%}")
+        if imgui.is_item_activated():
+            segmenting.begin_change()
+        if changed:
+            segmenting.set_hints(replace(segmenting.hints, threshold=threshold))
+        tooltip("How opaque a pixel must be to belong to the object. Lower: more of a soft edge, and of thin legs")
+        imgui.end_disabled()
+        if segmenting.result and segmenting.result.found.undecided:
+            imgui.text_disabled(f"{100 * segmenting.result.found.undecided:.0f} % of it undecided")
+            tooltip("Where the cut-out is neither sure of the object nor of the background. Paint over what is wrong")
 
 
 def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
@@ -181,13 +198,10 @@ def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:
         pad = 0.6 * hello_imgui.em_size()
         draw.add_text(corner + ImVec2(pad, pad), packed(context.palette.text), _CUTTING)
     tooltip("As it will be rebuilt")
-    crop, width = segmenting.crop, -1.0
-    imgui.set_next_item_width(width)
-    scale = imgui.slider_float("##scale", crop.scale, 0.5, 1.5, "Size %.2f", _WITHIN)[1]
-    imgui.set_next_item_width(width)
-    across = imgui.slider_float("##across", crop.right, -0.3, 0.3, "Across %.2f", _WITHIN)[1]
-    imgui.set_next_item_width(width)
-    down = imgui.slider_float("##down", crop.down, -0.3, 0.3, "Down %.2f", _WITHIN)[1]
+    crop = segmenting.crop
+    scale = labelled_slider("scale", "Size", crop.scale, (0.5, 1.5), f"{crop.scale:.2f}")[1]
+    across = labelled_slider("across", "Across", crop.right, (-0.3, 0.3), f"{crop.right:+.2f}")[1]
+    down = labelled_slider("down", "Down", crop.down, (-0.3, 0.3), f"{crop.down:+.2f}")[1]
     segmenting.set_crop(Crop(scale, across, down))
 
 

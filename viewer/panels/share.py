@@ -172,10 +172,12 @@ def _draw_mesh(settings: ShareSettings, category: str) -> ShareSettings:
 def _draw_quality(settings: ShareSettings) -> ShareSettings:
     _label("Quality")
     imgui.begin_disabled(VIDEOS[settings.video].folder)
-    imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
-    _, quality = imgui.slider_int("##quality", settings.quality, 1, 100, "%d", imgui.SliderFlags_.always_clamp)
+    imgui.set_next_item_width(hello_imgui.em_size(_WIDTH - 2.5))
+    _, quality = imgui.slider_int("##quality", settings.quality, 1, 100, "", imgui.SliderFlags_.always_clamp)
     imgui.end_disabled()
     tooltip("More is sharper, and a larger file; png frames lose nothing")
+    imgui.same_line()
+    imgui.text(f"{quality} %")
     return replace(settings, quality=quality)
 
 

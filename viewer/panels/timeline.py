@@ -62,10 +62,12 @@ class TimelinePanel:
         tooltip("How long the timeline is. Drag, or Ctrl+click to type")
         imgui.same_line()
         imgui.set_next_item_width(hello_imgui.em_size(5))
-        changed, turns = imgui.slider_int("##turns", timeline.turns, -3, 3, "%d turns")
+        changed, turns = imgui.drag_int(
+            "##turns", timeline.turns, 0.05, -3, 3, "%d turns", imgui.SliderFlags_.always_clamp
+        )
         if changed and turns != timeline.turns:
             player.set_turns(turns)
-        tooltip("Full turns of the camera around the object in the whole timeline, besides what the keyframes do")
+        tooltip("Full turns of the camera around the object in the whole timeline, besides what the keyframes do. Drag")
         imgui.same_line()
         changed, smooth = imgui.checkbox("Smooth", timeline.smooth)
         if changed:
@@ -76,6 +78,11 @@ class TimelinePanel:
         if changed:
             player.set_loop(loop)
         tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
+        flow("Camera path" + 6 * " ")
+        changed, path = imgui.checkbox("Camera path", context.preferences.camera_path)
+        if changed:
+            context.set_preference(camera_path=path)
+        tooltip("Over the view, from two keyframes on: where the camera goes; drag a dot to change a keyframe's camera")
 
     def _draw_check(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline

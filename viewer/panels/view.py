@@ -13,6 +13,7 @@ from viewer.values import orbit
 from viewer.values.preferences import TURNING
 from viewer.values.quality import QUALITIES
 from viewer.values.view_modes import MODES, in_mode
+from viewer.widgets.camera_path import CameraPath
 from viewer.widgets.controls import action_button, button, choose, tooltip
 from viewer.widgets.welcome import Welcome
 
@@ -49,7 +50,7 @@ class ViewPanel:
 
     def __init__(self) -> None:
         self._nudged = 0.0
-        self._welcome = Welcome()
+        self._welcome, self._path = Welcome(), CameraPath()
         self._cached: tuple[Frame, str, Frame] | None = None
         """of which frame and mode, the frame that is shown"""
 
@@ -87,6 +88,7 @@ class ViewPanel:
             self._welcome.draw(context, corner, size)
         else:
             _draw_badge(viewport, viewport.frame, corner, size)
+            self._path.draw(context, corner, size)
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
         """What the view shows: the baked object while it is turned, else the newest frame."""

@@ -1,19 +1,27 @@
-"""The objects that a person has fitted, kept from one launch to the next: a folder with a file for each."""
+"""What a person has made with a model, kept from one launch to the next: a folder with a file for each fitted object,
+and one for the named directions of each model.
+"""
 
 import base64
 import json
 import re
 import secrets
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+import torch
+
 from core.files import atomic_file
+from core.models.codes import Codes
 from core.models.model import Model
 from core.models.scene import Scene
 from viewer.values import orbit
+from viewer.values.direction import Direction
 from viewer.values.encoding import decode_photo, encode_photo
-from viewer.values.objects import EditableObject
+from viewer.values.objects import EditableObject, unique_name
+from viewer.values.saved_session import UNREADABLE
 
 
 class _Stored(NamedTuple):
@@ -22,7 +30,7 @@ class _Stored(NamedTuple):
 
 
 class Mine:
-    """A file is a scene with a photo beside it, so it opens as any other scene."""
+    """The file of an object is a scene with a photo beside it, so it opens as any other scene."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """``folder`` None keeps nothing."""
@@ -35,8 +43,9 @@ class Mine:
         self._stored = {}
         files = self._folder.glob("*.json") if self._folder else ()
         for path in sorted(files, key=lambda path: path.stat().st_mtime):
-            if (found := _read(path, model)) and found.name not in self._stored:
-                self._stored[found.name] = _Stored(path, found)
+            if found := _read(path, model):
+                name = unique_name(found.name, self._stored)  # another window may have given the same one
+                self._stored[name] = _Stored(path, replace(found, name=name))
         return tuple(stored.about for stored in self._stored.values())
 
     def sync(self, model: Model, objects: Iterable[EditableObject]) -> None:
@@ -52,6 +61,29 @@ class Mine:
                 self._stored[name] = _Stored(path, one)
         for name in self._stored.keys() - wanted.keys():
             self._stored.pop(name).path.unlink(missing_ok=True)
+
+    def directions(self, model: Model) -> tuple[Direction, ...]:
+        """The named directions of a model; none where they cannot be read."""
+        try:
+            stored = json.loads(self._directions(model).read_text()) if self._folder else []
+            found = tuple(Direction(str(name), Codes(*map(torch.tensor, step))) for name, *step in stored)
+        except (OSError, *UNREADABLE):
+            return ()
+        sizes = [tuple(code.shape) for code in (model.codes.mean.shape, model.codes.mean.texture)]
+        return tuple(one for one in found if [tuple(one.step.shape.shape), tuple(one.step.texture.shape)] == sizes)
+
+    def keep_directions(self, model: Model, directions: Iterable[Direction]) -> None:
+        """Keep these and no others. Raises ``ValueError`` or ``OSError`` where that cannot be."""
+        if self._folder:
+            path = self._directions(model)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            steps = [(one.name, one.step.shape.tolist(), one.step.texture.tolist()) for one in directions]
+            with atomic_file(path) as partial:
+                partial.write_text(json.dumps(steps))
+
+    def _directions(self, model: Model) -> Path:
+        assert self._folder is not None, "nothing is kept"
+        return self._folder / "directions" / f"{model.fingerprint}.json"
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from core.export.keyframes import Timeline
 from core.models.scene import Scene
+from viewer.values.direction import Direction
 
-Part = Literal["shape", "texture"]
-"""one of the two codes of an object"""
-PARTS: tuple[Part, Part] = ("shape", "texture")
 _DEPTH = 500
 """States kept; a state is a few hundred numbers."""
 
@@ -48,11 +46,12 @@ class Mix:
 
 @dataclass(frozen=True)
 class State:
-    """What a person edits: the scene, the values of the mixing sliders, and the timeline."""
+    """What a person edits: the scene, the values of the mixing sliders, the timeline, and the named directions."""
 
     scene: Scene
     mix: Mix
     timeline: Timeline = field(default_factory=Timeline)
+    directions: tuple[Direction, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -105,8 +104,12 @@ class History:
 
     def renamed(self, names: Mapping[str, str]) -> History:
         """With other names for some objects, in every state."""
-        now, past, future = (
-            tuple(replace(state, mix=state.mix.renamed(names)) for state in states)
-            for states in ((self.now,), self.past, self.future)
-        )
-        return History(now[0], past, future, self.gesture)
+        return self._everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))
+
+    def with_directions(self, directions: tuple[Direction, ...]) -> History:
+        """With these named directions too, in every state, where the state of now lacks them."""
+        more = tuple(one for one in directions if one not in self.now.directions)
+        return self._everywhere(lambda state: replace(state, directions=(*state.directions, *more))) if more else self
+
+    def _everywhere(self, change: Callable[[State], State]) -> History:
+        return History(change(self.now), tuple(map(change, self.past)), tuple(map(change, self.future)), self.gesture)

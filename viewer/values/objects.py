@@ -1,5 +1,6 @@
 """The objects of a session: those the model was trained on, and those added since."""
 
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 
 import torch
@@ -68,7 +69,7 @@ class ObjectLibrary:
 
     def add(self, added: EditableObject) -> str:
         """Take in an object; its name, which is made unique."""
-        name = self._unique(added.name)
+        name = unique_name(added.name, self._objects)
         self._objects[name] = replace(added, name=name)
         self.version += 1
         return name
@@ -80,7 +81,7 @@ class ObjectLibrary:
 
     def rename(self, name: str, to: str) -> str:
         """Give an added object another name, which is made unique; that name."""
-        to = self._unique(to)
+        to = unique_name(to, self._objects)
         self._objects = {
             to if key == name else key: replace(one, name=to) if key == name else one
             for key, one in self._objects.items()
@@ -93,9 +94,24 @@ class ObjectLibrary:
         self.removed |= frozenset(names)
         self.version += 1
 
-    def _unique(self, wanted: str) -> str:
-        name, count = wanted, 1
-        while name in self._objects:
-            count += 1
-            name = f"{wanted} ({count})"
-        return name
+    def add_missing(self, others: Iterable[EditableObject]) -> dict[str, str]:
+        """Take in those whose codes no added object has that was there before, each for one; by their names, the names
+        that they have here.
+        """
+        before, names = list(self.ever_added), dict[str, str]()
+        for other in others:
+            same = [one for one in before if one.codes == other.codes]
+            found = min(same, key=lambda one: one.name != other.name, default=None)
+            if found:
+                before.remove(found)
+            names[other.name] = found.name if found else self.add(other)
+        return names
+
+
+def unique_name(wanted: str, taken: Container[str]) -> str:
+    """A name that is not taken: the wanted one, or that with a number."""
+    name, count = wanted, 1
+    while name in taken:
+        count += 1
+        name = f"{wanted} ({count})"
+    return name

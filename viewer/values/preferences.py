@@ -34,6 +34,8 @@ class Preferences:
     """what draws the object while it is turned: one of :data:`TURNING`"""
     newcomer: bool = True
     """nobody has turned the object yet"""
+    camera_path: bool = True
+    """drawn over the view, where the timeline has one"""
     share: ShareSettings = field(default_factory=ShareSettings)
     recent: tuple[str, ...] = ()
     """paths of images and scenes that were opened, the last one first"""

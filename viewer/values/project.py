@@ -27,6 +27,8 @@ class Project:
     model: str
     """the name of the one that is open"""
     sessions: tuple[SavedSession, ...]
+    path: Path | None = None
+    """where a person saved it last, if it is what is kept from launch to launch"""
 
     def save(self, path: Path) -> None:
         """Write it, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
@@ -34,6 +36,7 @@ class Project:
         about = {
             "format": _FORMAT,
             "model": self.model,
+            "path": str(self.path) if self.path else None,
             "sessions": [session.encoded(parts) for session in self.sessions],
             "timelines": parts.timelines,
         }
@@ -68,7 +71,8 @@ class Project:
         count = sum(name.startswith("photos/") for name in file.namelist())
         photos = [file.read(_photo(number)) for number in range(count)]
         parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about["timelines"])
-        return cls(str(about["model"]), tuple(SavedSession.decoded(one, parts) for one in about["sessions"]))
+        sessions = tuple(SavedSession.decoded(one, parts) for one in about["sessions"])
+        return cls(str(about["model"]), sessions, Path(about["path"]) if about.get("path") else None)
 
     @classmethod
     def _from_older(cls, text: str) -> "Project":

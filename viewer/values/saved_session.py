@@ -55,7 +55,9 @@ class SavedSession:
         config = model.field.config
         sizes = (config.shape_latent,), (config.texture_latent,)
         keys = [key.view.codes for state in self.history.states for key in state.timeline.keys]
-        codes = [*(state.scene.codes for state in self.history.states), *(one.codes for one in self.objects), *keys]
+        steps = [one.step for state in self.history.states for one in state.directions]
+        objects = [one.codes for one in self.objects]
+        codes = [*(state.scene.codes for state in self.history.states), *objects, *keys, *steps]
         fingerprints = {state.scene.model for state in self.history.states}
         if fingerprints != {model.fingerprint} or any((one.shape.shape, one.texture.shape) != sizes for one in codes):
             raise ValueError(f"it was made with another model than this one of {model.category or 'unnamed things'}")

@@ -84,7 +84,7 @@ def labelled_slider(
     draw.add_text(corner + ImVec2(room - width, down), colour, shown)
     imgui.set_cursor_pos_x(left + before)
     imgui.set_next_item_width(max(em, room - before - after))
-    return imgui.slider_float(f"##{name}", value, *limits, "")
+    return imgui.slider_float(f"##{name}", value, *limits, "", imgui.SliderFlags_.always_clamp)
 
 
 def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: float = 7) -> T:
@@ -97,6 +97,25 @@ def choose(name: str, chosen: T, choices: Mapping[T, str], text: str, width: flo
         imgui.end_combo()
     tooltip(text)
     return chosen
+
+
+class NameField:
+    """A name that is typed in a menu or a popup; Enter ends it."""
+
+    def __init__(self) -> None:
+        self._text = ""
+
+    def draw(self, start: str = "", hint: str = "") -> str:
+        """What was typed, once it was; empty before. The menu is closed then."""
+        if imgui.is_window_appearing():
+            self._text = start
+            imgui.set_keyboard_focus_here()
+        imgui.set_next_item_width(hello_imgui.em_size(12))
+        flags = imgui.InputTextFlags_.enter_returns_true
+        entered, self._text = imgui.input_text_with_hint("##new name", hint, self._text, flags)
+        if entered:
+            imgui.close_current_popup()
+        return self._text.strip() if entered else ""
 
 
 def draw_progress(context: PanelContext, *kinds: str) -> bool:

@@ -8,6 +8,7 @@ from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
+from viewer.widgets.controls import NameField
 
 _SURE: Colour = (0.35, 0.75, 0.5)
 _LIKELY: Colour = (0.85, 0.8, 0.35)
@@ -47,15 +48,14 @@ class MineMenu:
     """Rename, remove, export."""
 
     def __init__(self) -> None:
-        self._name = ""
-        """as it is being typed"""
+        self._field = NameField()
         self._renamed: tuple[str, str] | None = None
         """an object, and its new name"""
 
     def draw(self, context: PanelContext, name: str) -> None:
         """In the menu of an object that is not the model's own."""
         imgui.separator()
-        self._draw_rename(context, name)
+        self._draw_rename(name)
         if imgui.menu_item_simple("Export…###export object"):
             _export(context, name)
         if imgui.begin_menu("Remove###remove object"):
@@ -69,18 +69,11 @@ class MineMenu:
             context.workspace.rename(*self._renamed)
             self._renamed = None
 
-    def _draw_rename(self, context: PanelContext, name: str) -> None:
-        if not imgui.begin_menu("Rename###rename object"):
-            return
-        if imgui.is_window_appearing():
-            self._name = name
-            imgui.set_keyboard_focus_here()
-        imgui.set_next_item_width(hello_imgui.em_size(12))
-        entered, self._name = imgui.input_text("##new name", self._name, imgui.InputTextFlags_.enter_returns_true)
-        if entered:
-            self._renamed = name, self._name.strip()
-            imgui.close_current_popup()
-        imgui.end_menu()
+    def _draw_rename(self, name: str) -> None:
+        if imgui.begin_menu("Rename###rename object"):
+            if new := self._field.draw(name):
+                self._renamed = name, new
+            imgui.end_menu()
 
 
 def _export(context: PanelContext, name: str) -> None:

@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on, packed
-from viewer.values.history import Part
+from viewer.values.part import Part
 
 THUMBNAIL = 4.5
 """em, of most thumbnails: 72 px at the usual size of text"""

@@ -11,11 +11,13 @@ from core.fitting.hypotheses import Parameters
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     MOVED_SCALE,
+    OCCLUDER_SCALE,
     Objective,
     Term,
     camera_prior_term,
     code_prior_term,
     evaluate_objective,
+    image_squared_error,
     mask_term,
     photometric_term,
     viewpoint_weights,
@@ -55,16 +57,17 @@ def agrees(term: Callable[[torch.Tensor], Term], at: torch.Tensor) -> None:
     torch.testing.assert_close(gradient, expected.reshape(gradient.shape), rtol=1e-4, atol=1e-7)
 
 
+@pytest.mark.parametrize("occluder_scale", [math.inf, OCCLUDER_SCALE])
 @pytest.mark.parametrize("robust_scale", ROBUST)
-def test_residuals_of_colours_have_the_gradient_of_their_value(tiny: Model, robust_scale: float):
+def test_residuals_of_images_have_the_gradient_of_their_value(tiny: Model, robust_scale: float, occluder_scale: float):
     pixels = pixels_of(tiny)
     rendered = torch.rand(3, 1, 96, 3, generator=torch.Generator().manual_seed(1))
-    agrees(lambda colour: photometric_term(colour, pixels, robust_scale), rendered)
+    objective = Objective(1e-4, robust_scale=robust_scale, occluder_scale=occluder_scale)
+    agrees(lambda colour: photometric_term(colour, pixels, objective), rendered)
+    agrees(lambda opacity: mask_term(opacity, pixels, objective), rendered[..., 0])
 
 
-def test_residuals_of_the_mask_and_of_codes_have_the_gradient_of_their_value(tiny: Model):
-    pixels = pixels_of(tiny)
-    agrees(lambda opacity: mask_term(opacity, pixels, 0.1), torch.rand(3, 1, 96))
+def test_residuals_of_codes_have_the_gradient_of_their_value():
     agrees(lambda code: code_prior_term(code, 1e-3), parameters_of().shape)
 
 
@@ -83,13 +86,15 @@ def test_residuals_of_cameras_have_the_gradient_of_their_value(elevation: float,
 
 
 @pytest.mark.parametrize("elevation", [0.5, -0.3])
+@pytest.mark.parametrize("occluder_scale", [math.inf, OCCLUDER_SCALE])
 @pytest.mark.parametrize("robust_scale", ROBUST)
 def test_gauss_newton_sees_the_objective_and_its_gradient(
-    tiny: Model, monkeypatch: pytest.MonkeyPatch, robust_scale: float, elevation: float
+    tiny: Model, monkeypatch: pytest.MonkeyPatch, robust_scale: float, occluder_scale: float, elevation: float
 ):
     """With two samples a ray, all of them are differentiated by both; tables would be off in the fourth digit."""
     monkeypatch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
-    objective, stage = Objective(1e-4, robust_scale=robust_scale), Stage(3, 1, 96, 2, robust_scale, 0.3)
+    objective = Objective(1e-4, robust_scale=robust_scale, occluder_scale=occluder_scale)
+    stage = Stage(3, 1, 96, 2, robust_scale, 0.3)
     at = Parameters(*(part.requires_grad_() for part in parameters_of(elevation=elevation)))
     pixels = pixels_of(tiny)
     with use_dtype(torch.float32):
@@ -114,6 +119,23 @@ def test_autograd_sees_the_objective_as_small_steps_do(tiny: Model):
             ends = [at._replace(shape=(at.shape + sign * step).detach()) for sign in (-1, 1)]
             low, high = (float(evaluate_objective(tiny, end, pixels, 2, objective).objective) for end in ends)
             assert float(gradient[0, index]) == pytest.approx((high - low) / 2e-2, rel=0.05, abs=1e-5)
+
+
+def test_something_in_front_may_hide_an_object_but_not_show_one(tiny: Model):
+    """Where the object is expected beside its mask a saturated price is paid; where it lacks, all of it."""
+    pixels = pixels_of(tiny)
+    strict, lenient = Objective(1e-4), Objective(1e-4, occluder_scale=OCCLUDER_SCALE)
+    beside = (pixels.target_opacity < 0.5).float().expand(1, 1, -1)
+
+    def price(opacity: torch.Tensor, objective: Objective) -> float:
+        return float(mask_term(opacity, pixels, objective).value)
+
+    extra, lacking = torch.maximum(pixels.target_opacity, 0.9 * beside), 0.1 * pixels.target_opacity[None]
+    assert price(extra, lenient) < 0.3 * price(extra, strict)
+    assert price(lacking, lenient) == pytest.approx(price(lacking, strict))
+    white = torch.zeros(1, 1, len(pixels.pixels[0]), 3)
+    seen = image_squared_error(white, extra, pixels, OCCLUDER_SCALE)
+    assert float(seen) < float(image_squared_error(white, extra, pixels))
 
 
 # What a camera costs

@@ -29,11 +29,19 @@ def test_the_cloud_is_standard_in_its_own_coordinates():
     assert float(space.explained_variance.sum()) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_moving_along_one_direction_leaves_the_others():
-    space, code = CodeSpace.from_codes(cloud()), cloud(3)[0]
-    before, after = space.coordinates(code), space.coordinates(space.with_coordinate(code, 2, 1.5))
-    assert float(after[2]) == pytest.approx(1.5, abs=1e-4)
-    torch.testing.assert_close(after[[0, 1, 3, 4, 5]], before[[0, 1, 3, 4, 5]], atol=1e-4, rtol=0)
+def test_a_step_along_any_way_is_the_standard_deviation_of_the_codes_along_it():
+    codes = cloud()
+    space, unit = CodeSpace.from_codes(codes), torch.nn.functional.normalize(cloud(3)[0] - cloud(3)[1], dim=0)
+    torch.testing.assert_close(space.one_deviation(7.0 * unit), (codes @ unit).std() * unit, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(space.one_deviation(space.directions[2]), space.basis[2], atol=1e-5, rtol=1e-4)
+
+
+def test_where_codes_do_not_vary_there_is_no_step():
+    flat = torch.cat((cloud(), torch.ones(40, 1)), 1)
+    space = CodeSpace.from_codes(flat)
+    across = torch.nn.functional.one_hot(torch.tensor(6), 7).float()
+    assert float(space.one_deviation(across).norm()) == pytest.approx(0, abs=1e-5)
+    assert not bool(space.one_deviation(torch.zeros(7)).any())
 
 
 def test_fewer_objects_than_numbers_have_fewer_directions():

@@ -122,6 +122,30 @@ def test_on_busy_background_the_network_decides(network: Callable[[np.ndarray], 
     assert not cut.white
 
 
+def test_the_threshold_says_how_much_of_a_soft_edge_belongs_to_the_object(network: Callable[[np.ndarray], None]):
+    """Outside of strokes too; a hard edge knows no threshold."""
+    y, x = np.mgrid[0:240, 0:240] / 240
+    network(((0.22 - np.hypot(x - 0.5, y - 0.5)) / 0.04).clip(0, 1))
+    narrow, usual, wide = (cut_out(busy(), Hints(threshold=share)) for share in (0.9, 0.5, 0.1))
+    assert narrow.mask.sum() < usual.mask.sum() < wide.mask.sum()
+    np.testing.assert_array_equal(usual.mask, cut_out(busy()).mask)
+    # The ring between nine tenths and one tenth: radii 0.184 and 0.216 around a disc of 0.2.
+    assert usual.undecided == pytest.approx((0.216**2 - 0.184**2) / 0.2**2, rel=0.1)
+    stroke = Stroke(((0.73, 0.73),), 0.02, True)
+    apart = np.hypot(x - 0.73, y - 0.73) > 0.06
+    stroked = cut_out(busy(), Hints(strokes=(stroke,), threshold=0.9)).mask
+    np.testing.assert_array_equal(stroked[apart], narrow.mask[apart])
+    network(disc())
+    assert cut_out(busy()).undecided == 0
+
+
+@pytest.mark.parametrize("threshold", [0.0, 1.0, -1.0, float("nan")])
+def test_a_threshold_without_two_sides_is_refused(threshold: float):
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        Hints(threshold=threshold)
+    assert Hints(threshold=0.3)
+
+
 def test_a_network_that_finds_nothing_is_reported(network: Callable[[np.ndarray], None]):
     network(np.zeros((240, 240), bool))
     with pytest.raises(NoBackgroundError):

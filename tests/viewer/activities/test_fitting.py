@@ -85,7 +85,7 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(
     workspace.viewport.pan_by(0.1, 0.0)
     assert workspace.fitting.is_followed
     assert not session.jobs.busy("view")
-    editor.set_coordinate("shape", 0, 1.0)
+    editor.set_to_mean("shape")
     assert not workspace.fitting.is_followed
     editor.undo()
     assert workspace.fitting.is_followed
@@ -282,7 +282,7 @@ def test_a_better_result_waits_where_the_first_one_was_edited(
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
     workspace.fitting.start(photo)
     deliver(session, lambda: workspace.fitting.result is not None)
-    editor.set_coordinate("texture", 0, 1.0)
+    editor.set_to_mean("texture")
     before = editor.state
     fit.may_end.set()
     finish(session, lambda: not workspace.fitting.running)

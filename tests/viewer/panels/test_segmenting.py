@@ -9,6 +9,7 @@ from PIL import Image
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
+from viewer.values.fit_history import PhotoSource
 
 
 def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backend: Backend, tmp_path: Path) -> None:
@@ -97,9 +98,47 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.wait(lambda: segmenting.result is not None)
         window.context.drop([str(tmp_path / "missing.png")])
         window.wait(lambda: bool(session.messages.errors))
+        assert segmenting.active  # with its photo
+        window.context.drop([str(tmp_path / "busy.png")])
+        window.wait()
+        assert segmenting.hints == hints
+        window.click("Cut out###segment/**/###cancel segmentation")
+        window.wait(lambda: segmenting.active and segmenting.problem != "")  # the one that was dropped
+        assert not segmenting.hints
+        window.click("Cut out###segment/**/###cancel segmentation")
+        window.wait()
         past = len(editor.history.past)
         window.drag("View/orbit", 50)  # the dialog is gone
         assert len(editor.history.past) == past + 1
+
+    tiny = tiny_model()
+    drive(act, replace(backend, load_model=lambda name: tiny))
+
+
+def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_path: Path) -> None:
+    y, x = np.mgrid[0:120, 0:160]
+    soft = ((40 - np.hypot(x - 80, y - 60)) / 20).clip(0, 1)
+    colours = np.broadcast_to(np.uint8((200, 60, 40)), (120, 160, 3))
+    Image.fromarray(np.dstack((colours, (255 * soft).astype(np.uint8)))).save(tmp_path / "soft.png")
+
+    def act(window: Driver) -> None:
+        segmenting = window.workspace.segmenting
+        segmenting.open((PhotoSource(tmp_path / "soft.png"),), 0)
+        window.wait(lambda: segmenting.settled)
+
+        def area() -> int:
+            assert segmenting.result is not None
+            return int(segmenting.result.found.mask.sum())
+
+        before = area()
+        window.set("Cut out###segment/**/##threshold", 0.2)
+        window.wait(lambda: segmenting.settled)
+        assert segmenting.hints.threshold == pytest.approx(0.2)
+        assert area() > 1.2 * before
+        window.click("Cut out###segment/**/###undo hints")
+        window.wait(lambda: segmenting.settled)
+        assert area() == before
+        window.click("Cut out###segment/**/###cancel segmentation")
 
     tiny = tiny_model()
     drive(act, replace(backend, load_model=lambda name: tiny))

@@ -8,14 +8,14 @@ from imgui_bundle import imgui
 from tests.viewer.driver import Drive, Driver
 from viewer.panels.sliders import SlidersPanel
 from viewer.services.backend import Backend
-from viewer.values.history import PARTS
 from viewer.values.influence import CodeInfluence
+from viewer.values.part import PARTS
 
 
 def test_one_part_alone_can_be_shown(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.show("Sliders")
-        for shown, there in (("Texture", "texture"), ("Shape", "shape"), ("Shape and texture", "both")):
+        for shown, there in (("Texture", "texture"), ("Shape", "shape"), ("All", "both")):
             window.click("Sliders/##parts")
             window.click(f"$FOCUSED/{shown}")
             window.ctx.yield_(2)
@@ -109,7 +109,7 @@ def test_the_slider_under_the_mouse_shows_what_it_changes(drive: Drive, real_bac
         found: dict[str, CodeInfluence] = {}
         for part in PARTS:
             window.ctx.mouse_move(f"//Sliders/**/##{part} 1")
-            window.wait(lambda: panel.influence is not None and panel.influence[0] == part)  # noqa: B023
+            window.wait(lambda: panel.influence is not None and panel.influence[0] == (part,))  # noqa: B023
             assert panel.influence is not None
             found[part] = panel.influence[1]
         assert found["texture"].leak == 0.0
@@ -118,3 +118,81 @@ def test_the_slider_under_the_mouse_shows_what_it_changes(drive: Drive, real_bac
         assert not editor.history.past
 
     drive(act, real_backend)
+
+
+def name_direction(window: Driver, button: str, name: str) -> None:
+    """Ask for a name, and type it."""
+    window.click(f"Sliders/**/###{button}")
+    window.ctx.item_click("//**/##new name")
+    window.ctx.key_chars_replace_enter(name)
+    window.ctx.yield_(3)
+
+
+def test_directions_are_named_moved_renamed_removed_and_last(drive: Drive, tmp_path: Path) -> None:
+    folder, strengths = tmp_path / "config", list[float]()
+
+    def first(window: Driver) -> None:
+        editor = window.workspace.editor
+        window.show("Sliders")
+        name_direction(window, "name mix", "sportier")
+        name_direction(window, "name texture 2", "darker")
+        assert [(one.name, one.parts) for one in editor.state.directions] == [
+            ("sportier", PARTS),
+            ("darker", PARTS[1:]),
+        ]
+        before, (sportier, darker) = editor.scene.codes, editor.state.directions
+        window.set("Sliders/**/##named 1", 1.25)
+        assert editor.strength(sportier) == pytest.approx(1.25, abs=1e-3)
+        assert not torch.equal(editor.code("shape"), before.shape)
+        window.undo()
+        assert editor.scene.codes == before
+        window.click("Sliders/**/named 2 at 2")
+        assert editor.strength(darker) == pytest.approx(2.0, abs=1e-3)
+        assert editor.code("shape") is before.shape
+        window.click("Sliders/**/##named 2", 1)
+        assert editor.strength(darker) == pytest.approx(0.0, abs=1e-3)
+        window.click("Sliders/**/###menu named 2")
+        window.ctx.item_click("//**/##new name")
+        window.ctx.key_chars_replace_enter("night blue")
+        window.ctx.yield_(3)
+        assert [one.name for one in editor.state.directions] == ["sportier", "night blue"]
+        window.click("Sliders/**/###menu named 1")
+        window.ctx.item_click("//**/###remove direction")
+        window.ctx.yield_(3)
+        assert [one.name for one in editor.state.directions] == ["night blue"]
+        window.undo()
+        assert [one.name for one in editor.state.directions] == ["sportier", "night blue"]
+        strengths.extend(editor.strength(one) for one in editor.state.directions)
+        window.menu("File/###save_project")
+        window.type(str(tmp_path / "mine.codenerf"))
+
+    def second(window: Driver) -> None:
+        editor = window.workspace.editor
+        assert [one.name for one in editor.state.directions] == ["sportier", "night blue"]
+        assert [editor.strength(one) for one in editor.state.directions] == pytest.approx(strengths, abs=1e-4)
+        window.menu("File/###new_project")
+        window.show("Sliders")
+        window.click("Sliders/**/###menu named 1")
+        window.ctx.item_click("//**/###remove direction")
+        window.menu("File/###new_project")
+        assert [one.name for one in window.workspace.editor.state.directions] == ["night blue"]
+        name_direction(window, "name shape 1", "wider")
+        window.context.drop([str(tmp_path / "mine.codenerf")])
+        window.wait()
+        names = {one.name for one in window.workspace.editor.state.directions}
+        assert names == {"sportier", "night blue", "wider"}
+
+    drive(first, folder=folder)
+    drive(second, folder=folder)
+
+
+def test_the_way_between_equal_objects_has_no_name(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        editor.set_b(editor.state.mix.a.shape)
+        window.show("Sliders")
+        name_direction(window, "name mix", "nothing")
+        assert not editor.state.directions
+        assert "both have the same shape and texture" in window.session.messages.errors[-1]
+
+    drive(act)

@@ -142,3 +142,37 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
         window.wait()
 
     drive(act)
+
+
+def test_the_path_of_the_camera_is_drawn_over_the_view_and_dragged(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor, player = window.workspace.editor, window.workspace.player
+        window.show("Timeline")
+        window.click("Timeline/###add_key")
+        window.ctx.yield_(2)
+        assert not window.exists("View/camera path")
+        player.seek(2.0)
+        window.drag("View/orbit", 100, 40)
+        window.click("Timeline/###add_key")
+        window.wait()
+        assert window.exists("View/camera path")
+        before, drawn = editor.state, window.capture_view()
+        window.drag("View/path key 1", -30, 20)
+        first, second = player.timeline.keys
+        changed = first.view.camera
+        assert (second, first.view.codes) == (before.timeline.keys[1], before.timeline.keys[0].view.codes)
+        old = before.timeline.keys[0].view.camera
+        assert changed == replace(old, azimuth=changed.azimuth, elevation=changed.elevation) != old
+        assert editor.scene.camera == changed
+        assert player.key == 0
+        window.wait()
+        assert (window.capture_view() != drawn).any()
+        window.undo()
+        assert editor.state == before
+        window.click("View/path key 2")
+        assert player.key == 1
+        window.click("Timeline/Camera path")
+        window.ctx.yield_(2)
+        assert not window.exists("View/camera path")
+
+    drive(act)

@@ -9,7 +9,9 @@ from core.models.scene import open_scene
 from core.photos.photo import Photo
 from tests.conftest import random_model
 from viewer.services.mine import Mine
+from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject
+from viewer.values.part import PARTS
 
 
 @pytest.fixture
@@ -53,7 +55,37 @@ def test_what_it_has_not_seen_is_left_alone(tmp_path: Path, model: Model, fitted
     assert len(list(tmp_path.iterdir())) == 2
 
 
+def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    windows, other = [Mine(tmp_path), Mine(tmp_path)], replace(fitted, codes=model.codes[2])
+    for mine, one in zip(windows, (fitted, other), strict=True):
+        mine.sync(model, [one])
+    again = Mine(tmp_path)
+    found = again.open(model)
+    assert {one.name for one in found} == {"Red chair (2)", "Red chair (2) (2)"}
+    assert {one.codes for one in found} == {fitted.codes, other.codes}
+    again.sync(model, [one for one in found if one.codes == other.codes])
+    (left,) = Mine(tmp_path).open(model)
+    assert left.codes == other.codes
+
+
 def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) -> None:
     mine = Mine()
     mine.sync(model, [fitted])
     assert mine.open(model) == ()
+
+
+def test_named_directions_last_for_their_model_alone(tmp_path: Path, model: Model) -> None:
+    directions = tuple(replace(Direction.principal(model.codes, part, 0), name="sportier") for part in PARTS)
+    Mine(tmp_path).keep_directions(model, directions)
+    assert Mine(tmp_path).directions(model) == directions
+    assert Mine(tmp_path).directions(random_model(seed=7)) == ()
+    Mine(tmp_path).keep_directions(model, ())
+    assert Mine(tmp_path).directions(model) == ()
+
+
+@pytest.mark.parametrize("text", ["", "7", "[1]", "{}", '[["a", [1.0], [2.0]]]', '[["a", ["b"], [2.0]]]', '[["a"]]'])
+def test_directions_that_cannot_be_read_are_none(tmp_path: Path, model: Model, text: str) -> None:
+    Mine(tmp_path).keep_directions(model, ())
+    (path,) = (tmp_path / "directions").iterdir()
+    path.write_text(text)
+    assert Mine(tmp_path).directions(model) == ()

@@ -4,6 +4,7 @@ import pytest
 
 from core.models.model import Model
 from core.models.scene import Scene
+from viewer.values.direction import Direction
 from viewer.values.history import History, Mix, Pair, State
 
 
@@ -62,3 +63,11 @@ def test_any_state_can_be_gone_to_and_none_is_lost(states: list[State]) -> None:
     for index, state in enumerate(states):
         there = history.at(index)
         assert (there.now, len(there.past), there.states) == (state, index, tuple(states))
+
+
+def test_directions_that_are_lacking_now_come_to_every_state(states: list[State], model: Model) -> None:
+    first, second = (Direction.principal(model.codes, "shape", index) for index in (0, 1))
+    history = History(states[0]).changed(replace(states[1], directions=(first,)))
+    assert history.with_directions((first,)) is history
+    found = history.with_directions((first, second))
+    assert [state.directions for state in found.states] == [(second,), (first, second)]

@@ -1,0 +1,58 @@
+"""Straight ways through the codes, along which a slider changes an object: principal ones, or from one to another."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import torch
+
+from core.models.codes import CodeBook, Codes
+from viewer.values.part import PARTS, Part
+
+
+@dataclass(frozen=True)
+class Direction:
+    """A way that changes shape, texture, or both by equally many standard deviations of the trained codes."""
+
+    name: str
+    step: Codes
+    """one standard deviation; zero in a code that it leaves as it is"""
+
+    @classmethod
+    def principal(cls, book: CodeBook, part: Part, index: int) -> "Direction":
+        """One of the principal directions of the trained codes, named by its number."""
+        space = book.shape_space if part == "shape" else book.texture_space
+        return cls(str(index + 1), replace(_zero(book), **{part: space.basis[index]}))
+
+    @classmethod
+    def between(cls, name: str, book: CodeBook, ends: tuple[Codes, Codes], parts: Iterable[Part]) -> "Direction":
+        """From the shape, the texture, or both of one object to those of another.
+
+        Raises ``ValueError`` where they do not differ.
+        """
+        first, second = ends
+        spaces = {"shape": book.shape_space, "texture": book.texture_space}
+        steps = {part: spaces[part].one_deviation(getattr(second, part) - getattr(first, part)) for part in parts}
+        found = cls(name, replace(_zero(book), **steps))
+        if not found.parts:
+            raise ValueError(f"both have the same {' and '.join(parts)}")
+        return found
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """The codes that it changes."""
+        return tuple(part for part in PARTS if bool(getattr(self.step, part).any()))
+
+    def strength(self, codes: Codes, mean: Codes) -> float:
+        """How far codes are along it, in standard deviations from the mean; of two codes the average."""
+        ways = ((getattr(codes, part) - getattr(mean, part), getattr(self.step, part)) for part in self.parts)
+        return sum(float(way @ step / step.square().sum()) for way, step in ways) / len(self.parts)
+
+    def moved(self, codes: Codes, mean: Codes, to: float) -> Codes:
+        """The codes with another strength; nothing across it changes, nor a code that it leaves as it is."""
+        by = to - self.strength(codes, mean)
+        return replace(codes, **{part: getattr(codes, part) + by * getattr(self.step, part) for part in self.parts})
+
+
+def _zero(book: CodeBook) -> Codes:
+    return Codes(torch.zeros_like(book.shape_space.mean), torch.zeros_like(book.texture_space.mean))
