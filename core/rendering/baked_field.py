@@ -1,8 +1,8 @@
 """An object's field baked into a 3D texture, for OpenGL to draw at the window's own resolution while it is turned.
 
-Of density, its logit is stored (what the network gives before its softplus): linear interpolation of that is 6 dB
-better than of density itself. Of colour, the mean over a few directions is: how little the view changes of it costs 2
-to 5 dB, and lets one texture serve all views. Only corners of occupied cells are evaluated; the others are never read.
+Of density, its logit is stored (what the network gives before its softplus): linear interpolation of that is 3
+to 6 dB better than of density itself. Of colour, the mean over a few directions is: what the view changes of it costs 3
+to 6 dB, and one texture serves all views. Only corners of occupied cells are evaluated; the others are never read.
 """
 
 import math

@@ -92,8 +92,11 @@ class BakedCanvas:
 
     def release(self) -> None:
         """Give the GL objects back."""
-        for resource in (*self._textures, self._target, self._pass, self._program):
-            resource.release()
+        self._target.release()
+        self._pass.release()
+        self._program.release()
+        for texture in self._textures:
+            texture.release()
 
     def _upload(self, baked: BakedField) -> None:
         if baked is self._baked:

@@ -43,20 +43,22 @@ class Target:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
+        self._texture: moderngl.Texture | None = None
         self._framebuffer: moderngl.Framebuffer | None = None
 
     @property
     def texture(self) -> moderngl.Texture:
         """What was drawn."""
-        assert self._framebuffer is not None, "nothing yet"
-        return self._framebuffer.color_attachments[0]
+        assert self._texture is not None, "nothing yet"
+        return self._texture
 
     @contextmanager
     def of_size(self, size: tuple[int, int]) -> Iterator[None]:
         """Draw into it; the screen's own framebuffer is in use again at the end."""
         if self._framebuffer is None or self._framebuffer.size != size:
             self.release()
-            self._framebuffer = self._context.framebuffer([self._context.texture(size, 4)])
+            self._texture = self._context.texture(size, 4)
+            self._framebuffer = self._context.framebuffer([self._texture])
         self._framebuffer.use()
         self._context.viewport = (0, 0, *size)
         # ImGui leaves its own state behind, blending and scissors included.
@@ -68,10 +70,9 @@ class Target:
 
     def release(self) -> None:
         """Give the GL objects back."""
-        if self._framebuffer:
-            self.texture.release()
-            self._framebuffer.release()
-            self._framebuffer = None
+        for resource in (self._framebuffer, self._texture):
+            if resource is not None:
+                resource.release()
 
 
 class Canvas:

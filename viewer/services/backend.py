@@ -23,9 +23,9 @@ class Backend:
     load_model: Callable[[str], Model] = load_model
     load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
-    bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Iterator[None]] = build_view_bank
     video: Callable[..., Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)
+    bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
