@@ -46,7 +46,7 @@ class TimelinePanel:
             player.remove_key(here if here is not None else 0)
         imgui.same_line()
         self._draw_numbers(context, player)
-        imgui.same_line()
+        flow(f"{_FILM}  Share…")
         if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
             context.share("film")
         self._draw_check(context, player)
@@ -60,7 +60,7 @@ class TimelinePanel:
         if imgui.is_item_deactivated():
             context.editor.end_gesture()
         tooltip("How long the timeline is. Drag, or Ctrl+click to type")
-        imgui.same_line()
+        flow(10 * "0")
         imgui.set_next_item_width(hello_imgui.em_size(5))
         changed, turns = imgui.drag_int(
             "##turns", timeline.turns, 0.05, -3, 3, "%d turns", imgui.SliderFlags_.always_clamp
@@ -68,12 +68,12 @@ class TimelinePanel:
         if changed and turns != timeline.turns:
             player.set_turns(turns)
         tooltip("Full turns of the camera around the object in the whole timeline, besides what the keyframes do. Drag")
-        imgui.same_line()
+        flow("Smooth" + 6 * " ")
         changed, smooth = imgui.checkbox("Smooth", timeline.smooth)
         if changed:
             player.set_smooth(smooth)
         tooltip("Through the keys without corners (Catmull-Rom), or straight from one to the next")
-        imgui.same_line()
+        flow("Loop" + 6 * " ")
         changed, loop = imgui.checkbox("Loop", timeline.loop)
         if changed:
             player.set_loop(loop)
