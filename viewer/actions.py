@@ -98,6 +98,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             _ready,
         ),
         Gesture("The badge", "green and Sharp: every pixel of the view is rendered; amber: on the way"),
+        Gesture("Options, OpenGL while turning", "a baked copy at every pixel while you turn; exact at rest"),
     ),
     "Library": (
         Gesture("Click", "show the object; it is A"),

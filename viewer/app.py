@@ -16,6 +16,7 @@ from viewer.panels import all_panels, help, menu, messages, recovery, running_fi
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
 from viewer.screen import theme, window
+from viewer.screen.baked_canvas import BakedCanvas, is_fast
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, is_there
 from viewer.services.clipboard import Clipboard
@@ -195,6 +196,7 @@ class App:
         if self._software:
             self.session.jobs.submit(Job("threads", _leave_a_core, lambda _: None))
         self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
+        self.context.baked_canvas, self.context.fast_opengl = BakedCanvas(self._gl), is_fast(self._gl)
         # A mistake in a panel is logged by imgui, and does not end the program.
         io = imgui.get_io()
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
@@ -214,8 +216,9 @@ class App:
         if self.context.autosave:
             self.context.autosave.close()
         self._save_preferences()
-        assert self.context.canvas and self.context.images
+        assert self.context.canvas and self.context.images and self.context.baked_canvas
         self.context.canvas.release()
+        self.context.baked_canvas.release()
         self.context.images.release()
 
     def _before_frame(self) -> None:

@@ -19,6 +19,7 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.autosave import Autosave
 from viewer.editor import Editor
+from viewer.screen.baked_canvas import BakedCanvas
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
 from viewer.screen.theme import DARK, LIGHT, Palette
@@ -46,6 +47,9 @@ class PanelContext:
     help_open: bool = False
     share_open: bool = False
     canvas: Canvas | None = None
+    baked_canvas: BakedCanvas | None = None
+    fast_opengl: bool = False
+    """measured at start: a baked object is drawn in no more than a frame's time"""
     images: Images | None = None
     bold: imgui.ImFont | None = None
     """the font of headings"""
@@ -123,6 +127,12 @@ class PanelContext:
     def palette(self) -> Palette:
         """The colours of the theme."""
         return DARK if self.preferences.dark else LIGHT
+
+    @property
+    def bakes(self) -> bool:
+        """OpenGL draws the object, in its colours, while it is turned."""
+        turning = self.preferences.turning
+        return (self.fast_opengl if turning == "automatic" else turning == "on") and self.view_mode == "colour"
 
     def set_preference(self, **values: Any) -> None:
         """Change preferences by their names."""

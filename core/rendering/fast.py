@@ -149,7 +149,7 @@ def clear_cache() -> None:
 def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]:
     """The visible intervals of a shape, whatever its texture."""
     with torch.inference_mode():
-        occupancy = _occupancy(view)
+        occupancy = shape_occupancy(view.model, view.shape, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
         pixel = (first < last).flatten().nonzero()[:, 0]
         centres = pixel_centres(view.camera.width, view.camera.height, pixel.device).reshape(-1, 2)
@@ -167,14 +167,18 @@ def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]
         yield chunk
 
 
-def _occupancy(view: VisibilityKey) -> Occupancy:
-    """A shape's occupied cells: cached, as neither a new view nor a new texture changes them."""
-    key = view.model, view.shape
+def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = True) -> Occupancy:
+    """A shape's occupied cells: cached, as neither a new view nor a new texture changes them.
+
+    Args:
+        complete: as that of :func:`render_steps`.
+    """
+    key = model, shape
     known: Occupancy | None = CACHE.get(Kind.SHAPE, key)
-    if known is None or (view.complete and not known.complete):
-        code = torch.tensor(view.shape, device=view.model.codes.shapes.device)
-        folded = FoldedField(view.model, Codes(code, view.model.codes.mean.texture))
-        known = Occupancy(view.model, folded, None if view.complete else _similar_occupancy(view.model, code))
+    if known is None or (complete and not known.complete):
+        code = torch.tensor(shape, device=model.codes.shapes.device)
+        folded = FoldedField(model, Codes(code, model.codes.mean.texture))
+        known = Occupancy(model, folded, None if complete else _similar_occupancy(model, code))
         CACHE.put(Kind.SHAPE, key, known, known.size)
     return known
 

@@ -110,7 +110,9 @@ class Player:
         passed = self._clock() - self._began
         self.seconds = passed % length if self.timeline.loop else min(passed, length)
         self._show()
-        if newest := self._newest_frame():
+        if self._viewport.is_baked(self._editor.scene.codes):
+            self._viewport.turn("timeline")
+        elif newest := self._newest_frame():
             self._viewport.display(*newest, "timeline")
         if passed >= length and not self.timeline.loop:
             self.pause()
@@ -224,7 +226,9 @@ class Player:
         return next((self._frames[index] for index in range(now, -1, -1) if index in self._frames), None)
 
     def _render_ahead(self) -> None:
-        """Render the frames that are not there, from this moment on and once round."""
+        """Render the frames that are not there, from this moment on and once round; none of a baked object."""
+        if all(self._viewport.is_baked(key.view.codes) for key in self.timeline.keys):
+            return
         timeline, model, layout = self.timeline, self._editor.model, self._layout
         if self._rendered_of != (timeline, layout):
             self._rendered_of = timeline, layout

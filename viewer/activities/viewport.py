@@ -5,6 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
+from core.models.codes import Codes
+from core.rendering.baked_field import BakedField
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.editor import Editor
@@ -18,6 +20,10 @@ _SUPERSAMPLING = 2
 """Pixels rendered across each pixel of the finished image."""
 _REST = 0.4
 """s without a change after which the image is rendered at the view's own resolution"""
+_STILL = 0.15
+"""s without a change after which the exact picture is rendered that replaces one drawn by OpenGL"""
+_BAKE_SHARE = 0.5
+"""of the worker's time"""
 _REST_SHARE = 0.5
 """of the worker's time, for that"""
 
@@ -32,6 +38,8 @@ class ViewSettings:
     """how far the object is moved right and down in the view, in shares of its shorter side"""
     quality: Quality = QUALITIES[DEFAULT_QUALITY]
     budget: FrameBudget = field(default_factory=FrameBudget)
+    baking: bool = False
+    """objects are baked, and drawn by OpenGL while they are turned"""
 
 
 class Viewport:
@@ -49,6 +57,14 @@ class Viewport:
         """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
         self.sharp = False
         """the frame on screen is finished, and has every pixel of the view"""
+        self.baked: BakedField | None = None
+        """the object, of which what is drawn by OpenGL"""
+        self.turning: orbit.PanelCrop | None = None
+        """what is to be seen of :attr:`baked` now; None: the frame is shown"""
+        self._turned = 0.0
+        """s on the monotonic clock, when it was turned last"""
+        self._baked_of: Codes | None = None
+        """what is baked, or being baked"""
         self._rested: float | None = None
         """s on the monotonic clock, when the image was finished that has fewer pixels than the view"""
         self.keep_following: Callable[[], bool] = lambda: False
@@ -57,7 +73,7 @@ class Viewport:
 
     def close(self) -> None:
         """Render no more."""
-        self._jobs.cancel("view")
+        self._jobs.cancel("view", "bake")
 
     def resize(self, width: int, height: int) -> None:
         """The view has another size."""
@@ -87,6 +103,14 @@ class Viewport:
         if self.source != "scene":
             return
         self._rested = None
+        if self.is_baked(self._editor.scene.codes):
+            self._jobs.cancel("view")
+            self._turn()
+            return
+        self.turning = None
+        if self._baked_of not in (None, self._editor.scene.codes):
+            self._jobs.cancel("bake")
+            self.baked = self._baked_of = None
         budget, detail = self.settings.budget, min(self.settings.quality.detail, self._sides)
         stages = budget.divisors(detail)
 
@@ -103,7 +127,12 @@ class Viewport:
         self._submit(detail, stages, rendered, urgent=True)
 
     def tick(self) -> None:
-        """Once a frame: give the image all pixels of the view, once the hand rests and no fit needs the time."""
+        """Once a frame: give the image all pixels of the view, once the hand rests and no fit needs the time; bake."""
+        if self.source == "scene" and not self._jobs.busy("view"):
+            if self.settings.baking:
+                self._bake(self._editor.scene.codes)
+            if self.turning:
+                self._replace_turning()
         if self._rested is None or time.monotonic() - self._rested < _REST or self._jobs.busy("fit"):
             return
         self._rested = None
@@ -114,6 +143,55 @@ class Viewport:
             self.sharp = frame.final
 
         self._submit(self._sides, (1,), rendered, share=_REST_SHARE)
+
+    def set_baking(self, baking: bool) -> None:
+        """Whether OpenGL may draw the object while it is turned."""
+        if baking != self.settings.baking:
+            self.settings.baking = baking
+            if self.turning:
+                self.render()
+
+    def is_baked(self, codes: Codes) -> bool:
+        """OpenGL can draw this object now."""
+        return self.settings.baking and self.baked is not None and codes == self._baked_of
+
+    def turn(self, source: Source) -> None:
+        """Let OpenGL draw the scene's object in the place of this source's frames; it :meth:`is_baked`."""
+        self.hold(source)
+        self._turn()
+
+    def _turn(self) -> None:
+        self.turning = orbit.fit_to_panel(
+            self._editor.scene.camera, *self.settings.panel, self._sides, self.settings.pan
+        )
+        self._turned, self.sharp = time.monotonic(), False
+
+    def _replace_turning(self) -> None:
+        """Render the exact picture once the hand rests, as large as the one that OpenGL draws until it is there."""
+        if time.monotonic() - self._turned < _STILL:
+            return
+        detail = min(self.settings.quality.detail, self._sides) if self._jobs.busy("fit") else self._sides
+
+        def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
+            earlier = self.times if self.full_frame and self.full_frame[1] is crop else ()
+            self.times = (*earlier, (frame.resolution, frame.seconds))
+            self._show(frame, crop)
+            self.sharp = frame.final and detail == self._sides
+
+        self._submit(detail, (1,), rendered)
+
+    def _bake(self, codes: Codes) -> None:
+        """Bake an object, unless it is the one that is baked already."""
+        if codes == self._baked_of:
+            return
+        self._baked_of = codes
+
+        def baked(found: BakedField) -> None:
+            self.baked = found
+
+        bake, model = self._jobs.backend.bake, self._editor.model
+        ended = self._jobs.reporting("Cannot bake the object")
+        self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=_BAKE_SHARE))
 
     @property
     def _sides(self) -> int:
@@ -140,7 +218,7 @@ class Viewport:
 
     def hold(self, source: Source) -> None:
         """Render no scene until :meth:`release`: this source will display frames of its own."""
-        self.source, self._rested = source, None
+        self.source, self._rested, self.turning = source, None, None
         self._jobs.cancel("view")
 
     def display(self, frame: Frame, crop: orbit.PanelCrop, source: Source) -> None:
@@ -162,3 +240,4 @@ class Viewport:
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
+        self.turning = None

@@ -10,6 +10,7 @@ from viewer.activities.viewport import Viewport
 from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
 from viewer.values import orbit
+from viewer.values.preferences import TURNING
 from viewer.values.quality import QUALITIES
 from viewer.values.view_modes import MODES, in_mode
 from viewer.widgets.camera_path import CameraPath
@@ -66,12 +67,11 @@ class ViewPanel:
             return
         viewport = context.viewport
         viewport.resize(*pixels)
+        viewport.set_baking(context.bakes)
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
-        assert context.canvas is not None
-        smooth = context.preferences.smooth and viewport.frame.final
-        texture = context.canvas.draw(self._in_mode(viewport, context.view_mode), pixels, context.palette, smooth)
+        texture = self._texture(context, pixels)
         imgui.get_window_draw_list().add_image_rounded(
             texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
         )
@@ -89,6 +89,15 @@ class ViewPanel:
         else:
             _draw_badge(viewport, viewport.frame, corner, size)
             self._path.draw(context, corner, size)
+
+    def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
+        """What the view shows: the baked object while it is turned, else the newest frame."""
+        viewport = context.viewport
+        assert context.canvas and context.baked_canvas and viewport.frame
+        if viewport.turning and viewport.baked:
+            return context.baked_canvas.draw(viewport.baked, viewport.turning, context.palette)
+        smooth = context.preferences.smooth and viewport.frame.final
+        return context.canvas.draw(self._in_mode(viewport, context.view_mode), pixels, context.palette, smooth)
 
     def _in_mode(self, viewport: Viewport, mode: str) -> Frame:
         """The frame as the mode shows it, computed once."""
@@ -149,7 +158,10 @@ def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) 
     """Whether the image is as sharp as the view; the numbers are in its tooltip."""
     width, height = frame.resolution
     live = viewport.source == "fit"
+    baked = viewport.baked if viewport.turning else None
     words = "The fit under way" if live else "Sharp" if viewport.sharp else "Sharpening …"
+    if baked:
+        words = "Baked preview"
     em = hello_imgui.em_size()
     extent = imgui.calc_text_size(words)
     low = ImVec2(corner.x + 0.7 * em, corner.y + size.y - extent.y - 1.2 * em)
@@ -161,6 +173,10 @@ def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) 
     draw.add_text(ImVec2(low.x + 1.4 * em, low.y + 0.25 * em), packed(ON_PLATE), words)
     imgui.set_cursor_screen_pos(low)
     imgui.invisible_button("badge", high - low)
+    if baked and viewport.turning:
+        shown = f"{viewport.turning.width} x {viewport.turning.height} px"
+        tooltip(f"{shown}, drawn by OpenGL from {baked.cells} cells a side; the exact picture follows at rest")
+        return
     stage = "finished" if frame.final else f"stage {frame.stage + 1} of {frame.stage_count}"
     smoothed = f", smoothed {frame.supersampling} x {frame.supersampling}" if frame.supersampling > 1 else ""
     tooltip(f"{width} x {height} px, {frame.samples} samples{smoothed}; {stage}")
@@ -186,6 +202,7 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         if not wide:
             _draw_mode(context)
         _draw_quality(context)
+        _draw_turning(context)
         imgui.end_popup()
 
 
@@ -206,6 +223,17 @@ def _draw_quality(context: PanelContext) -> None:
         context.set_preference(quality=to)
         context.viewport.set_quality(QUALITIES[to])
     tooltip(f"At once {quality.detail} px, {quality.samples} samples; all pixels of the view when the hand rests")
+
+
+def _draw_turning(context: PanelContext) -> None:
+    imgui.align_text_to_frame_padding()
+    imgui.text("OpenGL while turning")
+    imgui.same_line()
+    here = "as here" if context.fast_opengl else "not here"
+    text = f"Turns a baked copy at every pixel of the view. Automatic: where OpenGL is fast, {here}"
+    chosen = choose("turning", context.preferences.turning, TURNING, text)
+    if chosen != context.preferences.turning:
+        context.set_preference(turning=chosen)
 
 
 def _note(centre: ImVec2, text: str) -> None:

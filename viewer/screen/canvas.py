@@ -1,6 +1,8 @@
 """From arrays to textures: the frame of the scene on its background, and small images."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import moderngl
@@ -12,7 +14,7 @@ from viewer.screen.theme import Palette, mixed
 
 _SPARE = 2_000_000
 """px of textures kept although out of sight"""
-_VERTEX = """
+SCREEN = """
 #version 330
 out vec2 uv;
 void main() {
@@ -21,6 +23,7 @@ void main() {
     uv *= 2.0;
 }
 """
+"""The vertex shader of a pass over all pixels."""
 _FRAGMENT = """
 #version 330
 uniform sampler2D image;  // on white; alpha is how much of a pixel the object covers
@@ -35,15 +38,51 @@ void main() {
 """
 
 
+class Target:
+    """A texture to draw a pass into, as large as it is needed."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._texture: moderngl.Texture | None = None
+        self._framebuffer: moderngl.Framebuffer | None = None
+
+    @property
+    def texture(self) -> moderngl.Texture:
+        """What was drawn."""
+        assert self._texture is not None, "nothing yet"
+        return self._texture
+
+    @contextmanager
+    def of_size(self, size: tuple[int, int]) -> Iterator[None]:
+        """Draw into it; the screen's own framebuffer is in use again at the end."""
+        if self._framebuffer is None or self._framebuffer.size != size:
+            self.release()
+            self._texture = self._context.texture(size, 4)
+            self._framebuffer = self._context.framebuffer([self._texture])
+        self._framebuffer.use()
+        self._context.viewport = (0, 0, *size)
+        # ImGui leaves its own state behind, blending and scissors included.
+        self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
+        self._context.scissor = None
+        yield
+        if self._context.screen:  # there is none where there is no window
+            self._context.screen.use()
+
+    def release(self) -> None:
+        """Give the GL objects back."""
+        for resource in (self._framebuffer, self._texture):
+            if resource is not None:
+                resource.release()
+
+
 class Canvas:
     """The newest frame of the scene, enlarged to the view, crisp or smooth, the white replaced by a background."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        self._context = context
-        self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        self._context, self._target = context, Target(context)
+        self._program = context.program(vertex_shader=SCREEN, fragment_shader=_FRAGMENT)
         self._pass = context.vertex_array(self._program, [])
         self._image: moderngl.Texture | None = None
-        self._target: moderngl.Framebuffer | None = None
         self._shown: tuple[Any, ...] = ()
 
     def draw(self, frame: Frame, size: tuple[int, int], palette: Palette, smooth: bool) -> imgui.ImTextureRef:
@@ -53,8 +92,7 @@ class Canvas:
             self._upload(frame, smooth)
             self._fill(size, palette)
             self._shown = wanted
-        assert self._target is not None
-        return imgui.ImTextureRef(self._target.color_attachments[0].glo)
+        return imgui.ImTextureRef(self._target.texture.glo)
 
     def release(self) -> None:
         """Give the GL objects back."""
@@ -74,21 +112,11 @@ class Canvas:
         self._image.filter = kind, kind
 
     def _fill(self, size: tuple[int, int], palette: Palette) -> None:
-        if self._target is None or self._target.size != size:
-            if self._target:
-                self._target.color_attachments[0].release()
-                self._target.release()
-            self._target = self._context.framebuffer([self._context.texture(size, 4)])
         assert self._image is not None
-        self._target.use()
-        self._context.viewport = (0, 0, *size)
         self._image.use(0)
         self._program["top"], self._program["bottom"] = palette.background
-        # ImGui leaves its own state behind, blending and scissors included.
-        self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
-        self._context.scissor = None
-        self._pass.render(moderngl.TRIANGLES, vertices=3)
-        self._context.screen.use()
+        with self._target.of_size(size):
+            self._pass.render(moderngl.TRIANGLES, vertices=3)
 
 
 class Images:

@@ -7,10 +7,12 @@ from core.export.mesh import export_mesh
 from core.export.video import write_video
 from core.fitting.fit import FitJob, FitStep, fit
 from core.fitting.plausibility import guess_category
+from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
 from core.photos.view_bank import build_view_bank
+from core.rendering.baked_field import BakedField, bake
 from core.rendering.progressive import Frame, RenderJob, render_progressively
 
 
@@ -26,3 +28,4 @@ class Backend:
     video: Callable[..., Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)
+    bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake

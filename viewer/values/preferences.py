@@ -13,6 +13,8 @@ from viewer.values.share_settings import ShareSettings
 _FILE = "preferences.json"
 _RECENT = 8
 """files remembered"""
+TURNING = {"automatic": "Automatic", "on": "On", "off": "Off"}
+"""Whether OpenGL draws a baked object while it is turned, and how that is called; first: where it is fast."""
 SMALLEST, LARGEST = 0.75, 2.0
 """of the text, relative to the default"""
 
@@ -28,6 +30,8 @@ class Preferences:
     """size of the text, relative to the default"""
     quality: int = DEFAULT_QUALITY
     """which of :data:`viewer.values.quality.QUALITIES`"""
+    turning: str = "automatic"
+    """what draws the object while it is turned: one of :data:`TURNING`"""
     newcomer: bool = True
     """nobody has turned the object yet"""
     camera_path: bool = True
@@ -64,7 +68,8 @@ class Preferences:
         names = tuple(name for name in recent if isinstance(name, str)) if isinstance(recent, list) else ()
         share = _share(stored.get("share"))
         found = cls(**kept, share=share, recent=names[:_RECENT]).with_text_size(kept.get("text", default.text))
-        return found if 0 <= found.quality < len(QUALITIES) else replace(found, quality=default.quality)
+        quality = found.quality if 0 <= found.quality < len(QUALITIES) else default.quality
+        return replace(found, quality=quality, turning=found.turning if found.turning in TURNING else default.turning)
 
 
 def _share(stored: object) -> ShareSettings:

@@ -1,12 +1,18 @@
+from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
+from core.models.codes import Codes
 from core.models.model import Model
+from core.rendering.baked_field import BakedField
 from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.session import Session
+from viewer.values import orbit
+from viewer.workspace import Workspace
 
 
 @pytest.mark.parametrize(
@@ -26,3 +32,100 @@ def test_a_render_that_fails_is_reported(session: Session, editor: Editor, error
     editor.sample("shape")
     finish(session)
     assert session.messages.errors == ["Cannot render the object: not enough memory; try a smaller size"]
+
+
+class Baked:
+    """Stands in for baking; counts its streams."""
+
+    def __init__(self) -> None:
+        self.codes: list[Codes] = []
+
+    def __call__(self, model: Model, codes: Codes) -> Iterator[BakedField | None]:
+        self.codes.append(codes)
+        for cells in (64, 128):
+            yield None
+            texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
+            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0)
+
+
+@pytest.fixture
+def bakery(session: Session) -> Baked:
+    bake = Baked()
+    session.jobs.backend = replace(session.jobs.backend, bake=bake)
+    return bake
+
+
+def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(
+    session: Session, workspace: Workspace, bakery: Baked
+) -> None:
+    viewport, editor = workspace.viewport, workspace.editor
+    editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
+    assert viewport.turning is None
+    viewport.set_baking(True)
+    finish(session, lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
+    before = viewport.frame
+    editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
+    assert viewport.turning is not None
+    assert viewport.turning.camera.azimuth == editor.scene.camera.azimuth
+    assert (viewport.turning.width, viewport.turning.height) == viewport.settings.panel
+    assert viewport.frame is before
+    assert not viewport.sharp
+    finish(session, lambda: viewport.turning is None and viewport.sharp)
+    assert viewport.frame.resolution == viewport.settings.panel  # none of fewer pixels came between
+    viewport.pan_by(0.1, 0.0)
+    assert viewport.turning is not None
+    viewport.set_baking(False)
+    assert viewport.turning is None
+    finish(session, lambda: viewport.sharp)
+    assert bakery.codes == [editor.scene.codes]
+
+
+def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(
+    session: Session, workspace: Workspace, bakery: Baked
+) -> None:
+    viewport, editor = workspace.viewport, workspace.editor
+    viewport.set_baking(True)
+    finish(session, lambda: viewport.baked is not None)
+    for kind in ("shape", "texture"):
+        editor.sample(kind)
+        assert viewport.turning is None
+        assert viewport.baked is None
+        finish(session, lambda: viewport.is_baked(editor.scene.codes))
+        editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
+        assert viewport.turning is not None
+    assert len(bakery.codes) == 3
+
+
+def test_an_object_that_cannot_be_baked_is_reported_once(session: Session, workspace: Workspace) -> None:
+    def broken(model: Model, codes: Codes) -> Iterator[None]:
+        raise ValueError("no grid")
+        yield
+
+    session.jobs.backend = replace(session.jobs.backend, bake=broken)
+    workspace.viewport.set_baking(True)
+    finish(session, lambda: bool(session.messages.errors))
+    finish(session, lambda: workspace.viewport.sharp)
+    workspace.editor.set_camera(orbit.turned(workspace.editor.scene.camera, 0.2, 0.0))
+    finish(session, lambda: workspace.viewport.sharp)
+    assert session.messages.errors == ["Cannot bake the object: no grid"]
+
+
+def test_a_timeline_of_a_baked_object_is_turned_by_opengl(
+    session: Session, workspace: Workspace, bakery: Baked
+) -> None:
+    viewport, editor, player = workspace.viewport, workspace.editor, workspace.player
+    viewport.set_baking(True)
+    finish(session, lambda: viewport.is_baked(editor.scene.codes) and viewport.sharp)
+    player.add_key()
+    player.seek(2.0)
+    editor.set_camera(orbit.turned(editor.scene.camera, 1.0, 0.0))
+    player.add_key()
+    player.seek(1.0)
+    assert viewport.turning is not None
+    player.play()
+    session.tick()
+    assert viewport.source == "timeline"
+    assert viewport.turning is not None
+    assert not session.jobs.busy("timeline")
+    player.pause()
+    finish(session, lambda: viewport.sharp)

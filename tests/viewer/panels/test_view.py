@@ -1,4 +1,5 @@
 import time
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 from imgui_bundle import hello_imgui, imgui
 
+from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
 from viewer.values import orbit
@@ -213,3 +215,37 @@ def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
         window.press(imgui.Key._2)
 
     drive(act)
+
+
+def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_follows(
+    drive: Drive, real_backend: Backend
+) -> None:
+    stools = replace(tiny_model(), category="chairs")
+
+    def act(window: Driver) -> None:
+        context, viewport = window.context, window.workspace.viewport
+        window.drag("View/orbit", 30)
+        window.click("View/###view options")
+        window.click("$FOCUSED/##turning")
+        window.click("**/On")
+        window.press(imgui.Key.escape)
+        window.press(imgui.Key.escape)
+        assert context.preferences.turning == "on"
+        window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
+        window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
+        exact = window.capture_view(border=80)
+        window.app.each_frame = viewport.render  # as a hand that never rests
+        window.wait(lambda: viewport.turning is not None)
+        turned = window.capture_view(border=80)
+        assert viewport.turning is not None
+        assert 0 < np.sqrt(np.square(turned - exact).mean()) < 6
+        assert np.abs(exact - exact[0, 0]).max() > 50
+        window.app.each_frame = lambda: None
+        window.wait(lambda: viewport.turning is None and viewport.sharp)
+        window.ctx.mouse_move("//View/orbit")
+        window.press(imgui.Key.v)  # depth: nothing is baked of that
+        window.drag("View/orbit", 30)
+        assert viewport.turning is None
+        assert window.session.messages.errors == []
+
+    drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))

@@ -1,0 +1,66 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from core.metrics import psnr
+from core.models.model import Model
+from core.rendering.baked_field import BakedField, bake, render_baked
+from core.rendering.reference import render_exact
+from tests.conftest import random_model
+
+
+def baked(model: Model, shape: int = 0, texture: int | None = None) -> tuple[BakedField, ...]:
+    codes = model.codes[shape].mixed(model.codes[shape if texture is None else texture], 0.0, 1.0)
+    return tuple(found for found in bake(model, codes) if found is not None)
+
+
+def test_the_picture_is_the_exact_one_and_nearer_with_more_cells(tiny: Model) -> None:
+    camera = tiny.camera(0.7, 0.4).resized(96, 64)
+    exact = render_exact(tiny, tiny.codes[0], camera)
+    coarse, fine = baked(tiny)
+    assert (coarse.cells, fine.cells) == (64, 128)
+    errors = [psnr(render_baked(one, camera).colour, exact.colour) for one in (coarse, fine)]
+    assert errors[1] > errors[0] > 36
+    shown = render_baked(fine, camera)
+    there = exact.opacity > 0.99
+    assert there.sum() > 200
+    np.testing.assert_allclose(shown.opacity, exact.opacity, atol=0.05)
+    np.testing.assert_allclose(shown.depth[there], exact.depth[there], atol=0.02)
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+def test_near_far_and_without_perspective(tiny: Model, perspective: bool) -> None:
+    camera = tiny.camera(2.0, -0.5, 0.8).resized(48, 80)
+    if not perspective:
+        camera = replace(camera, distance=60.0, focal=75 * camera.focal)
+    *_, fine = baked(tiny, 1)
+    assert psnr(render_baked(fine, camera).colour, render_exact(tiny, tiny.codes[1], camera).colour) > 36
+
+
+def test_a_new_texture_leaves_the_shape_as_it_is(tiny: Model) -> None:
+    (*_, first), (*_, second) = baked(tiny, 0, 0), baked(tiny, 0, 2)
+    np.testing.assert_array_equal(first.texels[..., 3], second.texels[..., 3])
+    np.testing.assert_array_equal(first.distance, second.distance)
+    assert np.abs(first.texels[..., :3].astype(int) - second.texels[..., :3]).max() > 50
+
+
+def test_distances_are_those_to_the_nearest_occupied_cell(tiny: Model) -> None:
+    distance = baked(tiny)[0].distance.astype(int)
+    occupied = torch.from_numpy(distance == 0).nonzero()
+    assert 0 < len(occupied) < distance.size
+    for cell in torch.randint(64, (200, 3), generator=torch.Generator().manual_seed(0)):
+        nearest = int((occupied - cell).abs().amax(-1).amin())
+        assert distance[tuple(cell.tolist())] == min(nearest, 8)
+
+
+def test_cells_are_found_in_small_steps(tiny: Model) -> None:
+    values = list(bake(tiny, tiny.codes[0]))
+    assert values.count(None) > 4
+    assert values[-1] is not None
+
+
+def test_rays_pass_where_those_of_the_model_do() -> None:
+    model = random_model(white_from_network=True)
+    assert all(one.pixel_offset == 0.5 for one in baked(model))

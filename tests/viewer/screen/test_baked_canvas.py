@@ -1,0 +1,102 @@
+from collections.abc import Iterator
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import pytest
+
+from core.metrics import psnr
+from core.models.model import Model
+from core.rendering.baked_field import BakedField, bake, render_baked
+from core.rendering.reference import render_exact
+from tests.conftest import no_opengl, random_model
+from tests.core.tiny import tiny_model
+from viewer.screen.baked_canvas import BakedCanvas, is_fast, seconds_per_picture
+from viewer.screen.theme import DARK, LIGHT, Palette
+from viewer.values.orbit import PanelCrop, fit_to_panel
+
+WHITE = replace(LIGHT, background=((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)))
+
+
+@pytest.fixture(scope="module")
+def gl() -> Iterator[moderngl.Context]:
+    try:
+        context = moderngl.create_standalone_context(backend="egl")
+    except Exception as error:
+        no_opengl(error)
+    yield context
+    context.release()
+
+
+@pytest.fixture(scope="module")
+def stool() -> Model:
+    return tiny_model()
+
+
+@pytest.fixture(scope="module")
+def baked(stool: Model) -> tuple[BakedField, ...]:
+    return tuple(one for one in bake(stool, stool.codes[0]) if one)
+
+
+def drawn(gl: moderngl.Context, baked: BakedField, crop: PanelCrop, palette: Palette = WHITE) -> np.ndarray:
+    canvas = BakedCanvas(gl)
+    canvas.draw(baked, crop, palette)
+    picture = canvas.pixels() / 255
+    canvas.release()
+    return picture
+
+
+@pytest.mark.parametrize("pan", [(0.0, 0.0), (0.2, -0.1)])
+@pytest.mark.parametrize("perspective", [True, False])
+def test_it_draws_what_the_reference_renders_where_the_exact_picture_is(
+    gl: moderngl.Context,
+    stool: Model,
+    baked: tuple[BakedField, ...],
+    pan: tuple[float, float],
+    perspective: bool,
+) -> None:
+    camera = stool.camera(0.7, 0.4)
+    if not perspective:
+        camera = replace(camera, distance=60.0, focal=30 * camera.focal)
+    crop = fit_to_panel(camera, 120, 90, 90, pan)
+    rows, columns = slice(crop.top, crop.top + crop.height), slice(crop.left, crop.left + crop.width)
+    exact = render_exact(stool, stool.codes[0], crop.camera).colour[rows, columns].numpy()
+    for one, least in zip(baked, (33, 38), strict=True):
+        shown = drawn(gl, one, crop)
+        assert shown.shape == (90, 120, 3)
+        assert psnr(shown, render_baked(one, crop.camera).colour[rows, columns].numpy()) > 42
+        assert psnr(shown, exact) > least
+
+
+def test_the_background_is_that_of_the_view(gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model) -> None:
+    crop = fit_to_panel(stool.camera(0.7, 0.4, 4.0), 80, 80, 80)
+    shown = drawn(gl, baked[0], crop, DARK)
+    np.testing.assert_allclose(shown[0, 0], DARK.background[0], atol=0.01)
+    np.testing.assert_allclose(shown[-1, -1], DARK.background[1], atol=0.01)
+
+
+def test_rays_through_pixel_corners_stay_there(gl: moderngl.Context) -> None:
+    model = random_model(white_from_network=True)
+    *_, mist = bake(model, model.codes[0])
+    assert mist is not None
+    crop = fit_to_panel(model.camera(0.7, 0.4), 40, 40, 40)
+    assert psnr(drawn(gl, mist, crop), render_baked(mist, crop.camera).colour.numpy()) > 40
+
+
+def test_another_camera_or_object_is_drawn_at_once(
+    gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model
+) -> None:
+    canvas, pictures = BakedCanvas(gl), []
+    for one, azimuth in ((baked[1], 0.0), (baked[1], 1.0), (baked[0], 1.0), (baked[1], 0.0)):
+        canvas.draw(one, fit_to_panel(stool.camera(azimuth, 0.4), 60, 60, 60), WHITE)
+        pictures.append(canvas.pixels())
+    canvas.release()
+    assert (pictures[0] != pictures[1]).any()
+    assert (pictures[1] != pictures[2]).any()
+    np.testing.assert_array_equal(pictures[0], pictures[3])
+
+
+def test_opengl_on_the_processor_does_not_count_as_fast(gl: moderngl.Context) -> None:
+    assert seconds_per_picture(gl) > 0
+    if "llvmpipe" in gl.info["GL_RENDERER"]:
+        assert not is_fast(gl)
