@@ -118,13 +118,7 @@ def _interpolation(model: Model, first: FittedPhoto, second: FittedPhoto) -> lis
     camera = first.steps[-1].cameras[0]
     rows = []
     for name, shape, texture in (("shape", 1, 0), ("texture", 0, 1), ("both", 1, 1)):
-        between = [
-            Codes(
-                torch.lerp(first.codes.shape, second.codes.shape, share * shape),
-                torch.lerp(first.codes.texture, second.codes.texture, share * texture),
-            )
-            for share in _SHARES
-        ]
+        between = [first.codes.mixed(second.codes, share * shape, share * texture) for share in _SHARES]
         labels = [f"{name}, {100 * share:.0f} %" for share in _SHARES]
         cells = [(label, _of_codes(model, codes, camera)) for label, codes in zip(labels, between, strict=True)]
         rows.append([_of_photo(first.photo), *cells, _of_photo(second.photo)])

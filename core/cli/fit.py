@@ -43,7 +43,7 @@ def fit(chosen: argparse.Namespace) -> None:
     hints = list(map(_box_hints, chosen.images, chosen.box or [None] * len(chosen.images)))
     each = zip(chosen.images, poses, hints, strict=True)
     try:
-        model = load_model(chosen.model or _probable_model(chosen.images[0], hints[0]), chosen.device)
+        model = load_model(chosen.model or probable_model(chosen.images[0], hints[0]), chosen.device)
         photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
@@ -66,7 +66,7 @@ def fit(chosen: argparse.Namespace) -> None:
     print(json.dumps(_to_dict(last)), flush=True)
 
 
-def _probable_model(image: Path, hints: Hints | None) -> str:
+def probable_model(image: Path, hints: Hints | None = None) -> str:
     """The model of the category that an image seems to show; that of chairs where it seems to show none."""
     cut = read_cut_out(image, hints)
     guess = guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask))

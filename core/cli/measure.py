@@ -13,6 +13,7 @@ from core.benchmarks import ablations, charts, fits, gate, model_sizes, renderin
 from core.benchmarks.figures import fit_photo, write_figures
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.benchmarks.machine import describe_machine
+from core.cli.fit import probable_model
 from core.cli.progress import require_writable
 from core.datasets.srn import ObjectEntry, index_objects
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
@@ -53,8 +54,9 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
 def figures(chosen: argparse.Namespace) -> None:
     """``figures``: photos are fitted, one after another, and the paper's figures made of them; prints each path."""
-    model = load_model(chosen.model, chosen.device)
+    model = load_model(chosen.model or probable_model(chosen.images[0]), chosen.device)
     photos = [load_photo(image, model) for image in chosen.images]
+    chosen.out.mkdir(parents=True, exist_ok=True)
     fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(photos, unit="fit", disable=None)]
     for path in write_figures(model, fitted, chosen.out):
         print(path, flush=True)

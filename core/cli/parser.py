@@ -1,12 +1,12 @@
 """The words of the command line. Imports no torch, so that ``--help`` answers at once. Degrees here, radians inside."""
 
 import argparse
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from core.cli.argument_types import box, count, degrees, part, view_numbers
 from core.cli.legacy import current_words
 from core.datasets.categories import SPLITS, SRN_DISTANCES
 from core.fitting.settings import PRESETS
@@ -68,6 +68,11 @@ def _add_model(command: argparse.ArgumentParser) -> None:
     _add_device(command)
 
 
+def _add_guessed_model(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--model", metavar="M", help="else the shipped model of what the first image seems to show")
+    _add_device(command)
+
+
 def _add_device(command: argparse.ArgumentParser) -> None:
     command.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs")
 
@@ -84,9 +89,9 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
     _add_object_options(command)
     command.add_argument(
-        "--azimuth", type=_degrees, metavar="D", help="degrees; the front is seen from 90 (else 60, or the scene's)"
+        "--azimuth", type=degrees, metavar="D", help="degrees; the front is seen from 90 (else 60, or the scene's)"
     )
-    command.add_argument("--elevation", type=_degrees, metavar="D", help="degrees, -90 to 90 (else 20, or the scene's)")
+    command.add_argument("--elevation", type=degrees, metavar="D", help="degrees, -90 to 90 (else 20, or the scene's)")
     command.add_argument(
         "--distance",
         type=float,
@@ -98,7 +103,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
 def _add_render(commands: argparse._SubParsersAction) -> None:
     command = _command(commands, "render", "render.render", "render one image")
     _add_scene_options(command)
-    command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
+    command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
     command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
     command.add_argument("--out", type=Path, required=True, metavar="X.png")
 
@@ -107,10 +112,10 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = _command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back")
-    command.add_argument("--frames", type=_count, default=72, help="number of frames")
-    command.add_argument("--fps", type=_count, default=24, help="frames per second")
-    command.add_argument("--size", type=_count, default=512, metavar="PX", help="width and height")
-    command.add_argument("--quality", type=_count, default=85, help="1 to 100")
+    command.add_argument("--frames", type=count, default=72, help="number of frames")
+    command.add_argument("--fps", type=count, default=24, help="frames per second")
+    command.add_argument("--size", type=count, default=512, metavar="PX", help="width and height")
+    command.add_argument("--quality", type=count, default=85, help="1 to 100")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument(
         "--out",
@@ -126,13 +131,13 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
     _add_object_options(command)
     command.add_argument(
         "--resolution",
-        type=_count,
+        type=count,
         metavar="N",
         help="cells along the longest side (default: by the object's detail)",
     )
     command.add_argument(
         "--texture",
-        type=_count,
+        type=count,
         default=0,
         metavar="PX",
         help="glb: colours in an image about so wide, not in vertices",
@@ -151,14 +156,13 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "estimate camera and codes of an object in images; ends with one JSON line",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="images of one object")
-    command.add_argument("--model", metavar="M", help="else the shipped model of what the first image seems to show")
-    _add_device(command)
+    _add_guessed_model(command)
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
     command.add_argument(
         "--box",
-        type=_box,
+        type=box,
         nargs="+",
         default=[],
         metavar="X0,Y0,X1,Y1",
@@ -198,19 +202,19 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         "--variants", type=int, default=0, metavar="N", help="additional deformed, recoloured variants of each"
     )
     procedural = _command(kinds, "procedural", "train.dataset_procedural", "render objects of the built-in generator")
-    procedural.add_argument("--count", type=_count, required=True, metavar="N", help="objects")
+    procedural.add_argument("--count", type=count, required=True, metavar="N", help="objects")
     pairs = _command(
         kinds, "pairs", "train.dataset_pairs", "render trained and untrained pairs for evaluate --disentanglement"
     )
-    pairs.add_argument("--count", type=_count, required=True, metavar="N", help="objects of the training dataset")
-    pairs.add_argument("--tables", type=_count, default=4, metavar="T", help="of four shapes x four textures")
-    pairs.add_argument("--views", type=_count, default=24, help="per object")
+    pairs.add_argument("--count", type=count, required=True, metavar="N", help="objects of the training dataset")
+    pairs.add_argument("--tables", type=count, default=4, metavar="T", help="of four shapes x four textures")
+    pairs.add_argument("--views", type=count, default=24, help="per object")
     for command in (meshes, procedural):
         command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
-        command.add_argument("--views", type=_count, help="per object (default: 50 to train on, 251 to test on)")
+        command.add_argument("--views", type=count, help="per object (default: 50 to train on, 251 to test on)")
     for command in (meshes, procedural, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
-        command.add_argument("--size", type=_count, default=128, metavar="PX", help="width and height")
+        command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
         command.add_argument("--category", choices=tuple(SRN_DISTANCES), required=True)
 
 
@@ -225,7 +229,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--init", metavar="MODEL", help="fine-tune a trained model, at low learning rates: more steps, or more objects"
     )
-    command.add_argument("--steps", type=_count, default=100_000, help="of the whole schedule")
+    command.add_argument("--steps", type=count, default=100_000, help="of the whole schedule")
     command.add_argument(
         "--recipe",
         choices=tuple(RECIPES),
@@ -233,11 +237,11 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         help="M1, M2: the entangled ablations",
     )
     command.add_argument(
-        "--width", type=_count, help=f"of the network (default: the recipe's; {_DEFAULT_FIELD.width} by default)"
+        "--width", type=count, help=f"of the network (default: the recipe's; {_DEFAULT_FIELD.width} by default)"
     )
     command.add_argument(
         "--latent",
-        type=_count,
+        type=count,
         nargs=2,
         metavar=("SHAPE", "TEXTURE"),
         help="dimensions of a code (default: the recipe's; "
@@ -257,7 +261,7 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     _add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
-    command.add_argument("--steps", type=_count, default=8000, help="of training")
+    command.add_argument("--steps", type=count, default=8000, help="of training")
     _add_seed(command)
 
 
@@ -267,7 +271,7 @@ def _add_train_category(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders, of each category one")
     command.add_argument("--out", type=Path, required=True, metavar="C.safetensors")
-    command.add_argument("--steps", type=_count, default=4000, help="of training")
+    command.add_argument("--steps", type=count, default=4000, help="of training")
     _add_seed(command)
 
 
@@ -280,7 +284,7 @@ def _add_select_gallery(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders it was trained on")
     _add_model(command)
-    command.add_argument("--count", type=_count, default=150, metavar="N", help="objects to keep")
+    command.add_argument("--count", type=count, default=150, metavar="N", help="objects to keep")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
 
 
@@ -302,11 +306,13 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--disentanglement", action="store_true", help="instead: codes of two objects for untrained pairs, and leaks"
     )
-    command.add_argument("--input-views", type=_views, default="64", metavar="V,V", help="the views that are fitted")
+    command.add_argument(
+        "--input-views", type=view_numbers, default="64", metavar="V,V", help="the views that are fitted"
+    )
     command.add_argument("--pose", choices=("known", "estimate"), default="known", help="the cameras of these views")
     _add_preset(command)
-    command.add_argument("--objects", type=_count, metavar="N", help="at most so many, evenly spaced over the dataset")
-    command.add_argument("--view-stride", type=_count, default=1, metavar="N", help="render every Nth other view only")
+    command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
+    command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
     command.add_argument(
         "--report", type=Path, metavar="R.json", help="the scores; a chart is written beside them as PNG"
     )
@@ -321,7 +327,7 @@ def _add_figures(commands: argparse._SubParsersAction) -> None:
         "the paper's figures of one's own photos: fit, edits, grid, interpolation",
     )
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="each of another object of one category")
-    _add_model(command)
+    _add_guessed_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
     _add_seed(command)
 
@@ -331,7 +337,7 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
         required=True, metavar="KIND"
     )
     rendering = _command(kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage")
-    rendering.add_argument("--views", type=_count, default=3, metavar="N", help="objects, each from another viewpoint")
+    rendering.add_argument("--views", type=count, default=3, metavar="N", help="objects, each from another viewpoint")
     fitting = _command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
@@ -347,13 +353,13 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     robustness.add_argument("--stressors", nargs="+", default=[], metavar="S", help="only these")
     robustness.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="what is compared")
     robustness.add_argument(
-        "--part", type=_part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
+        "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
     )
     for kind in (fitting, ablations, robustness):
         kind.add_argument(
             "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's training objects"
         )
-        kind.add_argument("--objects", type=_count, default=10, metavar="N", help="one view of each is fitted")
+        kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         _add_seed(kind)
     size = _command(
         kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
@@ -362,8 +368,8 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     size.add_argument(
         "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
     )
-    size.add_argument("--objects", type=_count, default=12, metavar="N", help="held-out objects that are fitted")
-    size.add_argument("--steps", type=_count, default=3000, help="of training, for each model")
+    size.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
+    size.add_argument("--steps", type=count, default=3000, help="of training, for each model")
     size.add_argument(
         "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
     )
@@ -373,41 +379,3 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )
-
-
-def _views(text: str) -> tuple[int, ...]:
-    try:
-        return tuple(int(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"views are whole numbers V,V, not {text!r}") from None
-
-
-def _part(text: str) -> tuple[int, int]:
-    which, _, parts = text.partition("/")
-    if not (which.isdecimal() and parts.isdecimal() and 1 <= int(which) <= int(parts)):
-        raise argparse.ArgumentTypeError(f"a part is K/N, like 1/2, not {text!r}")
-    return int(which), int(parts)
-
-
-def _box(text: str) -> tuple[float, ...]:
-    try:
-        left, top, right, bottom = (float(word) for word in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"a box is four numbers X0,Y0,X1,Y1, not {text!r}") from None
-    return left, top, right, bottom
-
-
-def _degrees(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"an angle is a number of degrees, not {text!r}")
-    return math.radians(value)
-
-
-def _count(text: str) -> int:
-    if not text.strip().isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, not {text!r}")
-    return int(text)

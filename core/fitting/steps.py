@@ -56,7 +56,8 @@ class FitStep:
     """what hypotheses are ranked by: the objective of some rays, smoothed over steps and weighed with the viewpoint
     classifier"""
     psnr: float
-    """dB, of whole photos: estimated from the rays of the step, while the best is refined measured on more of them"""
+    """dB, of whole photos: estimated from the rays of the step, while the best is refined measured on more of them;
+    in a second search, which something in front of the object may be for, what that hides counts little"""
     seconds: float
     """since the job began"""
     cameras: tuple[Camera, ...]

@@ -24,7 +24,6 @@ _TIPS = (
 _CUTTING = "Cutting …"
 _COLUMN = 14.5
 """em, of tools and preview"""
-"""also where numbers are typed"""
 _LEAST = 0.01
 """of the photo: a smaller box is a slip"""
 
