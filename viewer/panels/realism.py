@@ -7,6 +7,7 @@ from viewer.screen.theme import Colour
 from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import flow, labelled_slider, tooltip
+from viewer.widgets.text import caption
 
 _REACH = 3.0
 """standard deviations, where the slider ends"""
@@ -69,8 +70,8 @@ class RealismPanel:
         imgui.begin_group()
         imgui.text_disabled("Nearest")
         imgui.text_wrapped(name)
-        imgui.text_disabled(f"{distance:.2f} × typical away")
         imgui.end_group()
+        caption(context, f"{distance:.2f} × typical away")
 
 
 def _verdict(context: PanelContext, distance: float) -> tuple[str, Colour]:

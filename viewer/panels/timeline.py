@@ -41,10 +41,10 @@ class TimelinePanel:
         action_button(context, "play", _PAUSE if player.playing else _PLAY, width=2.4)
         imgui.same_line(0, gap)
         action_button(context, "add_key", f"{_ADD}  {'Key' if here is None else 'Replace'}", width=6)
-        imgui.same_line(0, gap)
+        flow(_REMOVE)
         if button(f"{_REMOVE}###remove key", "Take the keyframe at this time out", enabled=here is not None):
             player.remove_key(here if here is not None else 0)
-        imgui.same_line()
+        flow(9 * "0")
         self._draw_numbers(context, player)
         flow(f"{_FILM}  Share…")
         if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
