@@ -120,13 +120,14 @@ class _Stage(NamedTuple):
 
 
 def _stages(job: RenderJob) -> list[_Stage]:
-    """From the coarsest to the last stage. Occupancy is complete once the image has its full size."""
+    """From the coarsest to the last stage, the only one that takes time for the complete occupancy of a new shape."""
     settings, (width, height) = job.settings, (job.camera.width, job.camera.height)
     stages = []
     for at, divisor in enumerate(settings.divisors):
-        samples = settings.samples if at == len(settings.divisors) - 1 else settings.preview_samples
+        last = at == len(settings.divisors) - 1
+        samples = settings.samples if last else settings.preview_samples
         camera = job.camera.resized(max(1, width // divisor), max(1, height // divisor))
-        stages.append(_Stage(_Arguments(camera, samples, divisor == 1)))
+        stages.append(_Stage(_Arguments(camera, samples, last)))
     if settings.supersampling > 1:
         camera = job.camera.resized(width * settings.supersampling, height * settings.supersampling)
         stages.append(_Stage(_Arguments(camera, settings.samples, True), settings.supersampling))
