@@ -2,10 +2,13 @@
 
 from datetime import datetime
 
-from imgui_bundle import imgui
+from imgui_bundle import hello_imgui, imgui
 
 from viewer.context import PanelContext
 from viewer.widgets.controls import button
+
+_WIDTH = 30
+"""em, the longest line"""
 
 
 def draw(context: PanelContext) -> None:
@@ -19,7 +22,9 @@ def draw(context: PanelContext) -> None:
     imgui.set_next_window_pos(centre, imgui.Cond_.always, (0.5, 0.5))
     if imgui.begin("The last session did not end well###Recovery", None, fixed)[0]:
         when = datetime.fromtimestamp(autosave.times[-1])
+        imgui.push_text_wrap_pos(min(hello_imgui.em_size(_WIDTH), 0.9 * imgui.get_main_viewport().work_size.x))
         imgui.text(f"All that was made with every model was saved on {when:%d %B at %H:%M}.")
+        imgui.pop_text_wrap_pos()
         if button("Restore###restore", "Bring it back; a fit that was under way begins again", width=9):
             autosave.restore()
         imgui.same_line()

@@ -35,6 +35,7 @@ class TimelinePanel:
         player = context.player
         self._draw_buttons(context, player)
         _draw_line(context, player)
+        self._draw_check(player)
 
     def _draw_buttons(self, context: PanelContext, player: Player) -> None:
         here, gap = player.key, hello_imgui.em_size(0.3)
@@ -49,7 +50,6 @@ class TimelinePanel:
         flow(f"{_FILM}  Share…")
         if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
             context.share("film")
-        self._draw_check(context, player)
 
     def _draw_numbers(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline
@@ -84,7 +84,7 @@ class TimelinePanel:
             context.set_preference(camera_path=path)
         tooltip("Over the view, from two keyframes on: where the camera goes; drag a dot to change a keyframe's camera")
 
-    def _draw_check(self, context: PanelContext, player: Player) -> None:
+    def _draw_check(self, player: Player) -> None:
         timeline = player.timeline
         if not timeline.keys:
             return
@@ -92,7 +92,6 @@ class TimelinePanel:
             self._loop_error = timeline, timeline.loop_error()
         error = self._loop_error[1]
         label = "Loops without a jump" if error < _LOOPS else f"Jumps at the end ({error:.0f} steps)"
-        flow(label)
         imgui.text_disabled(label)
         tooltip("The step from the last frame back to the first, against the longest step between any others")
 
@@ -100,7 +99,8 @@ class TimelinePanel:
 def _draw_line(context: PanelContext, player: Player) -> None:
     timeline, em = player.timeline, hello_imgui.em_size()
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    ruler, side = 1.4 * em, max(1.5 * em, min(4 * em, room.y - 1.7 * em))
+    below = imgui.get_text_line_height_with_spacing()
+    ruler, side = 1.4 * em, max(2 * em, min(4 * em, room.y - 1.8 * em - below))
     left, width = corner.x + side / 2, max(1.0, room.x - side)
     imgui.invisible_button("time", (room.x, ruler))
     if imgui.is_item_active():

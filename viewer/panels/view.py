@@ -32,7 +32,7 @@ _BUTTONS = {
 """actions, and the icons of their buttons"""
 _MODE = 7.0
 """em"""
-_HINT = "Drag to turn    Wheel to zoom    F1 for help"
+_HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _GEAR = icons_fontawesome_4.ICON_FA_COG
 _LOW = 24.0
 """em: in a lower view there is no room for the hint above the way in"""
@@ -83,7 +83,8 @@ class ViewPanel:
         _draw_buttons(context, corner, size)
         begins = self._welcome.is_due(context)
         if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
-            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
+            hint = _HINT if size.x > hello_imgui.em_size(_NARROW) else _SHORT_HINT
+            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), hint)
         if begins:
             self._welcome.draw(context, corner, size)
         else:
