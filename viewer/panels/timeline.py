@@ -13,6 +13,8 @@ from viewer.widgets.controls import action_button, button, flow, tooltip
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
 _FILM = icons_fontawesome_4.ICON_FA_FILM
+_LENGTH = 4.5
+"""em"""
 _LOOPS = 1.5
 """The step from the end to the start, in the longest of the others, that still passes for one of them."""
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
@@ -42,10 +44,10 @@ class TimelinePanel:
         action_button(context, "play", _PAUSE if player.playing else _PLAY, width=2.4)
         imgui.same_line(0, gap)
         action_button(context, "add_key", f"{_ADD}  {'Key' if here is None else 'Replace'}", width=6)
-        imgui.same_line(0, gap)
+        flow(_REMOVE)
         if button(f"{_REMOVE}###remove key", "Take the keyframe at this time out", enabled=here is not None):
             player.remove_key(here if here is not None else 0)
-        imgui.same_line()
+        flow("length", _LENGTH)
         self._draw_numbers(context, player)
         flow(f"{_FILM}  Share…")
         if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
@@ -53,7 +55,7 @@ class TimelinePanel:
 
     def _draw_numbers(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline
-        imgui.set_next_item_width(hello_imgui.em_size(4.5))
+        imgui.set_next_item_width(hello_imgui.em_size(_LENGTH))
         changed, length = imgui.drag_float("##length", timeline.length, 0.05, 0.2, 600.0, "%.1f s")
         if changed:
             player.stretch(length)
