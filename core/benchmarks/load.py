@@ -90,6 +90,12 @@ class LoadResults:
         """Of all turns."""
         return [one.seconds for one in self.timings if (one.job, one.threads, one.busy) == (job, threads, busy)]
 
+    def processor_seconds(self, job: str, threads: str, busy: int) -> list[float]:
+        """Of all turns; what else the machine does hardly changes them, unless threads wait for each other."""
+        return [
+            one.processor_seconds for one in self.timings if (one.job, one.threads, one.busy) == (job, threads, busy)
+        ]
+
     def ratios(self, job: str, threads: str, busy: int) -> list[float]:
         """Of all turns, to the median of one thread beside nothing; none where that was not measured."""
         alone = self.seconds(job, ONE, 0)
