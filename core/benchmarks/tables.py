@@ -110,12 +110,15 @@ def load_table(found: LoadResults) -> str:
     lines += ["|" + "---|" * 8]
     for job in found.jobs:
         for busy in found.busy_counts:
-            times = [found.seconds(job, threads, busy) for threads in (ONE, MEASURED)]
+            times = [found.values(job, threads, busy) for threads in (ONE, MEASURED)]
             ratios = [found.ratios(job, threads, busy) for threads in (ONE, MEASURED)]
             if all(times) and all(ratios):
                 (one, several), (first, second) = map(statistics.median, times), map(statistics.median, ratios)
                 cells = f"{one:.2f} s | {first:.2f} | {several:.2f} s | {second:.2f} | {several / one:.2f}"
-                used = [statistics.median(found.processor_seconds(job, threads, busy)) for threads in (ONE, MEASURED)]
+                used = [
+                    statistics.median(found.values(job, threads, busy, "processor_seconds"))
+                    for threads in (ONE, MEASURED)
+                ]
                 lines.append(f"| {job} | {busy} | {cells} | {used[1] / used[0]:.2f} |")
     return "\n".join(lines) + "\n"
 
