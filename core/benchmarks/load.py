@@ -86,14 +86,16 @@ class LoadResults:
         """How many processes were beside the jobs."""
         return sorted({one.busy for one in self.timings})
 
-    def seconds(self, job: str, threads: str, busy: int) -> list[float]:
-        """Of all turns."""
-        return [one.seconds for one in self.timings if (one.job, one.threads, one.busy) == (job, threads, busy)]
+    def values(self, job: str, threads: str, busy: int, field: str = "seconds") -> list[float]:
+        """Of all turns: ``seconds``, or ``processor_seconds``, which other load hardly changes unless threads wait for
+        each other.
+        """
+        return [getattr(one, field) for one in self.timings if (one.job, one.threads, one.busy) == (job, threads, busy)]
 
-    def ratios(self, job: str, threads: str, busy: int) -> list[float]:
+    def ratios(self, job: str, threads: str, busy: int, field: str = "seconds") -> list[float]:
         """Of all turns, to the median of one thread beside nothing; none where that was not measured."""
-        alone = self.seconds(job, ONE, 0)
-        return [seconds / median(alone) for seconds in self.seconds(job, threads, busy)] if alone else []
+        alone = self.values(job, ONE, 0, field)
+        return [value / median(alone) for value in self.values(job, threads, busy, field)] if alone else []
 
 
 def jobs_of(model: Model) -> dict[str, Job]:

@@ -105,16 +105,21 @@ def load_table(found: LoadResults) -> str:
     about = f"{found.machine}; medians of {found.turns} turns"
     about += f"; load average before: {min(loads):.1f} to {max(loads):.1f}" if loads else ""
     lines = [f"{about}. Ratios are to one thread beside no busy process.", ""]
-    lines += ["| job | busy processes | one thread | ratio | measured threads | ratio | measured / one |"]
-    lines += ["|" + "---|" * 7]
+    lines += ["| job | busy processes | one thread | ratio | measured threads | ratio | measured / one"]
+    lines[-1] += " | the same, processor time |"
+    lines += ["|" + "---|" * 8]
     for job in found.jobs:
         for busy in found.busy_counts:
-            times = [found.seconds(job, threads, busy) for threads in (ONE, MEASURED)]
+            times = [found.values(job, threads, busy) for threads in (ONE, MEASURED)]
             ratios = [found.ratios(job, threads, busy) for threads in (ONE, MEASURED)]
             if all(times) and all(ratios):
                 (one, several), (first, second) = map(statistics.median, times), map(statistics.median, ratios)
                 cells = f"{one:.2f} s | {first:.2f} | {several:.2f} s | {second:.2f} | {several / one:.2f}"
-                lines.append(f"| {job} | {busy} | {cells} |")
+                used = [
+                    statistics.median(found.values(job, threads, busy, "processor_seconds"))
+                    for threads in (ONE, MEASURED)
+                ]
+                lines.append(f"| {job} | {busy} | {cells} | {used[1] / used[0]:.2f} |")
     return "\n".join(lines) + "\n"
 
 

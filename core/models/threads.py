@@ -15,9 +15,9 @@ from core.models.precision import matmul_dtype
 
 T = TypeVar("T")
 
-_INTERVAL, _INTERVAL_OF_ONE = 2.0, 8.0
-"""s of work between two measurements, with several threads and with one: beside busy processes a measurement costs a
-tenth of a second, and one thread loses little"""
+_INTERVAL, _LONGEST = 2.0, 16.0
+"""s of work between two measurements. Twice as many each time that one thread was faster: beside busy processes a
+measurement costs a tenth of a second, and what it could gain is little."""
 _ROUNDS = 12
 _GAIN = 0.85
 """Share of one thread's time that several must get by with, as a rule; and none of the time may they take longer."""
@@ -36,7 +36,7 @@ class Threads:
 
     def __init__(self, measure: Callable[[int], float] | None = None) -> None:
         self._measure = measure or _seconds
-        self._most, self._chosen, self._due = 1, 0, -1.0
+        self._most, self._chosen, self._due, self._wait = 1, 0, -1.0, _INTERVAL
 
     def look(self) -> None:
         """Measure, if the last time is a while ago, and let torch use what was faster in this thread of the program."""
@@ -45,7 +45,8 @@ class Threads:
         if self._most > 1 and time.monotonic() >= self._due:
             several = self._several_are_faster()
             torch.set_num_threads(self._most if several else 1)
-            self._due = time.monotonic() + (_INTERVAL if several else _INTERVAL_OF_ONE)
+            self._wait = _INTERVAL if several else min(2 * self._wait, _LONGEST)
+            self._due = time.monotonic() + self._wait
         self._chosen = torch.get_num_threads()
 
     def _several_are_faster(self) -> bool:

@@ -163,13 +163,12 @@ class Occupancy:
         tiles = reached[:, :-1].unflatten(1, size)
         tiles = torch.maximum(torch.maximum(tiles[:, :-2], tiles[:, 1:-1]), tiles[:, 2:])
         tiles = torch.maximum(torch.maximum(tiles[..., :-2], tiles[..., 1:-1]), tiles[..., 2:])
-        near, far = -tiles[0].flatten(), tiles[1].flatten()
         rows, columns = (
             ((torch.arange(pixels, device=centres.device) + 0.5) * (count / pixels)).long()
             for pixels, count in ((camera.height, tile_rows), (camera.width, tile_columns))
         )
-        at = rows[:, None] * tile_columns + columns
-        return near[at], far[at]
+        near, far = (tile.index_select(0, rows).index_select(1, columns) for tile in (-tiles[0], tiles[1]))
+        return near, far
 
 
 def _cumulative_per_ray(

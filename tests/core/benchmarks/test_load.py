@@ -100,7 +100,7 @@ def test_ratios_are_to_the_median_of_one_thread_beside_nothing():
     assert LoadResults("m", ROWS[1:2]).ratios("fit", MEASURED, 0) == []
     table = load_table(found)
     assert "medians of 3 turns; load average before: 0.2 to 0.2" in table
-    assert "| fit | 1 | 4.00 s | 2.00 | 3.00 s | 1.50 | 0.75 |" in table
+    assert "| fit | 1 | 4.00 s | 2.00 | 3.00 s | 1.50 | 0.75 | 0.75 |" in table
     assert "load average" not in load_table(LoadResults("m", tuple(replace(one, load=None) for one in ROWS)))
 
 

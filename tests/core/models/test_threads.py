@@ -70,6 +70,23 @@ def test_it_is_measured_again_after_a_while(monkeypatch: pytest.MonkeyPatch):
     assert torch.get_num_threads() == 2
 
 
+def test_while_one_thread_is_faster_it_is_measured_ever_more_seldom(monkeypatch: pytest.MonkeyPatch):
+    taken: list[float] = []
+
+    def measure(count: int) -> float:
+        taken.append(now)
+        return 1.0 * count
+
+    now = 0.0
+    monkeypatch.setattr(threads.time, "monotonic", lambda: now)
+    torch.set_num_threads(2)
+    some = Threads(measure)
+    for _ in range(60):
+        some.look()
+        now += 1
+    assert sorted(set(taken)) == [0, 4, 12, 28, 44]
+
+
 def test_whoever_sets_another_number_says_how_many_there_may_be():
     torch.set_num_threads(3)
     some = Threads(lambda count: 1 / count)
