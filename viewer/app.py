@@ -71,6 +71,7 @@ class App:
             self.context.autosave = Autosave(session, folder)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None
+        self._surface: moderngl.Framebuffer | None = None
         self._software, self._touched = False, 0.0
         self._themed: bool | None = None
         self._failed: dict[str, str] = {}
@@ -204,6 +205,7 @@ class App:
         window.limit_size()
         if self._headless:
             window.resize(*self._size)
+            self._surface = window.draw_into(self._gl, self._size)
 
     def _dropped(self, paths: list[str]) -> None:
         try:

@@ -11,40 +11,26 @@ from PIL import Image, ImageDraw
 
 from core.benchmarks import tables
 from core.benchmarks.ablations import Ablation, AblationResults
-from core.benchmarks.csv_files import append_csv, from_row, read_csv, to_row, write_csv
+from core.benchmarks.csv_files import append_record, from_row, read_csv, read_records, to_row, write_csv
+from core.benchmarks.drawing import DPI, draw_frontier, log_ticks, new_figure, write_chart
 from core.benchmarks.fits import FitResults
 from core.benchmarks.fits import Trial as FitTrial
+from core.benchmarks.load_charts import draw_load
 from core.benchmarks.model_sizes import ModelSize, ModelSizeResults
-from core.benchmarks.rendering import Interaction, RenderingResults, Timing
+from core.benchmarks.rendering_charts import draw_rendering
 from core.benchmarks.robustness import SUCCESS_DEGREES, Measured, RobustnessResults
 from core.benchmarks.robustness import Trial as RobustnessTrial
 from core.benchmarks.stressors import STRESSORS
 from core.evaluation.statistics import Mean
-from core.rendering.progressive import RenderSettings
 from core.training.curve import CurvePoint, draw_curves
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
-_DPI = 110
-_CURVES = ("naive", "fast", "sizes", "ablation")
-"""of :class:`core.benchmarks.rendering.RenderingResults`, one after another in ``render.csv``"""
 
 _FAILURE_SIDE, _MAX_FAILURES = 80, 60
 """px; and how many failures are shown"""
 _COUNTS = ("objects", "tests", "steps")
 """of :class:`core.benchmarks.model_sizes.ModelSizeResults`"""
-
-
-def prepare(folder: Path) -> None:
-    """Checks, before hours are spent on measuring, that charts can be drawn and where they go.
-
-    Raises ``ValueError`` where matplotlib is missing, ``OSError`` where there can be no such folder.
-    """
-    _figure(1)
-    folder.mkdir(parents=True, exist_ok=True)
 
 
 def redraw(folder: Path) -> list[Path]:
@@ -58,66 +44,6 @@ def redraw(folder: Path) -> list[Path]:
     for path in files:
         _REDRAW[path.stem](path.parent)
     return files
-
-
-# Rendering
-
-
-def write_rendering(found: RenderingResults, folder: Path) -> None:
-    """``render.csv``, ``interaction.csv``, ``render.md`` and ``render.png``."""
-    about = {"machine": found.machine, "views": str(found.views)}
-    timings = [about | {"curve": curve} | to_row(one) for curve in _CURVES for one in getattr(found, curve)]
-    write_csv(folder / "render.csv", timings)
-    write_csv(folder / "interaction.csv", [about | to_row(one) for one in found.interactions])
-    _draw_rendering(folder)
-
-
-def read_rendering(path: Path) -> RenderingResults:
-    """Reads ``render.csv`` and, beside it, ``interaction.csv``. Raises ``ValueError`` where they are none."""
-    rows = read_csv(path)
-    curves = {curve: tuple(from_row(Timing, row) for row in rows if row["curve"] == curve) for curve in _CURVES}
-    interactions = tuple(from_row(Interaction, row) for row in read_csv(path.with_name("interaction.csv")))
-    return RenderingResults(rows[0]["machine"], int(rows[0]["views"]), **curves, interactions=interactions)
-
-
-def _draw_rendering(folder: Path) -> None:
-    found = read_rendering(folder / "render.csv")
-    _write(folder / "render", tables.rendering_table(found), _rendering_chart(found))
-
-
-def _rendering_chart(found: RenderingResults) -> "Figure":
-    figure, (left, right) = _figure(2)
-    for name, points in (("naive, float32", found.naive), ("fast", found.fast)):
-        _timing_curve(left, name, points)
-    final = [point for point in found.fast if point.samples == RenderSettings().samples]
-    left.plot([p.ms for p in final], [p.psnr for p in final], "k*", markersize=14, label="final image", zorder=3)
-    left.set(xscale="log", xlabel="ms per 128 x 128 image", ylabel="PSNR to the exact renderer (dB)")
-    left.margins(y=0.1)
-    right.plot([p.size for p in found.sizes], [p.ms for p in found.sizes], "o-", label="fast")
-    first = found.sizes[0]
-    proportional = [first.ms * (p.size / first.size) ** 2 for p in found.sizes]
-    right.plot([p.size for p in found.sizes], proportional, ":", color="grey", label="proportional to pixels")
-    right.set(xscale="log", yscale="log", xlabel="width and height (px)", ylabel="ms per image")
-    _log_ticks(right.xaxis, [p.size for p in found.sizes])
-    for axes in (left, right):
-        _log_ticks(axes.xaxis if axes is left else axes.yaxis)
-        axes.grid(alpha=0.3)
-        axes.legend()
-    figure.suptitle(f"{found.machine}, {found.views} views", fontsize=9)
-    return figure
-
-
-def _timing_curve(axes: "Axes", name: str, points: Sequence[Timing]) -> None:
-    """PSNR against milliseconds; the numbers at the points are samples a ray."""
-    (line,) = axes.plot([point.ms for point in points], [point.psnr for point in points], "o-", label=name)
-    place: tuple[float, float] | None = None
-    for point in points:
-        # Points that nearly coincide would write over one another.
-        if place is None or point.ms > 1.25 * place[0] or abs(point.psnr - place[1]) > 3:
-            place = point.ms, point.psnr
-            axes.annotate(
-                str(point.samples), place, (5, -10), textcoords="offset points", fontsize=7, color=line.get_color()
-            )
 
 
 # Fits
@@ -137,25 +63,32 @@ def read_fits(path: Path) -> FitResults:
 
 def _draw_fits(folder: Path) -> None:
     found = read_fits(folder / "fit.csv")
-    _write(folder / "fit", tables.fit_table(found), _fit_chart(found))
+    write_chart(folder / "fit", tables.fit_table(found), _fit_chart(found))
 
 
 def _fit_chart(found: FitResults) -> "Figure":
-    figure, (left, right) = _figure(2)
+    figure, (left, middle, right) = new_figure(3)
     summaries = found.summaries
     for one in summaries:
         # A curve ends at the time at which half of the fits have ended, with what they have found.
         end = one.seconds, one.rotation, one.within_5_degrees.mean
         curve = [point for point in one.curve if point[0] < one.seconds] + [end]
         left.plot([point[0] for point in curve], [max(point[1], 0.01) for point in curve], "o-", label=one.preset)
-        right.plot([point[0] for point in curve], [100 * point[2] for point in curve], "o-", label=one.preset)
+        middle.plot([point[0] for point in curve], [100 * point[2] for point in curve], "o-", label=one.preset)
+        mean, low, high = one.held_out
+        right.errorbar(one.seconds, mean, [[mean - low], [high - mean]], fmt="o", capsize=2)
+        default = " (default)" if one.preset == "normal" else ""
+        right.annotate(f"{one.preset}{default}", (one.seconds, mean), (6, -12), textcoords="offset points", fontsize=8)
+    draw_frontier(right, [(one.seconds, one.held_out.mean) for one in summaries])
     left.set(xscale="log", yscale="log", xlabel="seconds", ylabel="rotation error (degrees, median)")
-    right.set(xscale="log", ylim=(-2, 102), xlabel="seconds", ylabel="cameras within 5 degrees (%)")
-    for axes in (left, right):
-        _log_ticks(axes.xaxis)
+    middle.set(xscale="log", ylim=(-2, 102), xlabel="seconds", ylabel="cameras within 5 degrees (%)")
+    right.set(xscale="log", xlabel="seconds (median)", ylabel="other views (dB, with 95 % intervals)")
+    right.margins(x=0.25)
+    for axes in (left, middle, right):
+        log_ticks(axes.xaxis)
         axes.grid(alpha=0.3)
-    _log_ticks(left.yaxis)
-    left.legend()  # of both: on the right it would hide points
+    log_ticks(left.yaxis)
+    left.legend()  # of all: in the middle it would hide points
     figure.suptitle(f"{found.machine}, {summaries[0].fits} views", fontsize=9)
     return figure
 
@@ -170,16 +103,14 @@ _FAILURES = "failures"
 def read_robustness(folder: Path) -> RobustnessResults | None:
     """What ``robustness.csv`` of a folder holds; None where there is none."""
     path = folder / "robustness.csv"
-    if not path.exists():
-        return None
-    rows = read_csv(path)
-    return RobustnessResults(rows[0]["machine"], tuple(from_row(RobustnessTrial, row) for row in rows))
+    trials = read_records(path, RobustnessTrial)
+    return RobustnessResults(read_csv(path)[0]["machine"], trials) if trials else None
 
 
 def add_trial(folder: Path, machine: str, measured: Measured) -> None:
     """A row more of ``robustness.csv``, and the images of a failure: the corrupted one beside what was fitted."""
     trial, image, render = measured
-    append_csv(folder / "robustness.csv", {"machine": machine} | to_row(trial))
+    append_record(folder / "robustness.csv", {"machine": machine}, trial)
     if image is None:
         return
     sheet = Image.new("RGB", (2 * _FAILURE_SIDE + 2, _FAILURE_SIDE), "white")
@@ -196,7 +127,7 @@ def draw_robustness(folder: Path) -> None:
     found = read_robustness(folder)
     if found is None:
         raise ValueError(f"{folder}: no robustness.csv in it")
-    _write(folder / "robustness", tables.robustness_table(found), _robustness_chart(found))
+    write_chart(folder / "robustness", tables.robustness_table(found), _robustness_chart(found))
     failed = [trial for trial in found.trials if not trial.success and trial.preset == "normal"]
     shown = [trial for trial in failed if _failure_path(folder, trial).exists()]
     if shown:
@@ -212,7 +143,7 @@ def _robustness_chart(found: RobustnessResults) -> "Figure":
     rates = found.success_rates()
     names = list(dict.fromkeys(name for name, _ in rates))
     columns = min(4, len(names))
-    figure, panels = _figure(columns, -(-len(names) // columns), 2.9)
+    figure, panels = new_figure(columns, -(-len(names) // columns), 2.9)
     for axes in panels[len(names) :]:
         axes.remove()
     presets = list(dict.fromkeys(trial.preset for trial in found.trials))
@@ -279,11 +210,11 @@ def read_ablations(path: Path) -> AblationResults:
 
 def _draw_ablations(folder: Path) -> None:
     found = read_ablations(folder / "ablations.csv")
-    _write(folder / "ablations", tables.ablations_table(found), _ablations_chart(found))
+    write_chart(folder / "ablations", tables.ablations_table(found), _ablations_chart(found))
 
 
 def _ablations_chart(found: AblationResults) -> "Figure":
-    figure, (left, right) = _figure(2)
+    figure, (left, right) = new_figure(2)
     full, *others = found.ablations
     names, gains = [part.summary.preset for part in others], [part.gain for part in others]
     left.barh(names, [part.time for part in others])
@@ -321,11 +252,11 @@ def read_model_sizes(path: Path) -> ModelSizeResults:
 
 def _draw_model_sizes(folder: Path) -> None:
     found = read_model_sizes(folder / "model_sizes.csv")
-    _write(folder / "model_sizes", tables.model_sizes_table(found), _model_sizes_chart(found))
+    write_chart(folder / "model_sizes", tables.model_sizes_table(found), _model_sizes_chart(found))
 
 
 def _model_sizes_chart(found: ModelSizeResults) -> "Figure":
-    figure, (left, right) = _figure(2)
+    figure, (left, right) = new_figure(2)
     baseline = found.sizes[0]
     for axis in dict.fromkeys(one.axis for one in found.sizes if one.value):
         swept = sorted((baseline, *(one for one in found.sizes if one.axis == axis)), key=lambda one: one.bytes)
@@ -355,38 +286,15 @@ def _draw_training(folder: Path) -> None:
     for row in read_csv(folder / "training.csv"):
         point = CurvePoint(int(row["step"]), float(row["seconds"]), float(row["psnr"]))
         curves.setdefault(row["model"], []).append(point)
-    draw_curves(curves).savefig(folder / "training.png", dpi=_DPI)
+    draw_curves(curves).savefig(folder / "training.png", dpi=DPI)
 
 
 _REDRAW: dict[str, Callable[[Path], None]] = {
-    "render": _draw_rendering,
+    "render": draw_rendering,
+    "load": draw_load,
     "fit": _draw_fits,
     "robustness": draw_robustness,
     "ablations": _draw_ablations,
     "model_sizes": _draw_model_sizes,
     "training": _draw_training,
 }
-
-
-def _write(path: Path, table: str, figure: "Figure") -> None:
-    path.with_suffix(".md").write_text(table)
-    figure.savefig(path.with_suffix(".png"), dpi=_DPI)
-
-
-def _figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure", Sequence["Axes"]]:
-    """A figure and its axes, row after row; ``width`` of each in inches."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise ValueError("charts need matplotlib: pip install -e '.[bench]'") from None
-    figure = Figure(figsize=(width * columns, 0.8 * width * rows), layout="constrained")
-    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
-
-
-def _log_ticks(axis: "Axis", places: Sequence[float] | None = None) -> None:
-    """Plain numbers at 1, 2 and 5 of every decade, or at ``places``; no minor labels to overlap them."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
-
-    axis.set_major_locator(FixedLocator(places) if places else LogLocator(subs=(1.0, 2.0, 5.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_locator(NullLocator())

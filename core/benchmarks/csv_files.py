@@ -39,6 +39,24 @@ def append_csv(path: Path, row: Row) -> None:
         file.write(text.getvalue())
 
 
+def append_record(path: Path, about: Row, record: object) -> None:
+    """Adds a record to a file, and what all records of a run have in common: the machine, for one."""
+    append_csv(path, {**about, **to_row(record)})
+
+
+def read_records(path: Path, kind: type[_Record], about: Row | None = None) -> tuple[_Record, ...]:
+    """What a run measured so far; nothing where there is no file yet.
+
+    Raises ``ValueError`` where the rows are of something else than ``about``: what is measured goes to another folder.
+    """
+    rows = read_csv(path) if path.exists() else []
+    for name, text in (about or {}).items():
+        for row in rows:
+            if row.get(name) != text:
+                raise ValueError(f"{path}: {name} {row.get(name)!r}, and now {text!r}; measure into another folder")
+    return tuple(from_row(kind, row) for row in rows)
+
+
 def read_csv(path: Path) -> list[dict[str, str]]:
     """The rows of a CSV file. Raises ``ValueError`` naming it where it holds none."""
     with path.open(newline="") as file:

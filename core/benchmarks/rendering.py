@@ -1,13 +1,16 @@
-"""Milliseconds against decibels: the naive renderer, the fast one, and the fast one without each of its parts.
+"""Milliseconds against decibels: the naive renderer, the fast one in each number format, and without each of its parts.
 
-PSNR is against the exact renderer with 256 samples a ray in float32. Times are the median of several rounds in which
-all settings take turns, so that other load on the machine affects all of them: read them as ratios.
+PSNR is against the exact renderer with 256 samples a ray in float32. Times of the network on a processor are processor
+times in one thread, which other load changes little; all settings take turns, so that it affects all of them, and times
+are medians over the turns: read them as ratios. A turn of a setting is a row, so a run can be resumed. Only how long
+images take while something moves is told by the clock.
 """
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from statistics import median
 from typing import NamedTuple
 
@@ -15,12 +18,13 @@ import torch
 from torch import Tensor
 
 from core.benchmarks.held_out_views import evenly_spaced_objects
-from core.benchmarks.machine import describe_machine
 from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
+from core.models.precision import matmul_dtype, use_dtype
 from core.rendering import fast
+from core.rendering.baked_field import BakedField, bake, render_baked
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.occupancy import Tolerances, tolerances
 from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
@@ -29,36 +33,52 @@ from core.rendering.reference import exact_rays, render_exact, render_rays
 FULL = "full renderer"
 REFERENCE_SAMPLES = 256
 NAIVE_SAMPLES = (8, 16, 32, 64, 96)
-FAST_SAMPLES = (32, 48, 60, 64, 96, 128, 192, 256)
+FAST_SAMPLES = (32, 48, 64, 96, 128, 192, 256)
 SIZES = (64, 128, 256, 512)
 INTERACTION_SIZES = (128, 256)
 """px"""
-_COMPARED = 128
-"""px, of the largest image that is compared with the reference pixel by pixel"""
-_ROUNDS = 7
-_INTERACTION_FRAMES = 40
-_WARMUP_FRAMES = 12
+_SIZE = 128
+"""px, of most images"""
+_COMPARED = 64
+"""px, of larger images that are compared with the reference pixel by pixel"""
+TURNS, NAIVE_TURNS = 5, 2
+"""The naive renderer is slow and varies little."""
+INTERACTION_FRAMES = 24
+_WARMUP_FRAMES = 8
 """frames before these, in which caches fill and the frame budget settles"""
-_SETTLES = 3
+_SETTLES = 2
 """times that the movement stops"""
+CURVES = ("naive", "fast", "float32", "baked", "sizes", "ablation")
 
 
 @dataclass(frozen=True)
 class Timing:
-    """One setting of one recipe."""
+    """One setting of one recipe: a turn of it, or the median over turns."""
 
+    curve: str
+    """of :data:`CURVES`"""
     recipe: str
     size: int
     """px"""
     samples: int
+    """along a ray; of a baked field the cells along an axis"""
+    turn: int
     ms: float
-    """per frame, mean over the views of the medians over rounds"""
+    """per frame, mean over the views"""
     psnr: float
     """dB, mean over the views"""
     worst_view: float
     """dB"""
     worst_pixel: float
     """largest difference of a channel, 0..1"""
+
+    @property
+    def key(self) -> Hashable:
+        """What tells a turn from all others."""
+        return self.curve, self.recipe, self.size, self.samples, self.turn
+
+    def __str__(self) -> str:
+        return f"{self.recipe}, {self.size} px, {self.samples} samples: {self.ms:.1f} ms, {self.psnr:.1f} dB"
 
 
 @dataclass(frozen=True)
@@ -80,18 +100,45 @@ class Interaction:
     settle_time: float
     """s from the end of the movement to the final image with 2 x 2 supersampling, mean over a few"""
 
+    @property
+    def key(self) -> Hashable:
+        """What tells it from all others."""
+        return self.what, self.size
+
+    def __str__(self) -> str:
+        images = f"first image after {self.preview_p50:.0f} ms, the whole after {self.p50:.0f} ms"
+        return f"{self.what}, {self.size} px: {images}"
+
 
 @dataclass(frozen=True)
 class RenderingResults:
-    """All measurements of one run."""
+    """All measurements of one run, as medians over its turns."""
 
     machine: str
     views: int
     naive: tuple[Timing, ...]
     fast: tuple[Timing, ...]
+    """in the number format that this machine multiplies fastest"""
+    float32: tuple[Timing, ...]
+    """the same in float32; empty where that is the fastest"""
+    baked: tuple[Timing, ...]
     sizes: tuple[Timing, ...]
     ablation: tuple[Timing, ...]
     interactions: tuple[Interaction, ...]
+
+    @classmethod
+    def of(cls, machine: str, views: int, rows: Iterable[Timing | Interaction]) -> "RenderingResults":
+        """What rows of one run come to."""
+        turns: dict[Hashable, list[Timing]] = {}
+        interactions = []
+        for row in rows:
+            if isinstance(row, Interaction):
+                interactions.append(row)
+            else:
+                turns.setdefault((row.curve, row.recipe, row.size, row.samples), []).append(row)
+        timings = [replace(some[0], turn=0, ms=median(one.ms for one in some)) for some in turns.values()]
+        curves = {curve: tuple(one for one in timings if one.curve == curve) for curve in CURVES}
+        return cls(machine, views, **curves, interactions=tuple(interactions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,38 +147,76 @@ class _View:
     camera: Camera
 
 
-def run(model: Model, views: int = 3) -> Iterator[str | RenderingResults]:
-    """Yields what is being measured, and at the end the results."""
-    seen = _views(model, views)
-    yield "reference, 128 px"
-    truth = [_exact(model, view, REFERENCE_SAMPLES) for view in seen]
-    recipes = {("naive", samples): _naive(samples) for samples in NAIVE_SAMPLES}
-    recipes |= {("fast", samples): _fast(samples) for samples in FAST_SAMPLES}
-    timings = yield from _time_all(model, seen, truth, recipes)
-    default = RenderSettings().samples
-    ablations = {(name, default): _fast(default, cutoff) for name, cutoff in _ablations(default).items()}
-    ablation = yield from _time_all(model, seen, truth, ablations)
-    sizes = []
-    for size in SIZES:
-        yield f"reference, {size} px"
-        some = [_View(view.codes, view.camera.resized(size, size)) for view in seen[:1]]
-        exact = [_exact(model, view, REFERENCE_SAMPLES) for view in some]
-        sizes += yield from _time_all(model, some, exact, {("fast", default): _fast(default)})
-    interactions = []
+class _Setting(NamedTuple):
+    curve: str
+    recipe: str
+    size: int
+    """px"""
+    samples: int
+    views: Sequence[_View]
+    render: Callable[[Model, _View], Tensor]
+    turns: int = TURNS
+    warm: bool = True
+    """It is rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
+
+
+def run(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[Timing | Interaction]:
+    """Yields each row as it is measured; those whose keys are done are left out."""
+
+    @cache
+    def truth(view: _View) -> Tensor:
+        return _exact(model, view, REFERENCE_SAMPLES)
+
+    settings = _settings(_views(model, views))
+    for turn in range(TURNS):
+        for setting in settings:
+            key = (*setting[:4], turn)
+            if turn < setting.turns and key not in done:
+                yield _measure(model, setting, turn, truth)
     for size in INTERACTION_SIZES:
-        for one in _interactions(model, size):
-            yield f"{one.what}, {size} px: first image after {one.preview_p50:.0f} ms, the whole after {one.p50:.0f} ms"
-            interactions.append(one)
-    naive, fast = ([one for one in timings if one.recipe == name] for name in ("naive", "fast"))
-    yield RenderingResults(
-        describe_machine(model.device),
-        len(seen),
-        tuple(naive),
-        tuple(fast),
-        tuple(sizes),
-        tuple(ablation),
-        tuple(interactions),
-    )
+        for what in ("orbit", "texture", "shape"):
+            if (what, size) not in done:
+                yield _interaction(model, what, size)
+
+
+def _settings(views: Sequence[_View]) -> list[_Setting]:
+    """All that takes turns."""
+    fastest, default = matmul_dtype("cpu"), RenderSettings().samples
+    name = f"fast, {str(fastest).removeprefix('torch.')}"
+    settings = [
+        _Setting("naive", "naive, float32", _SIZE, samples, views, _naive(samples), NAIVE_TURNS, warm=False)
+        for samples in NAIVE_SAMPLES
+    ]
+    settings += [_Setting("fast", name, _SIZE, samples, views, _fast(samples)) for samples in FAST_SAMPLES]
+    if fastest != torch.float32:
+        settings += [
+            _Setting("float32", "fast, float32", _SIZE, samples, views, _in_float32(_fast(samples)))
+            for samples in FAST_SAMPLES
+        ]
+    settings += [
+        _Setting("baked", "baked, marched by torch", _SIZE, 64 * 2**level, views, _baked(level)) for level in (0, 1)
+    ]
+    settings += [
+        _Setting("ablation", part, _SIZE, default, views, _fast(default, cutoff))
+        for part, cutoff in _ablations(default).items()
+    ]
+    for size in SIZES:
+        some = [_View(view.codes, view.camera.resized(size, size)) for view in views[:1]]
+        settings.append(_Setting("sizes", name, size, default, some, _fast(default)))
+    return settings
+
+
+def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View], Tensor]) -> Timing:
+    """A turn of a setting: all of its views."""
+    seconds, quality, off = [], [], []
+    for view in setting.views:
+        exact = truth(view)
+        image, spent = _timed(setting, model, view)
+        seconds.append(spent)
+        quality.append(psnr(image, exact))
+        off.append(float((image - exact).abs().max()))
+    ms, mean = 1000 * sum(seconds) / len(seconds), sum(quality) / len(quality)
+    return Timing(*setting[:4], turn, ms, mean, min(quality), max(off))
 
 
 def _views(model: Model, count: int) -> list[_View]:
@@ -141,14 +226,8 @@ def _views(model: Model, count: int) -> list[_View]:
     return [_View(codes, model.camera(*angles)) for (_, codes), angles in zip(some, directions, strict=True)]
 
 
-class _Recipe(NamedTuple):
-    render: Callable[[Model, _View], Tensor]
-    warm: bool = True
-    """It is rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
-
-
 def _exact(model: Model, view: _View, samples: int) -> Tensor:
-    """Every pixel of a small image, of a large one as many as fit into 128 x 128: the exact renderer is slow."""
+    """Every pixel of a small image, of a large one as many as make 64 x 64: the exact renderer is slow."""
     every = _every(view.camera)
     if every == 1:
         return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
@@ -162,59 +241,51 @@ def _exact(model: Model, view: _View, samples: int) -> Tensor:
 
 def _every(camera: Camera) -> int:
     """Of how many rows and columns of an image one is compared with the reference."""
-    return max(1, camera.height // _COMPARED)
+    return camera.height // _COMPARED if camera.height > _SIZE else 1
 
 
-def _naive(samples: int) -> _Recipe:
-    return _Recipe(lambda model, view: _exact(model, view, samples), warm=False)
+def _naive(samples: int) -> Callable[[Model, _View], Tensor]:
+    return lambda model, view: _exact(model, view, samples)
 
 
-def _fast(samples: int, cutoff: Tolerances | None = None) -> _Recipe:
+def _fast(samples: int, cutoff: Tolerances | None = None) -> Callable[[Model, _View], Tensor]:
     """A new view of a known shape."""
 
     def render(model: Model, view: _View) -> Tensor:
         fast.clear_views()
         return fast.render(model, view.codes, view.camera, samples, cutoff=cutoff).colour.clamp(0, 1)
 
-    return _Recipe(render)
+    return render
 
 
-def _time_all(
-    model: Model, views: Sequence[_View], truth: Sequence[Tensor], recipes: dict[tuple[str, int], _Recipe]
-) -> Generator[str, None, list[Timing]]:
-    """Times all recipes on all views, taking turns; says after each turn how far it is, and at last what was found."""
-    seconds: dict[tuple[str, int], list[list[float]]] = {key: [[] for _ in views] for key in recipes}
-    found: dict[tuple[str, int], list[Tensor]] = {}
-    for turn in range(_ROUNDS + 1):
-        for key, recipe in recipes.items():
-            # The slow ones vary little, and one round of them takes as long as all others together.
-            if key[0] == "naive" and turn > 2:
-                continue
-            found[key] = []
-            for view, times in zip(views, seconds[key], strict=True):
-                image, spent = _timed(recipe, model, view)
-                found[key].append(image)
-                times += [spent] if turn else []
-        yield f"{len(recipes)} settings, {views[0].camera.width} px: round {turn} of {_ROUNDS}"
-    timings = []
-    for (name, samples), images in found.items():
-        ms = 1000 * sum(median(times) for times in seconds[name, samples]) / len(views)
-        quality = [psnr(image, exact) for image, exact in zip(images, truth, strict=True)]
-        off = max(float((image - exact).abs().max()) for image, exact in zip(images, truth, strict=True))
-        size = views[0].camera.width
-        timings.append(Timing(name, size, samples, ms, sum(quality) / len(quality), min(quality), off))
-        yield f"{name}, {size} px, {samples} samples: {ms:.1f} ms, {timings[-1].psnr:.1f} dB"
-    return timings
+def _in_float32(render: Callable[[Model, _View], Tensor]) -> Callable[[Model, _View], Tensor]:
+    def forced(model: Model, view: _View) -> Tensor:
+        with use_dtype(torch.float32):
+            return render(model, view)
+
+    return forced
 
 
-def _timed(recipe: _Recipe, model: Model, view: _View) -> tuple[Tensor, float]:
-    if recipe.warm:
+def _baked(level: int) -> Callable[[Model, _View], Tensor]:
+    """What OpenGL draws while an object is turned, drawn by torch; baking is not timed."""
+
+    @cache
+    def baked(model: Model, codes: Codes) -> BakedField:
+        return [field for field in bake(model, codes) if field][level]
+
+    return lambda model, view: render_baked(baked(model, view.codes), view.camera).colour.clamp(0, 1)
+
+
+def _timed(setting: _Setting, model: Model, view: _View) -> tuple[Tensor, float]:
+    if setting.warm:
         fast.clear_cache()
-        recipe.render(model, view)
-    began = time.perf_counter()
-    image = recipe.render(model, view).cpu()  # which waits for a graphics card to be done
-    seconds = time.perf_counter() - began
-    return image[:: _every(view.camera), :: _every(view.camera)], seconds
+        setting.render(model, view)
+    clock = time.perf_counter if model.device.type == "cuda" else time.process_time
+    began = clock()
+    image = setting.render(model, view).cpu()  # which waits for a graphics card to be done
+    seconds = clock() - began
+    every = _every(view.camera)
+    return image[::every, ::every], seconds
 
 
 def _ablations(samples: int) -> dict[str, Tolerances]:
@@ -227,36 +298,32 @@ def _ablations(samples: int) -> dict[str, Tolerances]:
     }
 
 
-def _interactions(model: Model, size: int) -> Iterator[Interaction]:
-    """The camera moves, then the texture, then the shape."""
+def _interaction(model: Model, what: str, size: int) -> Interaction:
+    """The camera moves, or the texture, or the shape."""
     codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
     other = model.codes[len(model.codes.objects) // 2]
 
-    def at(what: str, share: float, settings: RenderSettings) -> RenderJob:
+    def at(share: float, settings: RenderSettings) -> RenderJob:
         turned = replace(camera, azimuth=camera.azimuth + 2 * share)
         mixed = codes.mixed(other, share * (what == "shape"), share * (what == "texture"))
         return RenderJob(mixed, turned if what == "orbit" else camera, settings)
 
-    for what in ("orbit", "texture", "shape"):
-        shares = [
-            (index + 1) / (_INTERACTION_FRAMES + _WARMUP_FRAMES)
-            for index in range(_INTERACTION_FRAMES + _WARMUP_FRAMES)
-        ]
-        whole = [_seconds_until(model, at(what, share, RenderSettings(divisors=(1,))), last=True) for share in shares]
-        fast.clear_cache()
-        _seconds_until(model, at(what, 0.0, RenderSettings()), last=True)
-        budget, previews = FrameBudget(), []
-        for share in shares:
-            settings = RenderSettings(divisors=budget.divisors(size), supersampling=2)
-            previews.append(_seconds_until(model, at(what, share, settings), last=False))
-            budget.observe(settings.divisors[0], previews[-1])
-        ends = [
-            at(what, 1.0 + index, RenderSettings(divisors=budget.divisors(size), supersampling=2))
-            for index in range(_SETTLES)
-        ]
-        settle = sum(_seconds_until(model, job, last=True) for job in ends) / len(ends)
-        preview_size = max(1, size // budget.divisor)
-        yield Interaction(what, size, *_quantiles(whole), *_quantiles(previews), preview_size, settle)
+    frames = INTERACTION_FRAMES + _WARMUP_FRAMES
+    shares = [(index + 1) / frames for index in range(frames)]
+    whole = [_seconds_until(model, at(share, RenderSettings(divisors=(1,))), last=True) for share in shares]
+    fast.clear_cache()
+    _seconds_until(model, at(0.0, RenderSettings()), last=True)
+    budget, previews = FrameBudget(), list[float]()
+    for share in shares:
+        settings = RenderSettings(divisors=budget.divisors(size), supersampling=2)
+        previews.append(_seconds_until(model, at(share, settings), last=False))
+        budget.observe(settings.divisors[0], previews[-1])
+    ends = [
+        at(1.0 + index, RenderSettings(divisors=budget.divisors(size), supersampling=2)) for index in range(_SETTLES)
+    ]
+    settle = sum(_seconds_until(model, job, last=True) for job in ends) / len(ends)
+    preview_size = max(1, size // budget.divisor)
+    return Interaction(what, size, *_quantiles(whole), *_quantiles(previews), preview_size, settle)
 
 
 def _seconds_until(model: Model, job: RenderJob, last: bool) -> float:

@@ -9,7 +9,21 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
-from core.benchmarks import ablations, charts, fits, gate, model_sizes, rendering, robustness, tables
+from core.benchmarks import (
+    ablations,
+    charts,
+    drawing,
+    fits,
+    gate,
+    load,
+    load_charts,
+    model_sizes,
+    rendering,
+    rendering_charts,
+    robustness,
+    tables,
+)
+from core.benchmarks.csv_files import append_record, read_records
 from core.benchmarks.figures import fit_photo, write_figures
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.benchmarks.machine import describe_machine
@@ -63,15 +77,39 @@ def figures(chosen: argparse.Namespace) -> None:
 
 
 def bench_render(chosen: argparse.Namespace) -> None:
-    """``bench render``: speed and accuracy of the renderer; with ``--gate`` only compared with a baseline."""
-    baseline = charts.read_rendering(chosen.gate) if chosen.gate else None
+    """``bench render``: speed and accuracy of the renderer; goes on where an earlier run stopped.
+
+    With ``--gate`` it begins anew, writes nothing, and is only compared with a baseline. In one thread: several wait
+    for each other beside other load, which then falls on the fast renderer alone.
+    """
+    torch.set_num_threads(1)
+    baseline = rendering_charts.read_rendering(chosen.gate) if chosen.gate else None
     _prepare(chosen)
-    found = _last_value(rendering.run(load_model(chosen.model, chosen.device), chosen.views))
+    model = load_model(chosen.model, chosen.device)
+    about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
+    rows = [] if baseline else rendering_charts.read_rows(chosen.out, about)
+    for row in _said(rendering.run(model, chosen.views, {row.key for row in rows})):
+        rows.append(row)
+        if not baseline:
+            rendering_charts.add_row(chosen.out, about, row)
+    found = rendering.RenderingResults.of(about["machine"], chosen.views, rows)
     print(tables.rendering_table(found), flush=True)
     if baseline:
         _require_no_worse(gate.compare_rendering(found, baseline))
     else:
-        charts.write_rendering(found, chosen.out)
+        rendering_charts.draw_rendering(chosen.out)
+
+
+def bench_load(chosen: argparse.Namespace) -> None:
+    """``bench load``: a job beside busy processes, by threads; goes on where an earlier run stopped."""
+    drawing.prepare(chosen.out)
+    model, path = load_model(chosen.model, chosen.device), chosen.out / "load.csv"
+    about = {"machine": describe_machine(model.device), "model": model.fingerprint}
+    done = {one.key for one in read_records(path, load.Timing, about)}
+    for timing in _said(load.run(load.jobs_of(model), chosen.turns, done)):
+        append_record(path, about, timing)
+    load_charts.draw_load(chosen.out)
+    print((chosen.out / "load.md").read_text(), flush=True)
 
 
 def bench_fit(chosen: argparse.Namespace) -> None:
@@ -88,7 +126,7 @@ def bench_fit(chosen: argparse.Namespace) -> None:
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
     """``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
-    charts.prepare(chosen.out)
+    drawing.prepare(chosen.out)
     found = _last_value(ablations.run(*_held_out_views(chosen)))
     charts.write_ablations(found, chosen.out)
     print(tables.ablations_table(found), flush=True)
@@ -96,7 +134,7 @@ def bench_ablations(chosen: argparse.Namespace) -> None:
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
     """``bench robustness``: where blind fits fail, as CSV, table and chart; goes on where an earlier run stopped."""
-    charts.prepare(chosen.out)
+    drawing.prepare(chosen.out)
     before = charts.read_robustness(chosen.out)
     done = {trial.key for trial in before.trials} if before else set()
     model, views = _held_out_views(chosen)
@@ -110,7 +148,7 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
 
 def bench_model_size(chosen: argparse.Namespace) -> None:
     """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
-    charts.prepare(chosen.out)
+    drawing.prepare(chosen.out)
     if not chosen.models.is_dir():
         raise ValueError(f"there is no folder {chosen.models}")
     tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
@@ -121,14 +159,14 @@ def bench_model_size(chosen: argparse.Namespace) -> None:
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
     """``bench redraw``: tables and charts again from the CSV files."""
-    charts.prepare(chosen.out)
+    drawing.prepare(chosen.out)
     for path in charts.redraw(chosen.out):
         print(path, flush=True)
 
 
 def _prepare(chosen: argparse.Namespace) -> None:
     if not chosen.gate:
-        charts.prepare(chosen.out)
+        drawing.prepare(chosen.out)
 
 
 def _require_no_worse(lines: Sequence[str]) -> None:
@@ -145,6 +183,13 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
         return model, tuple(training_object_views(model, chosen.objects, generator))
     entries = _evenly_spaced(_index_entries(model, chosen.dataset), chosen.objects)
     return model, tuple(dataset_views(model, entries, generator))
+
+
+def _said(rows: Iterator[_Item]) -> Iterator[_Item]:
+    """Each row as it is measured; it goes to stderr too, as a line."""
+    for row in rows:
+        tqdm.write(str(row), file=sys.stderr)
+        yield row
 
 
 def _last_value(stream: Iterator[str | _Found]) -> _Found:

@@ -337,7 +337,9 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
         required=True, metavar="KIND"
     )
     rendering = _command(kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage")
-    rendering.add_argument("--views", type=count, default=3, metavar="N", help="objects, each from another viewpoint")
+    rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
+    load = _command(kinds, "load", "measure.bench_load", "a fit and renders beside busy processes, by threads")
+    load.add_argument("--turns", type=count, default=3, metavar="N", help="how often everything is measured")
     fitting = _command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
@@ -373,9 +375,9 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     size.add_argument(
         "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
     )
-    for kind in (rendering, fitting, ablations, robustness):
+    for kind in (rendering, load, fitting, ablations, robustness):
         _add_model(kind)
-    for kind in (rendering, fitting, ablations, robustness, size, redraw):
+    for kind in (rendering, load, fitting, ablations, robustness, size, redraw):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )

@@ -43,8 +43,14 @@ def _fastest_dtype(device_type: str) -> torch.dtype:
     if device_type == "cuda":
         return torch.bfloat16 if torch.cuda.is_bf16_supported() else torch.float32
     # Turn about, so that what else the machine does falls on both; the lower quartile of many, since the best of
-    # them is at times a stroke of luck that only one of the two has.
-    rounds = [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_ROUNDS)]
+    # them is at times a stroke of luck that only one of the two has. In one thread: several wait for each other beside
+    # a busy process, equally long in both formats.
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        rounds = [(_layer_seconds(torch.float32), _layer_seconds(torch.bfloat16)) for _ in range(_ROUNDS)]
+    finally:
+        torch.set_num_threads(threads)
     single, half = (sorted(column)[_ROUNDS // 4] for column in zip(*rounds, strict=True))
     return torch.bfloat16 if 1.2 * half < single else torch.float32
 

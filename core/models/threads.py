@@ -1,7 +1,8 @@
 """How many threads torch works with: measured on this machine as it is now, never assumed.
 
 A field's operations are small, and at the end of each all threads wait for the slowest. Beside another busy process
-that is the one whose core is taken, so that two threads are several times slower than one.
+that is the one whose core is taken, so that two threads are several times slower than one. Most operations are over
+before a core is taken, so a typical one tells nothing: it is the slowest of a few that does.
 """
 
 import time
@@ -14,11 +15,12 @@ from core.models.precision import matmul_dtype
 
 T = TypeVar("T")
 
-_INTERVAL = 2.0
-"""s of work between two measurements"""
-_ROUNDS = 8
+_INTERVAL, _LONGEST = 2.0, 16.0
+"""s of work between two measurements. Twice as many each time that one thread was faster: beside busy processes a
+measurement costs a tenth of a second, and what it could gain is little."""
+_ROUNDS = 12
 _GAIN = 0.85
-"""Share of one thread's time that several must get by with."""
+"""Share of one thread's time that several must get by with, as a rule; and none of the time may they take longer."""
 _ROWS, _WIDTH, _LAYERS = 2048, 128, 4
 """of the operations that are timed: as small as those of a fit's first stages"""
 
@@ -34,19 +36,29 @@ class Threads:
 
     def __init__(self, measure: Callable[[int], float] | None = None) -> None:
         self._measure = measure or _seconds
-        self._most, self._chosen, self._due = 1, 0, -1.0
+        self._most, self._chosen, self._due, self._wait = 1, 0, -1.0, _INTERVAL
 
     def look(self) -> None:
         """Measure, if the last time is a while ago, and let torch use what was faster in this thread of the program."""
         if torch.get_num_threads() != self._chosen:
             self._most, self._due = torch.get_num_threads(), -1.0
         if self._most > 1 and time.monotonic() >= self._due:
-            # Turn about, so that what else the machine does falls on both.
-            rounds = [(self._measure(1), self._measure(self._most)) for _ in range(_ROUNDS)]
-            one, several = (sorted(column)[_ROUNDS // 2] for column in zip(*rounds, strict=True))
-            torch.set_num_threads(self._most if several < _GAIN * one else 1)
-            self._due = time.monotonic() + _INTERVAL
+            several = self._several_are_faster()
+            torch.set_num_threads(self._most if several else 1)
+            self._wait = _INTERVAL if several else min(2 * self._wait, _LONGEST)
+            self._due = time.monotonic() + self._wait
         self._chosen = torch.get_num_threads()
+
+    def _several_are_faster(self) -> bool:
+        """Ends with the first round that says no."""
+        rounds = []
+        for _ in range(_ROUNDS):
+            # Turn about, so that what else the machine does falls on both.
+            rounds.append((self._measure(1), self._measure(self._most)))
+            if rounds[-1][1] > rounds[-1][0]:
+                return False
+        one, several = (sorted(column)[_ROUNDS // 2] for column in zip(*rounds, strict=True))
+        return several < _GAIN * one
 
 
 def _seconds(threads: int) -> float:

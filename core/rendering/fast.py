@@ -4,7 +4,7 @@ It works in two passes, as the field does. What a shape shows from a camera (:cl
 texture and is cached: a new texture runs the second pass only. A new view reuses the occupied cells.
 """
 
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from core.caches import CACHE, Kind
-from core.geometry.camera import Camera, pixel_centres
+from core.geometry.camera import Camera
 from core.geometry.rays import Rays, rays_at_pixels
 from core.models.codes import Codes
 from core.models.layers import pad_rows
@@ -32,7 +32,13 @@ _BLOCK = 8192
 
 
 def render_steps(
-    model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
+    model: Model,
+    codes: Codes,
+    camera: Camera,
+    samples: int,
+    complete: bool = True,
+    cutoff: Tolerances | None = None,
+    supersampling: int = 1,
 ) -> Generator[None, None, Rendered]:
     """Render as :func:`core.rendering.reference.render_exact` does, many times faster.
 
@@ -45,16 +51,18 @@ def render_steps(
         complete: False looks for the shape only around the one rendered last, if they are similar: for a shape that
             changes continuously.
         cutoff: what of a ray is neither evaluated nor shaded; :func:`tolerances` of the samples where it is None.
+        supersampling: how many pixels of the camera along each side make one of the image, as their mean; the large
+            image is never held.
     """
     with torch.inference_mode():
         folded = _folded_field(model, codes)
     key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff)
     known: Sequence[Chunk] | None = CACHE.get(Kind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
-    seen, shaded = list[Chunk](), list[_Shaded]()
+    seen, canvas = list[Chunk](), _Canvas(camera, supersampling, model.device)
     for chunk in _visible_chunks(folded, key) if known is None else known:
         with torch.inference_mode():
-            shaded.append(_Shaded(chunk.pixel, _shade(folded, chunk), chunk.depth, chunk.opacity, chunk.evaluations))
+            canvas.add(chunk, _shade(folded, chunk))
         size, done = size + chunk.size, done + chunk.share
         # What is held until the view is whole counts as kept already; a view that will be too large is not held.
         keep = keep and CACHE.make_room(Kind.VIEW, round(size / done))
@@ -62,7 +70,7 @@ def render_steps(
         yield None
     if keep:
         CACHE.put(Kind.VIEW, key, seen, size)
-    return _assemble(camera, shaded, model.device)
+    return canvas.rendered()
 
 
 def render(
@@ -100,16 +108,6 @@ class Chunk:
     def size(self) -> int:
         """bytes"""
         return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
-
-
-class _Shaded(NamedTuple):
-    """What is left of a chunk once it has its colours."""
-
-    pixel: Int[Tensor, "rays"]
-    colour: Float[Tensor, "rays 3"]
-    depth: Float[Tensor, "rays"]
-    opacity: Float[Tensor, "rays"]
-    evaluations: Int[Tensor, "rays"]
 
 
 class VisibilityKey(NamedTuple):
@@ -152,19 +150,31 @@ def _visible_chunks(folded: FoldedField, view: VisibilityKey) -> Iterator[Chunk]
         occupancy = shape_occupancy(view.model, view.shape, view.complete)
         first, last = occupancy.depth_range(view.camera, view.model.pixel_offset)
         pixel = (first < last).flatten().nonzero()[:, 0]
-        centres = pixel_centres(view.camera.width, view.camera.height, pixel.device).reshape(-1, 2)
-        rays = rays_at_pixels(centres.index_select(0, pixel) - view.model.pixel_offset, view.camera, occupancy.extent)
-        near = torch.maximum(rays.near, first.flatten().index_select(0, pixel))
-        far = torch.minimum(rays.far, last.flatten().index_select(0, pixel))
-        rays = replace(rays, near=near, far=torch.maximum(near, far))
+        first, last = (part.flatten().index_select(0, pixel) for part in (first, last))
         step = 2 * float(occupancy.extent.max()) / view.samples
         limits = view.cutoff or tolerances(view.samples)
-    for start in range(0, len(rays.near), CHUNK_RAYS):
+    for start in range(0, len(pixel), CHUNK_RAYS):
         with torch.inference_mode():
             some = slice(start, start + CHUNK_RAYS)
+            rays = _rays(view, occupancy, pixel[some], first[some], last[some])
             share = len(pixel[some]) / len(pixel)
-            chunk = _chunk(folded, occupancy, pixel[some], rays[some], step, limits, share)
+            chunk = _chunk(folded, occupancy, pixel[some], rays, step, limits, share)
         yield chunk
+
+
+def _rays(
+    view: VisibilityKey,
+    occupancy: Occupancy,
+    pixel: Int[Tensor, "rays"],
+    first: Float[Tensor, "rays"],
+    last: Float[Tensor, "rays"],
+) -> Rays:
+    """Through some pixels, from the first to the last occupied cell behind each."""
+    across = view.camera.width
+    centres = torch.stack((pixel % across, pixel // across), -1) + 0.5
+    rays = rays_at_pixels(centres - view.model.pixel_offset, view.camera, occupancy.extent)
+    near, far = torch.maximum(rays.near, first), torch.minimum(rays.far, last)
+    return replace(rays, near=near, far=torch.maximum(near, far))
 
 
 def shape_occupancy(model: Model, shape: tuple[float, ...], complete: bool = True) -> Occupancy:
@@ -264,14 +274,29 @@ def _shade(folded: FoldedField, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
-def _assemble(camera: Camera, chunks: Iterable[_Shaded], device: torch.device) -> Rendered:
-    """The rendered rays in an image with a white background."""
-    count = camera.height * camera.width
-    colour = torch.ones(count, 3, device=device)
-    depth, opacity = torch.zeros(count, device=device), torch.zeros(count, device=device)
-    evaluations = torch.zeros(count, dtype=torch.long, device=device)
-    for chunk in chunks:
-        colour[chunk.pixel], depth[chunk.pixel], opacity[chunk.pixel] = chunk.colour, chunk.depth, chunk.opacity
-        evaluations[chunk.pixel] = chunk.evaluations
-    size = camera.height, camera.width
-    return Rendered(colour.reshape(*size, 3), depth.reshape(size), opacity.reshape(size), evaluations.reshape(size))
+class _Canvas:
+    """An image with a white background, into which shaded rays are added; depth is averaged over what is opaque."""
+
+    def __init__(self, camera: Camera, factor: int, device: torch.device) -> None:
+        self._across, self._factor = camera.width, factor
+        self._size = camera.height // factor, camera.width // factor
+        count = self._size[0] * self._size[1]
+        self._colour = torch.ones(count, 3, device=device)
+        self._depth, self._opacity = torch.zeros(count, device=device), torch.zeros(count, device=device)
+        self._evaluations = torch.zeros(count, dtype=torch.long, device=device)
+
+    def add(self, chunk: Chunk, colour: Float[Tensor, "rays 3"]) -> None:
+        """The rays of a chunk, in their colours."""
+        row, column = chunk.pixel // self._across, chunk.pixel % self._across
+        at = (row // self._factor) * self._size[1] + column // self._factor
+        share = 1 / self._factor**2
+        self._colour.index_add_(0, at, colour - 1, alpha=share)
+        self._opacity.index_add_(0, at, chunk.opacity, alpha=share)
+        self._depth.index_add_(0, at, chunk.depth * chunk.opacity, alpha=share)
+        self._evaluations.index_add_(0, at, chunk.evaluations)
+
+    def rendered(self) -> Rendered:
+        """The image of what was added."""
+        depth = self._depth / self._opacity.clamp_min(1e-6)
+        parts = (self._colour.unflatten(0, self._size), depth, self._opacity, self._evaluations)
+        return Rendered(parts[0], *(part.reshape(self._size) for part in parts[1:]))

@@ -3,65 +3,110 @@
 _DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)
 """What the image size is divided by for the first frame."""
 _HEADROOM = 0.7
-"""share of the budget: a first frame faster than this allows a finer one"""
+"""share of the time for rays: a first frame that takes less allows a finer one"""
 _MIN_HEIGHT = 64
 """px of a first frame: a smaller one hardly takes less time, and shows nothing"""
 _MAX_DROP = 2
 """levels at a time, at most: one disturbance must not spoil the image"""
 _PATIENCE, _MAX_PATIENCE = 3, 96
 """Frames in a row with headroom before a finer one is tried; twice as many each time that it was too slow, unless it
-would fit even if all of the time grew with the size: so the image is fine again soon after other work has ended."""
+would fit even if all of the time but the fixed part grew with the size: so the image is fine again soon after other
+work has ended."""
+_TRUSTED = 60
+"""frames after which the fixed part is found anew, by a smaller one"""
+_REFUTED = 0.7
+"""share of the fixed part, or of a coarser frame's time: a frame that takes less tells that other work has ended, or
+that another thing moves"""
 
 
 class FrameBudget:
     """Chooses the size of the first frame from what earlier ones took: at once coarser, or a level finer after a while.
 
-    Nothing is assumed of how cost grows with size: a finer first frame is tried, ever more seldom if it fails. None is
-    lower than 64 px, if the image is not.
+    A part of a frame's time is the same at any size: a new shape's occupied cells above all. It follows from frames of
+    two sizes, one after the other, for which a finer one is tried where none may be coarser. No smaller frame saves it,
+    so where it takes most of the budget, rays get more: up to half of what it takes. A finer first frame is tried, ever
+    more seldom if it fails. None is lower than 64 px, if the image is not.
     """
 
     def __init__(self, budget: float = 1 / 30, divisor: int = 8) -> None:
         self.budget = budget
         """s for the first frame while something moves"""
-        self._level = _DIVISORS.index(divisor)
+        self._level, self._floor = _DIVISORS.index(divisor), 0
         self._headroom, self._patience, self._refined = 0, _PATIENCE, False
+        self._fixed = 0.0
+        """s that a frame of any size takes, as far as is known"""
+        self._trust = 0
+        """frames for which that holds, unless refuted"""
+        self._last = divisor, 0.0
+        """divisor and s of the newest frame"""
 
     @property
     def divisor(self) -> int:
         """What the image size is divided by for the next first frame."""
         return _DIVISORS[self._level]
 
+    @property
+    def limit(self) -> float:
+        """s that a first frame may take: the budget, unless most of it goes whatever the size."""
+        return max(self.budget, 1.5 * self._fixed - 0.4 * self.budget)
+
     def divisors(self, height: int) -> tuple[int, ...]:
         """Divisors of the size of an image so many px high: the first frame's, then 1/4, 1/2 and full size, and full
         size once more.
         """
-        while self.divisor > 1 and height < _MIN_HEIGHT * self.divisor:
-            self._level += 1
+        high_enough = (height >= _MIN_HEIGHT * divisor or divisor == 1 for divisor in _DIVISORS)
+        self._floor = list(high_enough).index(True)
+        self._level = max(self._level, self._floor)
         return (self.divisor, *(divisor for divisor in (4, 2, 1) if divisor < self.divisor), 1)
 
     def observe(self, divisor: int, seconds: float) -> None:
         """Learn from the time that a first frame with this divisor took."""
         if divisor != self.divisor:
             return
-        if seconds > self.budget:
+        self._find_fixed(divisor, seconds)
+        if seconds > self.limit and self._level > self._floor:
             self._coarsen(seconds)
-        elif seconds > _HEADROOM * self.budget:
+        elif self._comfortable < seconds <= self.limit:
             self._headroom = 0
         else:
             self._headroom += 1
             if self._level + 1 < len(_DIVISORS) and self._headroom >= self._patience_for(seconds):
                 self._level, self._headroom, self._refined = self._level + 1, 0, True
 
+    @property
+    def _comfortable(self) -> float:
+        """s of a first frame that leaves room for a finer one."""
+        return self._fixed + _HEADROOM * (self.limit - self._fixed)
+
+    def _find_fixed(self, divisor: int, seconds: float) -> None:
+        """What frames of two sizes, the last one's and this one's, leave for no rays at all; never more than either.
+
+        Nothing is known where the finer one was the faster one, or where a frame is faster than should be possible.
+        """
+        (rays_before, before), (rays, now) = (self._last[0] ** -2, self._last[1]), (divisor**-2, seconds)
+        if rays_before != rays:
+            (_, coarse), (_, fine) = sorted([(rays_before, before), (rays, now)])
+            each = max(0.0, (now - before) / (rays - rays_before))
+            self._fixed = max(0.0, min(now - each * rays, before - each * rays_before))
+            self._fixed, self._trust = self._fixed * (fine > _REFUTED * coarse), _TRUSTED
+        self._trust -= 1
+        self._fixed = min(self._fixed, now) if self._trust > 0 and now > _REFUTED * self._fixed else 0.0
+        self._last = divisor, seconds
+
+    def _predicted(self, seconds: float, divisor: int, level: int) -> float:
+        """s of a frame at a level, where one with this divisor took so long."""
+        return self._fixed + (seconds - self._fixed) * (divisor / _DIVISORS[level]) ** 2
+
     def _patience_for(self, seconds: float) -> int:
         """Frames with headroom before a finer one is tried, where the last one took so long."""
-        finer = seconds * (self.divisor / _DIVISORS[self._level + 1]) ** 2
-        return _PATIENCE if finer <= _HEADROOM * self.budget else self._patience
+        finer = self._predicted(seconds, self.divisor, self._level + 1)
+        return _PATIENCE if finer <= self._comfortable else self._patience
 
     def _coarsen(self, seconds: float) -> None:
         if self._refined:
             self._patience = min(2 * self._patience, _MAX_PATIENCE)
         before = self.divisor
         for _ in range(_MAX_DROP):
-            if self._level and seconds * (before / self.divisor) ** 2 > self.budget:
+            if self._level > self._floor and self._predicted(seconds, before, self._level) > self.limit:
                 self._level -= 1
         self._headroom, self._refined = 0, False

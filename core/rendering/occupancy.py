@@ -2,7 +2,8 @@
 
 Densities are evaluated at the corners of the cells and a cell counts as occupied where one of its eight corners is, so
 that a part as thick as a cell is never lost. The first layer's activations there depend on no code and are kept per
-model: a new shape costs two small layers.
+model: a new shape costs a few small layers. Where no training object of the model has anything, every second corner is
+evaluated at first, and the others only if there is something after all.
 """
 
 import math
@@ -18,6 +19,7 @@ from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.layers import pad_rows
 from core.models.model import Model
+from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
 
 CELLS = 64
@@ -30,7 +32,7 @@ _FINE_SAMPLES = 192
 _MAX_TOLERANCE = 0.03
 """share of the light, with few intervals"""
 _COARSE_FACTOR = 2
-"""Cells along each axis that make a coarse cell, for the outline and for dilation."""
+"""Cells along each axis that make a coarse cell, for the outline."""
 _BLOCK = 16384
 
 
@@ -63,18 +65,22 @@ class Occupancy:
 
     Args:
         previous: the occupancy of a similar shape. Corners are evaluated around it, and elsewhere only every second
-            one: a few times faster, and enough while a shape changes. Something thin far from it is missed.
+            one, or every fourth where no training object has anything: a few times faster, and enough while a shape
+            changes. Something thin far from it is missed.
     """
 
     def __init__(self, model: Model, folded: FoldedField, previous: "Occupancy | None" = None) -> None:
         self.extent, self.complete = model.extent_tensor, previous is None
         self.cell = 2 * self.extent / CELLS
-        activations = _corner_activations(model, folded.dtype)
+        known = _corners(model, folded.dtype)
+        limit = _MIN_OPACITY / float(self.cell.amin())
         with torch.inference_mode():
-            corners = _corner_densities(folded, activations, previous._corners_around() if previous else None)
-        self.cells: Bool[Tensor, "cells cells cells"] = (
-            _max_pool_corners(corners) * float(self.cell.amin()) > _MIN_OPACITY
-        )
+            if previous:
+                rows = (previous._around() | known.sparse).index_select(0, known.corner).nonzero()[:, 0]
+                corners = _densities_around(folded, known, rows)
+            else:
+                corners = _complete_densities(folded, known, limit)
+        self.cells: Bool[Tensor, "cells cells cells"] = _max_pool_corners(corners) > limit
         self._flat = self.cells.flatten()
         self._min_density = -_max_pool_corners(-corners).flatten()
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
@@ -85,13 +91,13 @@ class Occupancy:
         """bytes"""
         return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
 
-    def _corners_around(self) -> Int[Tensor, "some"]:
-        """Every second corner, and all those of the cells within two of an occupied one."""
-        around = self._coarse
-        for axis in range(3):
-            around = _dilate(around, axis)
-        around[::2, ::2, ::2] = True
-        return around.flatten().nonzero()[:, 0]
+    def _around(self) -> Bool[Tensor, "all"]:
+        """Which corners are those of the occupied cells and of all that touch them."""
+        around = functional.pad(self.cells, (2,) * 6)
+        for _ in range(3):  # of the four cells in a row around each corner
+            around = around[:-1] | around[1:]
+            around = (around[:-2] | around[2:]).movedim(0, 2)
+        return around.flatten()
 
     def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
         """Whether each point of the box lies in an occupied cell."""
@@ -157,13 +163,12 @@ class Occupancy:
         tiles = reached[:, :-1].unflatten(1, size)
         tiles = torch.maximum(torch.maximum(tiles[:, :-2], tiles[:, 1:-1]), tiles[:, 2:])
         tiles = torch.maximum(torch.maximum(tiles[..., :-2], tiles[..., 1:-1]), tiles[..., 2:])
-        near, far = -tiles[0].flatten(), tiles[1].flatten()
         rows, columns = (
             ((torch.arange(pixels, device=centres.device) + 0.5) * (count / pixels)).long()
             for pixels, count in ((camera.height, tile_rows), (camera.width, tile_columns))
         )
-        at = rows[:, None] * tile_columns + columns
-        return near[at], far[at]
+        near, far = (tile.index_select(0, rows).index_select(1, columns) for tile in (-tiles[0], tiles[1]))
+        return near, far
 
 
 def _cumulative_per_ray(
@@ -175,28 +180,44 @@ def _cumulative_per_ray(
     return (whole - before.index_select(0, ray)).float()
 
 
-def _dilate(coarse: Bool[Tensor, "x y z"], axis: int) -> Bool[Tensor, "more y2 z2"]:
-    """From coarse cells to corners along one axis: those of the cells and of their neighbours."""
-    cells = coarse.movedim(axis, 0)
-    grown = cells.clone()
-    grown[1:] |= cells[:-1]
-    grown[:-1] |= cells[1:]
-    corners = grown.new_zeros(_COARSE_FACTOR * len(grown) + 1, *grown.shape[1:])
-    for offset in range(_COARSE_FACTOR + 1):
-        corners[offset : offset + _COARSE_FACTOR * len(grown) : _COARSE_FACTOR] |= grown
-    return corners.movedim(0, axis)
+class _Corners(NamedTuple):
+    """The corners of the grid of a model, those first that are always evaluated."""
+
+    corner: Int[Tensor, "all"]
+    """which of the grid, row by row"""
+    activations: Float[Tensor, "all width"]
+    """of the first layer, in this order"""
+    likely: int
+    """how many are in the cells that training objects occupy"""
+    always: int
+    """how many are evaluated of every shape: those, and every second one elsewhere"""
+    sparse: Bool[Tensor, "all"]
+    """in the order of the grid: those evaluated of a shape that changes, wherever it was before"""
 
 
-def _corner_densities(
-    folded: FoldedField, activations: Float[Tensor, "all width"], some: Int[Tensor, "some"] | None
+def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> Float[Tensor, "corners corners corners"]:
+    """Densities at all corners, 0 where training objects have nothing and this shape has not either."""
+    found = torch.zeros(len(known.corner), device=known.corner.device)
+
+    def evaluate(rows: slice) -> Tensor:
+        parts = known.activations[rows].split(_BLOCK)
+        return torch.cat([folded.density(part)[0] for part in parts])
+
+    densities = evaluate(slice(0, known.always))
+    found[known.corner[: known.always]] = densities
+    if bool((densities[known.likely :] > limit).any()):
+        found[known.corner[known.always :]] = evaluate(slice(known.always, None))
+    return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
+
+
+def _densities_around(
+    folded: FoldedField, known: _Corners, rows: Int[Tensor, "some"]
 ) -> Float[Tensor, "corners corners corners"]:
-    """Densities at the corners of the grid; zero at those that are not evaluated."""
-    if some is None:
-        found = torch.cat([folded.density(part)[0] for part in activations.split(_BLOCK)])
-    else:
-        found = torch.zeros(len(activations), device=activations.device)
-        for part in some.split(_BLOCK):
-            found[part] = folded.density(activations.index_select(0, pad_rows(part)))[0][: len(part)]
+    """Densities at some corners, numbered as in ``known.corner``; 0 at the others."""
+    found = torch.zeros(len(known.corner), device=rows.device)
+    for part in rows.split(_BLOCK):
+        activations = known.activations.index_select(0, pad_rows(part))
+        found[known.corner[part]] = folded.density(activations)[0][: len(part)]
     return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
@@ -208,11 +229,28 @@ def _max_pool_corners(corners: Float[Tensor, "corners corners corners"]) -> Floa
 
 
 @lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
-def _corner_activations(model: Model, dtype: torch.dtype) -> Float[Tensor, "all width"]:
-    """First-layer activations at all corners of the grid."""
+def _corners(model: Model, dtype: torch.dtype) -> _Corners:
+    """The corners of the grid, with their first-layer activations."""
+    likely = _likely_corners(model)
+    second, fourth = torch.zeros_like(likely), torch.zeros_like(likely)
+    second[::2, ::2, ::2] = fourth[::4, ::4, ::4] = True
+    turn = torch.where(likely, 0, torch.where(second, 1, 2)).flatten()
+    corner = turn.argsort(stable=True)
     axes = [torch.linspace(-half, half, CELLS + 1, device=model.device) for half in model.extent]
-    corners = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    points = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)[corner]
     folded = FoldedField(model, model.codes.mean)
     assert folded.dtype == dtype
     with torch.inference_mode():
-        return torch.cat([folded.first_layer(part) for part in corners.split(_BLOCK)])
+        activations = torch.cat([folded.first_layer(part) for part in points.split(_BLOCK)])
+    sparse = torch.where(likely, second, fourth).flatten()
+    return _Corners(corner, activations, int((turn == 0).sum()), int((turn < 2).sum()), sparse)
+
+
+def _likely_corners(model: Model) -> Bool[Tensor, "corners corners corners"]:
+    """The corners of the cells that training objects occupy, all where the model's file does not tell these cells."""
+    if model.stored_cells is None:
+        return torch.ones((CELLS + 1,) * 3, dtype=torch.bool, device=model.device)
+    cells = model.stored_cells.to(model.device).float()
+    for axis in range(3):
+        cells = cells.repeat_interleave(CELLS // STORED_CELLS, axis)
+    return functional.max_pool3d(functional.pad(cells[None], (1,) * 6), 2, 1)[0] > 0

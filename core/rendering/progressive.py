@@ -7,14 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32, Int32, UInt8
-from torch import Tensor
+from jaxtyping import Float32, Int32, UInt8
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.fast import is_cached, render_steps
-from core.rendering.reference import Rendered
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,7 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
     ]
     for at in range(max(cached, default=0), len(stages)):
         stage = stages[at]
-        rendered = _downsampled((yield from render_steps(model, job.codes, *stage.arguments)), stage.supersampling)
+        rendered = yield from render_steps(model, job.codes, *stage.arguments, supersampling=stage.supersampling)
         image = (rendered.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
@@ -120,36 +118,18 @@ class _Stage(NamedTuple):
 
 
 def _stages(job: RenderJob) -> list[_Stage]:
-    """From the coarsest to the last stage. Occupancy is complete once the image has its full size."""
+    """From the coarsest to the last stage, the only one that takes time for the complete occupancy of a new shape."""
     settings, (width, height) = job.settings, (job.camera.width, job.camera.height)
     stages = []
     for at, divisor in enumerate(settings.divisors):
-        samples = settings.samples if at == len(settings.divisors) - 1 else settings.preview_samples
+        last = at == len(settings.divisors) - 1
+        samples = settings.samples if last else settings.preview_samples
         camera = job.camera.resized(max(1, width // divisor), max(1, height // divisor))
-        stages.append(_Stage(_Arguments(camera, samples, divisor == 1)))
+        stages.append(_Stage(_Arguments(camera, samples, last)))
     if settings.supersampling > 1:
         camera = job.camera.resized(width * settings.supersampling, height * settings.supersampling)
         stages.append(_Stage(_Arguments(camera, settings.samples, True), settings.supersampling))
     return stages
-
-
-def _downsampled(rendered: Rendered, factor: int) -> Rendered:
-    """The means of squares of pixels; depth is averaged over the part that shows the object."""
-    if factor == 1:
-        return rendered
-    colour, opacity = (_block_means(part, factor) for part in (rendered.colour, rendered.opacity[..., None]))
-    depth = _block_means((rendered.depth * rendered.opacity)[..., None], factor) / opacity.clamp_min(1e-6)
-    evaluations = (
-        None
-        if rendered.evaluations is None
-        else _block_means(factor**2 * rendered.evaluations[..., None].float(), factor)[..., 0].long()
-    )
-    return Rendered(colour, depth[..., 0], opacity[..., 0], evaluations)
-
-
-def _block_means(image: Float[Tensor, "rows columns channels"], factor: int) -> Float[Tensor, "height width channels"]:
-    rows, columns, channels = image.shape
-    return image.reshape(rows // factor, factor, columns // factor, factor, channels).mean((1, 3))
 
 
 def render_frame(model: Model, codes: Codes, camera: Camera) -> Frame:

@@ -222,6 +222,23 @@ def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int
     drive(act, size=size)
 
 
+@pytest.mark.parametrize("text", [1.0, 2.0])
+def test_nothing_is_cut_off_at_the_right_where_the_window_is_small(drive: Drive, text: float) -> None:
+    too_wide: dict[str, float] = {}  # px of each panel
+
+    def act(window: Driver) -> None:
+        window.context.set_preference(text=text)
+        window.workspace.player.add_key()
+        window.wait()
+        for panel in window.app.panels:
+            window.show(panel.title)
+            shown = window.ctx.window_info(f"//{panel.title}").window
+            too_wide[panel.title] = max(0, shown.scroll_max.x - shown.window_padding.x)
+
+    drive(act, size=(900, 600))
+    assert not any(too_wide.values()), too_wide
+
+
 def test_bad_files_are_reported_and_change_nothing(
     drive: Drive, bad_files: dict[str, Path], tmp_path: Path, model: Model
 ) -> None:

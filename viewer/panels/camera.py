@@ -7,9 +7,11 @@ from imgui_bundle import hello_imgui, imgui
 
 from viewer.context import PanelContext
 from viewer.values import orbit
-from viewer.widgets.controls import action_button, tooltip
+from viewer.widgets.controls import action_button, flow, tooltip
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
+_NUMBER = 9
+"""em, a number to drag"""
 
 
 class CameraPanel:
@@ -24,21 +26,23 @@ class CameraPanel:
         """The buttons above the numbers."""
         for number, (action, label) in enumerate(_VIEWS.items()):
             if number:
-                imgui.same_line(0, hello_imgui.em_size(0.4))
+                flow(label, 4.5)
             action_button(context, action, label, width=4.5)
         for number, (action, label) in enumerate(_MORE.items()):
             if number:
-                imgui.same_line(0, hello_imgui.em_size(0.4))
+                flow(label, 7.4)
             action_button(context, action, label, width=7.4)
         editor, camera = context.editor, context.editor.scene.camera
         azimuth, elevation = math.degrees(camera.azimuth), math.degrees(camera.elevation)
         turned = _number(context, "azimuth", azimuth, 1.0, (-360.0, 360.0), "%.1f°", "Around the object; front is 90°")
         if turned is not None:
             editor.set_camera(replace(camera, azimuth=math.remainder(math.radians(turned), 2 * math.pi)), "azimuth")
+        flow("elevation", _NUMBER)
         raised = _number(context, "elevation", elevation, 0.5, (-_STEEPEST, _STEEPEST), "%.1f°", "Above the horizontal")
         if raised is not None:
             editor.set_camera(replace(camera, elevation=math.radians(raised)), "elevation")
         reach = orbit.reach(camera, editor.model)
+        flow("distance", _NUMBER)
         moved = _number(context, "distance", camera.distance, 0.01, reach, "%.2f", "An object's diagonal is 1")
         if moved is not None:
             editor.set_camera(replace(camera, distance=moved), "distance")
@@ -53,11 +57,10 @@ def _number(
     context: PanelContext, name: str, value: float, speed: float, limits: tuple[float, float], form: str, text: str
 ) -> float | None:
     """A number to drag or to type; what it became, if it was changed."""
-    imgui.set_next_item_width(hello_imgui.em_size(9))
+    imgui.set_next_item_width(hello_imgui.em_size(_NUMBER))
     clamp = imgui.SliderFlags_.always_clamp
     changed, to = imgui.drag_float(f"##{name}", value, speed, *limits, f"{name.capitalize()}  {form}", clamp)
     if imgui.is_item_deactivated():
         context.editor.end_gesture()
     tooltip(f"{text}. Drag, or Ctrl+click to type")
-    imgui.same_line()
     return to if changed else None

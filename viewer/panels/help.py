@@ -5,6 +5,9 @@ from imgui_bundle import hello_imgui, imgui
 from viewer.actions import TABLE, Action
 from viewer.context import PanelContext
 
+_WHAT, _DOES = 13, 32
+"""em: the widths of the columns"""
+
 
 def draw(context: PanelContext) -> None:
     """A window, while it is open."""
@@ -18,8 +21,10 @@ def draw(context: PanelContext) -> None:
     shown, stays = imgui.begin("Help", True, unmoved)
     context.help_open = bool(stays)
     if shown and imgui.begin_table("help", 2):
-        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(13))
-        imgui.table_setup_column("does", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(26))
+        imgui.table_setup_column("what", imgui.TableColumnFlags_.width_fixed, hello_imgui.em_size(_WHAT))
+        room = viewport.work_size.x - hello_imgui.em_size(_WHAT + 3)
+        does = min(hello_imgui.em_size(_DOES), room)
+        imgui.table_setup_column("does", imgui.TableColumnFlags_.width_fixed, does)
         for place, rows in TABLE.items():
             _draw_row(place, "", heading=True)
             for row in rows:
@@ -33,4 +38,4 @@ def _draw_row(what: str, does: str, heading: bool = False) -> None:
     imgui.table_next_column()
     imgui.text_disabled(what) if heading else imgui.text(what)
     imgui.table_next_column()
-    imgui.text(does)
+    imgui.text_wrapped(does)

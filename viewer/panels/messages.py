@@ -8,8 +8,10 @@ from viewer.context import PanelContext
 from viewer.services.messages import Kind, Message
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
-_WIDTH = 24
-"""em"""
+_WIDTH, _BESIDE = 24, 6
+"""em: the longest line, what is beside it"""
+_SMALL, _NARROW, _BADGE = 16, 40, 2.4
+"""em: a view that has no room for messages, nor for message and badge side by side; the height of the badge"""
 
 
 def draw(context: PanelContext) -> None:
@@ -18,13 +20,24 @@ def draw(context: PanelContext) -> None:
     if not due:
         return
     em = hello_imgui.em_size()
-    imgui.set_next_window_pos(context.view[1] - ImVec2(0.7 * em, 0.7 * em), imgui.Cond_.always, (1, 1))
+    low, high = _room(context)
+    up = 0.7 + (_BADGE if high.x - low.x < _NARROW * em else 0.0)
+    imgui.set_next_window_pos(high - ImVec2(0.7 * em, up * em), imgui.Cond_.always, (1, 1))
     imgui.set_next_window_bg_alpha(0.94)
     if imgui.begin("Messages", None, OVERLAY_FLAGS)[0]:
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         for number, message in enumerate(due):
             _draw(context, message, number)
     imgui.end()
+
+
+def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
+    """Two corners: of the view, or of the whole window where the view is small."""
+    low, high = context.view
+    if high.x - low.x > hello_imgui.em_size(_SMALL):
+        return low, high
+    viewport = imgui.get_main_viewport()
+    return viewport.work_pos, viewport.work_pos + viewport.work_size
 
 
 def _draw(context: PanelContext, message: Message, number: int) -> None:
@@ -34,7 +47,9 @@ def _draw(context: PanelContext, message: Message, number: int) -> None:
     icon = icons.ICON_FA_EXCLAMATION_CIRCLE if wrong else icons.ICON_FA_CHECK
     imgui.text_colored((*colour, 1.0), icon)
     imgui.same_line()
-    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + hello_imgui.em_size(_WIDTH))
+    low, high = _room(context)
+    width = min(hello_imgui.em_size(_WIDTH), high.x - low.x - hello_imgui.em_size(_BESIDE))
+    imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
     imgui.text_unformatted(textwrap.shorten(message.text, 400))
     imgui.pop_text_wrap_pos()
     if wrong:

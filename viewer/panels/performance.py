@@ -1,6 +1,6 @@
 """How long the frame on screen took, and what it was rendered with."""
 
-from imgui_bundle import imgui
+from imgui_bundle import hello_imgui, imgui
 
 from core.caches import CACHE
 from core.models.precision import matmul_dtype
@@ -9,10 +9,12 @@ from viewer.context import PanelContext
 from viewer.widgets.controls import tooltip
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg
+_NARROW = 34
+"""em: less has no room for both tables side by side"""
 
 
 class PerformancePanel:
-    """The stages of the frame on the left, the machine on the right."""
+    """The stages of the frame on the left, the machine on the right, or below where it is narrow."""
 
     title = "Performance"
     dock = "Drawer"
@@ -26,7 +28,9 @@ class PerformancePanel:
         if frame is None:
             imgui.text_disabled("The numbers come with the first render")
             return
-        if imgui.begin_table("stages", 4, _FLAGS, (imgui.get_content_region_avail().x * 0.55, 0)):
+        room = imgui.get_content_region_avail().x
+        wide = room > hello_imgui.em_size(_NARROW)
+        if imgui.begin_table("stages", 4, _FLAGS, (0.55 * room if wide else 0.0, 0)):
             for head in ("Stage", "Rendered", "Done after", "Rays a second"):
                 imgui.table_setup_column(head)
             imgui.table_headers_row()
@@ -40,7 +44,8 @@ class PerformancePanel:
         tooltip(
             "Of the frame on screen; the first stage has what is needed for all of them, such as a new shape's cells"
         )
-        imgui.same_line()
+        if wide:
+            imgui.same_line()
         if imgui.begin_table("machine", 2, _FLAGS):
             for what, value in _machine(context, frame):
                 _row(what, value)

@@ -5,8 +5,10 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour
 from viewer.values.part import PARTS, Part
+from viewer.values.variety import readable
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import flow, labelled_slider, tooltip
+from viewer.widgets.text import caption
 
 _REACH = 3.0
 """standard deviations, where the slider ends"""
@@ -14,6 +16,8 @@ _LEAST = 0.01
 """standard deviations, where it begins: the mean itself has no direction to lead out again"""
 _TYPICAL, _UNUSUAL = 1.4, 1.8
 """standard deviations: trained objects are nearer; farther out there is rarely a realistic object"""
+_BESIDE = 5
+"""em: where less is left beside a picture, words stand below it"""
 _GREEN: Colour = (0.35, 0.75, 0.5)
 _AMBER: Colour = (0.9, 0.66, 0.25)
 _HELP = (
@@ -65,11 +69,12 @@ class RealismPanel:
         side = min(5 * hello_imgui.em_size(), 0.4 * imgui.get_content_region_avail().x)
         imgui.dummy(ImVec2(side, side))
         object_tiles.paint(context, name, corner, side)
-        imgui.same_line()
+        if imgui.get_content_region_avail().x - side > hello_imgui.em_size(_BESIDE):
+            imgui.same_line()
         imgui.begin_group()
         imgui.text_disabled("Nearest")
-        imgui.text_wrapped(name)
-        imgui.text_disabled(f"{distance:.2f} × typical away")
+        imgui.text_wrapped(readable(name))
+        caption(context, f"{distance:.2f} × typical away")
         imgui.end_group()
 
 

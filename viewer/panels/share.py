@@ -74,7 +74,8 @@ class ShareDialog:
         settings, em = context.preferences.share, hello_imgui.em_size()
         changed = _draw_kinds(settings)
         imgui.spacing()
-        self._draw_preview(context, changed.on_view(_view_colour(context)), _SIDE * em)
+        room = imgui.get_main_viewport().work_size.x / em - _LABEL - _WIDTH - 3
+        self._draw_preview(context, changed.on_view(_view_colour(context)), min(_SIDE, room) * em)
         imgui.same_line(0, em)
         imgui.begin_group()
         changed = _draw_form(changed, context.editor.model.category)
@@ -118,12 +119,14 @@ def _on_checks(image: np.ndarray) -> np.ndarray:
 
 
 def _draw_kinds(settings: ShareSettings) -> ShareSettings:
+    room = imgui.get_main_viewport().work_size.x / hello_imgui.em_size() - 3
+    width = min(7.2, room / len(KINDS))
     for kind, name in KINDS.items():
         if kind != settings.kind:
             imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(imgui.Col_.window_bg))
         else:
             imgui.push_style_color(imgui.Col_.button, imgui.get_style_color_vec4(imgui.Col_.button_active))
-        if button(f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind], 7.2):
+        if button(f"{_ICONS[kind]}  {name}###{kind}", _ABOUT[kind], width):
             settings = replace(settings, kind=kind)
         imgui.pop_style_color()
         imgui.same_line(0, hello_imgui.em_size(0.3))

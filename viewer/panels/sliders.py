@@ -19,6 +19,8 @@ from viewer.widgets.text import push_small
 
 _DICE, _PIN = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_THUMBTACK
 _SHOWN = FILTER | {PARTS: "All"}
+_PARTS_WIDTH = 7
+"""em"""
 _FIRST = 8
 """sliders shown at first"""
 _REACH = 3.0
@@ -99,11 +101,11 @@ class SlidersPanel:
 
     def _draw_top(self, context: PanelContext) -> None:
         action_button(context, "sample_all", f"{_DICE}  Random")
-        imgui.same_line()
+        flow("Thumbnails" + 6 * " ")
         _, self._strips = imgui.checkbox("Thumbnails###strips", self._strips)
         tooltip(_STRIPS_HELP)
-        flow("Texture" + 4 * " ")
-        self._parts = choose("parts", self._parts, _SHOWN, "Which directions are shown")
+        flow("parts", _PARTS_WIDTH)
+        self._parts = choose("parts", self._parts, _SHOWN, "Which directions are shown", _PARTS_WIDTH)
 
     def _draw_named(self, context: PanelContext) -> None:
         if button(f"{_PIN}  Name a direction…###name mix", "Give the way from A to B a name, such as: sportier"):
@@ -126,7 +128,7 @@ class SlidersPanel:
             editor.sample(part)
         if button(f"Mean##{part}", f"The mean {part} of the trained objects"):
             editor.set_to_mean(part)
-        imgui.same_line(0, hello_imgui.em_size(0.3))
+        flow("Reset")
         if button(f"Reset##{part}", f"The {part} of object A"):
             editor.reset_to_object(part)
         shares = editor.space(part).explained_variance.tolist()

@@ -13,6 +13,8 @@ from viewer.widgets.controls import action_button, button, flow, tooltip
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
 _FILM = icons_fontawesome_4.ICON_FA_FILM
+_LENGTH = 4.5
+"""em"""
 _LOOPS = 1.5
 """The step from the end to the start, in the longest of the others, that still passes for one of them."""
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
@@ -35,25 +37,25 @@ class TimelinePanel:
         player = context.player
         self._draw_buttons(context, player)
         _draw_line(context, player)
+        self._draw_check(player)
 
     def _draw_buttons(self, context: PanelContext, player: Player) -> None:
         here, gap = player.key, hello_imgui.em_size(0.3)
         action_button(context, "play", _PAUSE if player.playing else _PLAY, width=2.4)
         imgui.same_line(0, gap)
         action_button(context, "add_key", f"{_ADD}  {'Key' if here is None else 'Replace'}", width=6)
-        imgui.same_line(0, gap)
+        flow(_REMOVE)
         if button(f"{_REMOVE}###remove key", "Take the keyframe at this time out", enabled=here is not None):
             player.remove_key(here if here is not None else 0)
-        imgui.same_line()
+        flow("length", _LENGTH)
         self._draw_numbers(context, player)
         flow(f"{_FILM}  Share…")
         if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
             context.share("film")
-        self._draw_check(context, player)
 
     def _draw_numbers(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline
-        imgui.set_next_item_width(hello_imgui.em_size(4.5))
+        imgui.set_next_item_width(hello_imgui.em_size(_LENGTH))
         changed, length = imgui.drag_float("##length", timeline.length, 0.05, 0.2, 600.0, "%.1f s")
         if changed:
             player.stretch(length)
@@ -84,7 +86,7 @@ class TimelinePanel:
             context.set_preference(camera_path=path)
         tooltip("Over the view, from two keyframes on: where the camera goes; drag a dot to change a keyframe's camera")
 
-    def _draw_check(self, context: PanelContext, player: Player) -> None:
+    def _draw_check(self, player: Player) -> None:
         timeline = player.timeline
         if not timeline.keys:
             return
@@ -92,7 +94,6 @@ class TimelinePanel:
             self._loop_error = timeline, timeline.loop_error()
         error = self._loop_error[1]
         label = "Loops without a jump" if error < _LOOPS else f"Jumps at the end ({error:.0f} steps)"
-        flow(label)
         imgui.text_disabled(label)
         tooltip("The step from the last frame back to the first, against the longest step between any others")
 
@@ -100,7 +101,8 @@ class TimelinePanel:
 def _draw_line(context: PanelContext, player: Player) -> None:
     timeline, em = player.timeline, hello_imgui.em_size()
     corner, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
-    ruler, side = 1.4 * em, max(1.5 * em, min(4 * em, room.y - 1.7 * em))
+    below = imgui.get_text_line_height_with_spacing()
+    ruler, side = 1.4 * em, max(2 * em, min(4 * em, room.y - 1.8 * em - below))
     left, width = corner.x + side / 2, max(1.0, room.x - side)
     imgui.invisible_button("time", (room.x, ruler))
     if imgui.is_item_active():

@@ -32,11 +32,11 @@ _BUTTONS = {
 """actions, and the icons of their buttons"""
 _MODE = 7.0
 """em"""
-_HINT = "Drag to turn    Wheel to zoom    F1 for help"
+_HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _GEAR = icons_fontawesome_4.ICON_FA_COG
 _LOW = 24.0
 """em: in a lower view there is no room for the hint above the way in"""
-_NARROW = 26.0
+_NARROW, _SMALL = 26.0, 11.0
 """em: in a narrower view the mode is among the options"""
 
 
@@ -83,12 +83,20 @@ class ViewPanel:
         _draw_buttons(context, corner, size)
         begins = self._welcome.is_due(context)
         if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
-            _note(corner + ImVec2(size.x / 2, hello_imgui.em_size(4.2)), _HINT)
+            self._draw_hint(corner, size)
         if begins:
             self._welcome.draw(context, corner, size)
         else:
             _draw_badge(viewport, viewport.frame, corner, size)
             self._path.draw(context, corner, size)
+
+    @staticmethod
+    def _draw_hint(corner: ImVec2, size: ImVec2) -> None:
+        """Where it has room."""
+        em = hello_imgui.em_size()
+        if min(size) > _SMALL * em:
+            hint = _HINT if size.x > _NARROW * em else _SHORT_HINT
+            _note(corner + ImVec2(size.x / 2, 4.2 * em), hint)
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
         """What the view shows: the baked object while it is turned, else the newest frame."""

@@ -54,7 +54,9 @@ class Target:
 
     @contextmanager
     def of_size(self, size: tuple[int, int]) -> Iterator[None]:
-        """Draw into it; the screen's own framebuffer is in use again at the end."""
+        """Draw into it; the framebuffer that was in use before is so again at the end."""
+        screen = self._context.screen  # there is none where there is no window
+        before = screen and (self._context.fbo or screen)
         if self._framebuffer is None or self._framebuffer.size != size:
             self.release()
             self._texture = self._context.texture(size, 4)
@@ -65,8 +67,8 @@ class Target:
         self._context.disable(moderngl.BLEND | moderngl.CULL_FACE | moderngl.DEPTH_TEST)
         self._context.scissor = None
         yield
-        if self._context.screen:  # there is none where there is no window
-            self._context.screen.use()
+        if before:
+            before.use()
 
     def release(self) -> None:
         """Give the GL objects back."""

@@ -108,8 +108,9 @@ class FileDialog:
     def _draw_line(self, request: FileRequest) -> None:
         if self._fresh:
             imgui.open_popup(_TITLE)
-        imgui.set_next_window_pos(imgui.get_main_viewport().get_center(), imgui.Cond_.always, (0.5, 0.5))
-        imgui.set_next_window_size((hello_imgui.em_size(36), 0))
+        viewport = imgui.get_main_viewport()
+        imgui.set_next_window_pos(viewport.get_center(), imgui.Cond_.always, (0.5, 0.5))
+        imgui.set_next_window_size((min(hello_imgui.em_size(36), 0.94 * viewport.work_size.x), 0))
         if not imgui.begin_popup_modal(_TITLE, None, imgui.WindowFlags_.no_saved_settings)[0]:
             return
         imgui.text(request.title)

@@ -143,6 +143,15 @@ def limit_size() -> None:
     )
 
 
+def draw_into(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Framebuffer:
+    """Draw the window into a framebuffer of its own, which is to be kept: one that nobody sees has no surface that is
+    larger than the screen it is not on.
+    """
+    surface = context.framebuffer([context.renderbuffer(size)], context.depth_renderbuffer(size))
+    surface.use()
+    return surface
+
+
 def resize(width: int, height: int) -> None:
     """Give the window a size, be it larger than the screen."""
     glfw.set_window_size(glfw_utils.glfw_window_hello_imgui(), width, height)

@@ -52,9 +52,9 @@ def action_button(
         found.run(context)
 
 
-def flow(label: str) -> None:
-    """Continue in this line where a button of this label has room, else in the next."""
-    width = imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
+def flow(label: str, width: float = 0.0) -> None:
+    """Continue in this line where a button of this label, or of this width in em, has room, else in the next."""
+    width = hello_imgui.em_size(width) or imgui.calc_text_size(label).x + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
         imgui.new_line()

@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from core.benchmarks import fits, held_out_views
-from core.benchmarks.charts import prepare, read_fits, redraw, write_fits
+from core.benchmarks.charts import read_fits, redraw, write_fits
+from core.benchmarks.drawing import prepare
 from core.benchmarks.fits import FitResults
 from core.benchmarks.held_out_views import HELD_OUT_VIEWS, is_symmetric_view, random_camera, training_object_views
 from core.benchmarks.tables import fit_table

@@ -6,7 +6,8 @@ from typing import ClassVar
 import pytest
 
 from core.benchmarks import model_sizes
-from core.benchmarks.charts import prepare, read_model_sizes, write_model_sizes
+from core.benchmarks.charts import read_model_sizes, write_model_sizes
+from core.benchmarks.drawing import prepare
 from core.benchmarks.model_sizes import ModelSizeResults, run
 from core.benchmarks.tables import model_sizes_table
 from core.datasets.srn import Dataset, index_objects, write_manifest, write_object

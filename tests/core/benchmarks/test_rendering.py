@@ -1,33 +1,40 @@
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from core.benchmarks import rendering
-from core.benchmarks.charts import prepare, read_rendering, write_rendering
+from core.benchmarks.drawing import prepare
 from core.benchmarks.gate import compare_rendering
-from core.benchmarks.rendering import RenderingResults, run
+from core.benchmarks.rendering import Interaction, RenderingResults, Timing, run
+from core.benchmarks.rendering_charts import add_row, draw_rendering, read_rendering, read_rows
 from core.benchmarks.tables import rendering_table
 from tests.conftest import image_size
 from tests.core.tiny import tiny_model
 
+ABOUT = {"machine": "a machine", "views": "2"}
+
 
 @pytest.fixture(scope="module")
-def found() -> RenderingResults:
+def rows() -> Iterator[list[Timing | Interaction]]:
     patch = pytest.MonkeyPatch()
     with patch.context() as changed:
         for name, value in (
-            ("_ROUNDS", 1),
-            ("_INTERACTION_FRAMES", 2),
+            ("TURNS", 2),
+            ("NAIVE_TURNS", 1),
+            ("INTERACTION_FRAMES", 2),
             ("SIZES", (16, 32)),
             ("INTERACTION_SIZES", (24,)),
+            ("REFERENCE_SAMPLES", 96),
         ):
             changed.setattr(rendering, name, value)
-        changed.setattr(rendering, "REFERENCE_SAMPLES", 96)
-        *lines, found = run(tiny_model(), 2)
-    assert all(isinstance(line, str) for line in lines)
-    assert isinstance(found, RenderingResults)
-    return found
+        yield list(run(tiny_model(), 2))
+
+
+@pytest.fixture(scope="module")
+def found(rows: list[Timing | Interaction]) -> RenderingResults:
+    return RenderingResults.of("a machine", 2, rows)
 
 
 def test_every_recipe_is_measured_against_the_reference(found: RenderingResults) -> None:
@@ -47,14 +54,32 @@ def test_what_is_left_out_of_a_ray_costs_next_to_no_accuracy(found: RenderingRes
     assert all(one.psnr == pytest.approx(full.psnr, abs=1.0) for one in others)
 
 
-def test_charts_are_written(found: RenderingResults, tmp_path: Path) -> None:
+def test_times_are_medians_over_turns() -> None:
+    some = [Timing("fast", "fast", 128, 64, turn, ms, 50.0, 49.0, 0.1) for turn, ms in enumerate((1.0, 9.0, 2.0))]
+    (one,) = RenderingResults.of("m", 1, some).fast
+    assert (one.ms, one.psnr) == (2.0, 50.0)
+
+
+def test_a_resumed_run_goes_on_where_the_first_stopped(rows: list[Timing | Interaction]) -> None:
+    assert len({row.key for row in rows}) == len(rows)
+    done = {row.key for row in rows[:-1]}
+    assert [row.key for row in run(tiny_model(), 2, done)] == [rows[-1].key]
+
+
+def test_charts_are_written(rows: list[Timing | Interaction], found: RenderingResults, tmp_path: Path) -> None:
     prepare(tmp_path / "charts")
-    write_rendering(found, tmp_path / "charts")
+    assert read_rows(tmp_path / "charts", ABOUT) == []
+    for row in rows:
+        add_row(tmp_path / "charts", ABOUT, row)
+    assert read_rows(tmp_path / "charts", ABOUT) == rows
+    with pytest.raises(ValueError, match=r"render.csv: views '2', and now '3'"):
+        read_rows(tmp_path / "charts", ABOUT | {"views": "3"})
+    draw_rendering(tmp_path / "charts")
     assert read_rendering(tmp_path / "charts/render.csv") == found
     assert image_size(tmp_path / "charts/render.png")[0] > 800
     table = rendering_table(found)
     assert (tmp_path / "charts/render.md").read_text() == table
-    assert "| naive | 96 |" in table
+    assert "| naive, float32 | 96 |" in table
 
 
 def test_the_gate_compares_ratios_with_a_baseline(found: RenderingResults) -> None:

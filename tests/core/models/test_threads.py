@@ -23,11 +23,18 @@ def test_several_threads_must_be_clearly_faster(several: float, chosen: int):
     assert torch.get_num_threads() == chosen
 
 
-def test_a_single_round_decides_nothing():
-    strokes = iter([0.1] * 3 + [5.0] * 5)
+@pytest.mark.parametrize("slow", [0, 4, 7])
+def test_a_single_slow_round_tells_of_a_busy_machine_and_ends_the_measurement(slow: int):
+    taken: list[int] = []
+
+    def measure(count: int) -> float:
+        taken.append(count)
+        return 1.0 if count == 1 else 5.0 if len(taken) == 2 * slow + 2 else 0.1
+
     torch.set_num_threads(2)
-    Threads(lambda count: next(strokes) if count > 1 else 1.0).look()
+    Threads(measure).look()
     assert torch.get_num_threads() == 1
+    assert len(taken) == 2 * slow + 2
 
 
 def test_where_there_is_one_thread_nothing_is_measured():
@@ -44,7 +51,7 @@ def test_it_is_measured_again_after_a_while(monkeypatch: pytest.MonkeyPatch):
 
     def measure(count: int) -> float:
         taken.append(count)
-        return 1.0 if count == 1 or busy else 0.5
+        return (1.0 if count == 1 else 2.0) if busy else 1 / count
 
     busy, now = False, 100.0
     monkeypatch.setattr(threads.time, "monotonic", lambda: now)
@@ -56,10 +63,28 @@ def test_it_is_measured_again_after_a_while(monkeypatch: pytest.MonkeyPatch):
     assert (len(taken), torch.get_num_threads()) == (asked, 2)
     now += 60
     some.look()
-    assert (len(taken), torch.get_num_threads()) == (2 * asked, 1)
+    assert len(taken) > asked
+    assert torch.get_num_threads() == 1
     now, busy = now + 60, False
     some.look()
     assert torch.get_num_threads() == 2
+
+
+def test_while_one_thread_is_faster_it_is_measured_ever_more_seldom(monkeypatch: pytest.MonkeyPatch):
+    taken: list[float] = []
+
+    def measure(count: int) -> float:
+        taken.append(now)
+        return 1.0 * count
+
+    now = 0.0
+    monkeypatch.setattr(threads.time, "monotonic", lambda: now)
+    torch.set_num_threads(2)
+    some = Threads(measure)
+    for _ in range(60):
+        some.look()
+        now += 1
+    assert sorted(set(taken)) == [0, 4, 12, 28, 44]
 
 
 def test_whoever_sets_another_number_says_how_many_there_may_be():

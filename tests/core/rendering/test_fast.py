@@ -13,6 +13,7 @@ from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode
+from core.models.library import load_model
 from core.models.precision import use_dtype
 from core.rendering import fast as renderer
 from core.rendering.fast import render
@@ -184,6 +185,29 @@ def test_a_shape_on_the_move_is_found_around_the_last_one():
         assert not occupancy.complete
         assert not bool((occupancy.cells & ~whole.cells).any())
         assert float((whole.cells & ~occupancy.cells).sum()) <= 0.001 * float(whole.cells.sum())
+
+
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+@given(seed=seeds, deviations=st.sampled_from([0.0, 1.0, 5.0]))
+@settings(max_examples=4)
+def test_what_training_objects_occupy_leaves_nothing_of_a_shape_out(name: str, seed: int, deviations: float):
+    model = load_model(name)
+    generator = torch.Generator().manual_seed(seed)
+    space, start = model.codes.shape_space, model.codes[int(torch.randint(100, (), generator=generator))]
+    one = torch.randn(len(space.std), generator=generator) * (torch.rand(len(space.std), generator=generator) < 0.1)
+    codes = Codes(start.shape + space.code(deviations * one) - space.mean, start.texture)
+    whole = Occupancy(replace(model, stored_cells=None), FoldedField(model, codes))
+    missed = whole.cells & ~Occupancy(model, FoldedField(model, codes)).cells
+    assert float(missed.sum()) < 1e-3 * float(whole.cells.sum())
+
+
+def test_an_object_where_no_training_object_has_anything_is_whole():
+    model = tiny_model()
+    codes = model.codes[0]
+    nowhere = replace(model, stored_cells=torch.zeros(32, 32, 32, dtype=torch.bool))
+    whole = Occupancy(replace(model, stored_cells=None), FoldedField(model, codes))
+    assert bool(whole.cells.any())
+    assert torch.equal(Occupancy(nowhere, FoldedField(model, codes)).cells, whole.cells)
 
 
 def test_a_preview_of_a_moving_shape_is_never_taken_for_the_finished_one():

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import is_cached
+from core.rendering.fast import clear_cache, is_cached, shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.progressive import RenderJob, RenderSettings, render_frame, render_progressively
 from tests.conftest import random_model
@@ -53,6 +53,20 @@ def test_a_last_stage_of_finer_pixels_is_joined_to_the_images_size():
         if frame
     ]
     assert first.stage == 2
+
+
+def test_only_the_last_stage_looks_for_all_of_a_new_shape():
+    clear_cache()
+    model = random_model()
+    near, far = model.codes[0], model.codes[0].mixed(model.codes[1], 0.02, 0)
+    for codes in (near, far):
+        stream = render_progressively(model, RenderJob(codes, model.camera(0.3, 0.2), RenderSettings(divisors=(1, 1))))
+        frames = [next(frame for frame in stream if frame)]
+        before = shape_occupancy(model, tuple(codes.shape.tolist()), complete=False)
+        frames += [frame for frame in stream if frame]
+        after = shape_occupancy(model, tuple(codes.shape.tolist()), complete=False)
+        assert [frame.resolution for frame in frames] == [(32, 32), (32, 32)]
+        assert (before.complete, after.complete) == (codes is near, True)
 
 
 def test_a_stream_that_is_left_does_no_more_work(monkeypatch: pytest.MonkeyPatch):
