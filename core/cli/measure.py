@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from core.benchmarks import (
     ablations,
+    architectures,
     charts,
     drawing,
     fits,
@@ -21,7 +22,9 @@ from core.benchmarks import (
     rendering,
     rendering_charts,
     robustness,
+    scaling,
     tables,
+    training_charts,
 )
 from core.benchmarks.csv_files import append_record, read_records
 from core.benchmarks.figures import fit_photo, write_figures
@@ -148,13 +151,24 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
 
 def bench_model_size(chosen: argparse.Namespace) -> None:
     """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
-    drawing.prepare(chosen.out)
-    if not chosen.models.is_dir():
-        raise ValueError(f"there is no folder {chosen.models}")
-    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
-    found = _last_value(model_sizes.run(chosen.datasets, tests, chosen.steps, chosen.models))
-    charts.write_model_sizes(found, chosen.out)
+    found = _last_value(model_sizes.run(*_trained_models(chosen)))
+    training_charts.write_model_sizes(found, chosen.out)
     print(tables.model_sizes_table(found), flush=True)
+
+
+def bench_scaling(chosen: argparse.Namespace) -> None:
+    """``bench scaling``: quality against the number of training shapes, as CSV, table and chart."""
+    found = _last_value(scaling.run(*_trained_models(chosen)))
+    training_charts.write_scaling(found, chosen.out)
+    print(tables.scaling_table(found), flush=True)
+
+
+def bench_architectures(chosen: argparse.Namespace) -> None:
+    """``bench architectures``: CodeNeRF beside the paper's ablations M1 and M2, as CSV, table and picture."""
+    _prepare_models(chosen)
+    found = _last_value(architectures.run(chosen.datasets, chosen.steps, chosen.models))
+    training_charts.write_architectures(found, chosen.out)
+    print((chosen.out / "architectures.md").read_text(), flush=True)
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
@@ -167,6 +181,19 @@ def bench_redraw(chosen: argparse.Namespace) -> None:
 def _prepare(chosen: argparse.Namespace) -> None:
     if not chosen.gate:
         drawing.prepare(chosen.out)
+
+
+def _prepare_models(chosen: argparse.Namespace) -> None:
+    drawing.prepare(chosen.out)
+    if not chosen.models.is_dir():
+        raise ValueError(f"there is no folder {chosen.models}")
+
+
+def _trained_models(chosen: argparse.Namespace) -> tuple[list[Path], tuple[ObjectEntry, ...], int, Path]:
+    """Of a benchmark that trains models: what to train on, the test objects, steps, and where models are kept."""
+    _prepare_models(chosen)
+    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    return chosen.datasets, tests, chosen.steps, chosen.models
 
 
 def _require_no_worse(lines: Sequence[str]) -> None:

@@ -366,18 +366,32 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     size = _command(
         kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
     )
-    size.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
-    size.add_argument(
-        "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
+    shapes = _command(
+        kinds,
+        "scaling",
+        "measure.bench_scaling",
+        "the effect of the number of training shapes; trains a model for each",
     )
-    size.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
-    size.add_argument("--steps", type=count, default=3000, help="of training, for each model")
-    size.add_argument(
-        "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
+    designs = _command(
+        kinds,
+        "architectures",
+        "measure.bench_architectures",
+        "the paper's ablations M1 and M2; trains a model for each",
     )
+    for kind in (size, shapes):
+        kind.add_argument(
+            "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
+        )
+        kind.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
+    for kind, steps in ((size, 3000), (shapes, 6000), (designs, 4000)):
+        kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
+        kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
+        kind.add_argument(
+            "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
+        )
     for kind in (rendering, load, fitting, ablations, robustness):
         _add_model(kind)
-    for kind in (rendering, load, fitting, ablations, robustness, size, redraw):
+    for kind in (rendering, load, fitting, ablations, robustness, size, shapes, designs, redraw):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )
