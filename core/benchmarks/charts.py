@@ -20,7 +20,7 @@ from core.benchmarks.rendering_charts import draw_rendering
 from core.benchmarks.robustness import SUCCESS_DEGREES, Measured, RobustnessResults
 from core.benchmarks.robustness import Trial as RobustnessTrial
 from core.benchmarks.stressors import STRESSORS
-from core.benchmarks.training_charts import draw_architectures, draw_model_sizes, draw_scaling
+from core.benchmarks.training_charts import draw_architectures, draw_model_sizes, draw_recipe, draw_scaling
 from core.evaluation.statistics import Mean
 from core.training.curve import CurvePoint, draw_curves
 
@@ -250,5 +250,6 @@ _REDRAW: dict[str, Callable[[Path], None]] = {
     "model_sizes": draw_model_sizes,
     "scaling": draw_scaling,
     "architectures": draw_architectures,
+    "recipe": draw_recipe,
     "training": _draw_training,
 }

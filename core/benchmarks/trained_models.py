@@ -58,6 +58,11 @@ def trained_objects_views(entries: Sequence[ObjectEntry], category: str, model: 
     return hold_out(Dataset(some, category, model.image_size, model.focal), _NEW_VIEWS)[1]
 
 
+def held_out_psnrs(model: Model, tests: Sequence[ObjectEntry]) -> list[float]:
+    """dB of other views of each object, fitted on one view from its true camera."""
+    return [score.psnr for score in evaluate(model, (entry.read() for entry in tests), Protocol(every=_VIEW_STRIDE))]
+
+
 def score_model(model: Model, views: Dataset, tests: Sequence[ObjectEntry], path: Path) -> Generator[str, None, Scores]:
     """Yields what is being done; returns the model's scores, from ``path`` where they are known.
 
@@ -77,7 +82,7 @@ def score_model(model: Model, views: Dataset, tests: Sequence[ObjectEntry], path
     psnrs, trials = list[float](), list[Trial]()
     for number, entry in enumerate(tests):
         yield f"fits, {path.stem}, {entry.name}"
-        psnrs += [score.psnr for score in evaluate(model, [entry.read()], Protocol(every=_VIEW_STRIDE))]
+        psnrs += held_out_psnrs(model, [entry])
         (target,) = dataset_views(model, [entry], torch.Generator().manual_seed(number))
         trials.append(fit_view(model, target, "normal", PRESETS["normal"], number))
     found = [float(trial.effective_rotation <= RIGHT_DEGREES) for trial in trials]

@@ -1,4 +1,5 @@
-"""Keeps and draws what the benchmarks that train models measured: model sizes, training shapes, architectures."""
+"""Keeps and draws what the benchmarks that train models measured: model sizes, training shapes,
+architectures and recipes."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,6 +9,7 @@ from core.benchmarks.architectures import Architecture, ArchitectureResults
 from core.benchmarks.csv_files import from_row, read_csv, to_row, write_csv
 from core.benchmarks.drawing import log_ticks, new_figure, write_chart
 from core.benchmarks.model_sizes import ModelSize, ModelSizeResults
+from core.benchmarks.recipe import RecipeScore
 from core.benchmarks.scaling import ScalingPoint, ScalingResults
 from core.evaluation.statistics import Mean
 
@@ -134,3 +136,33 @@ def draw_architectures(folder: Path) -> None:
     about = f"{rows[0]['machine']}; {rows[0]['objects']} {rows[0]['category']}, {rows[0]['steps']} steps each"
     table = tables.architectures_table(about, [from_row(Architecture, row) for row in rows])
     (folder / "architectures.md").write_text(table)
+
+
+# Recipe
+
+
+def draw_recipe(folder: Path) -> None:
+    """``recipe.md`` and ``recipe.png``."""
+    rows = read_csv(folder / "recipe.csv")
+    about = f"{rows[0]['machine']}; {rows[0]['objects']} {rows[0]['category']}, {rows[0]['time']} s each"
+    found = [from_row(RecipeScore, row) for row in rows]
+    write_chart(folder / "recipe", tables.recipe_table(about, found), _recipe_chart(about, found))
+
+
+def _recipe_chart(about: str, found: list[RecipeScore]) -> "Figure":
+    figure, (left, right) = new_figure(2)
+    default, *others = found
+    names = [one.name for one in others]
+    left.barh(names, [one.new_views - default.new_views for one in others])
+    left.axvline(0.0, color="black", linewidth=0.8)
+    left.set(xlabel="training objects, new views (dB over the default)")
+    gains = _with_intervals([one.gain(default) for one in others])
+    right.errorbar(gains["y"], names, xerr=gains["yerr"], fmt="o", capsize=2)
+    right.axvline(0.0, color="black", linewidth=0.8)
+    left.invert_yaxis()
+    right.set(xlabel="held-out objects (dB over the default)", yticks=[], ylim=left.get_ylim())
+    for axes in (left, right):
+        axes.grid(alpha=0.3, axis="x")
+        axes.set_axisbelow(True)
+    figure.suptitle(about, fontsize=9)
+    return figure

@@ -19,6 +19,7 @@ from core.benchmarks import (
     load,
     load_charts,
     model_sizes,
+    recipe,
     rendering,
     rendering_charts,
     robustness,
@@ -32,7 +33,7 @@ from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_
 from core.benchmarks.machine import describe_machine
 from core.cli.fit import probable_model
 from core.cli.progress import require_writable
-from core.datasets.srn import ObjectEntry, index_objects
+from core.datasets.srn import ObjectEntry, index_objects, read_dataset
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
@@ -169,6 +170,21 @@ def bench_architectures(chosen: argparse.Namespace) -> None:
     found = _last_value(architectures.run(chosen.datasets, chosen.steps, chosen.models))
     training_charts.write_architectures(found, chosen.out)
     print((chosen.out / "architectures.md").read_text(), flush=True)
+
+
+def bench_recipe(chosen: argparse.Namespace) -> None:
+    """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
+    drawing.prepare(chosen.out)
+    dataset, entries = read_dataset(chosen.datasets), index_objects(chosen.datasets)[1]
+    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
+    about |= {"objects": str(len(entries)), "time": f"{chosen.seconds:g}"}
+    path = chosen.out / "recipe.csv"
+    done = {one.name for one in read_records(path, recipe.RecipeScore, about)}
+    for score in _said(recipe.run(dataset, entries, tests, chosen.seconds, done)):
+        append_record(path, about, score)
+    training_charts.draw_recipe(chosen.out)
+    print((chosen.out / "recipe.md").read_text(), flush=True)
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
