@@ -15,7 +15,7 @@ from PIL import Image
 
 from core.benchmarks.figures import Cell, labelled_sheet, to_cell
 from core.benchmarks.machine import describe_machine
-from core.benchmarks.trained_models import train_model, trained_objects_views
+from core.benchmarks.trained_models import load_trained, train_model, trained_objects_views
 from core.datasets.srn import Dataset, index_objects, read_dataset
 from core.evaluation.statistics import Mean, mean_of
 from core.geometry.camera import Camera
@@ -76,7 +76,7 @@ def run(folders: Sequence[Path], steps: int, kept: Path) -> Iterator[str | Archi
         path = kept / f"{category}-{name}-{steps}.safetensors"
         if not path.exists():
             yield from train_model(whole(), replace(RECIPES[recipe], steps=steps), path)
-        models[name] = Model.load(path)
+        models[name] = load_trained(path, entries)
     whole.cache_clear()
     found, rows = list[Architecture](), list[list[Cell]]()
     for name, model in models.items():
@@ -103,7 +103,10 @@ def _opacity_change(model: Model, views: Dataset) -> Mean:
         before, after = (
             _render(model, Codes(codes.shape, texture), camera).opacity for texture in (codes.texture, other.texture)
         )
-        changes.append(float((after - before).abs()[(before > 0.5) | (after > 0.5)].mean()))
+        shown = (before > 0.5) | (after > 0.5)
+        if not bool(shown.any()):
+            raise ValueError("a model shows no object yet: train it for more steps")
+        changes.append(float((after - before).abs()[shown].mean()))
     return mean_of(changes)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import torch
 
 from core.benchmarks.machine import describe_machine
-from core.benchmarks.trained_models import Scores, score_model, train_model, trained_objects_views
+from core.benchmarks.trained_models import Scores, load_trained, score_model, train_model, trained_objects_views
 from core.datasets.srn import ObjectEntry, index_objects, read_dataset
 from core.evaluation.statistics import Mean, mean_of
 from core.models.field_config import FieldConfig
@@ -105,7 +105,7 @@ def run(
     for (_, _, config), path in zip(chosen, paths, strict=True):
         if not path.exists() or Model.load(path).field.config != config:
             yield from train_model(training(), replace(RECIPES["default"], field=config, steps=steps), path)
-        models.append(Model.load(path))
+        models.append(load_trained(path, entries))
     training.cache_clear()
     views = trained_objects_views(entries, category, models[0])
     for path, model in zip(paths, models, strict=True):

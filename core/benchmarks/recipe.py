@@ -1,6 +1,7 @@
 """What each part of the training recipe is worth.
 
-Models are trained for equal processor time, and each differs from the default recipe in one part.
+Models are trained for equal processor time, as their first steps predict it, and each differs from the default recipe
+in one setting. Rays through the whole image do without the visual hulls, and without all that needs them.
 """
 
 import time
@@ -21,8 +22,8 @@ VARIANTS: dict[str, dict[str, float | bool | None]] = {
     "Muon, thrice the rate": {"muon_lr": 3e-2},
     "half the rays": {"rays": 384},
     "twice the rays": {"rays": 1536},
-    "without visual hulls": {"whole_image": True},
-    "without a penalty of empty space": {"empty_space_weight": 0.0},
+    "rays through the whole image and box, as in the paper": {"whole_image": True},
+    "without a penalty of empty space": {"outside_points": 0},
     "without masks": {"mask_weight": 0.0},
     "without averaged weights": {"ema_decay": 0.0},
 }

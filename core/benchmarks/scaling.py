@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from core.benchmarks.machine import describe_machine
-from core.benchmarks.trained_models import Scores, score_model, train_model, trained_objects_views
+from core.benchmarks.trained_models import Scores, load_trained, score_model, train_model, trained_objects_views
 from core.datasets.srn import Dataset, ObjectEntry, index_objects, read_dataset
 from core.evaluation.statistics import Mean, mean_of
 from core.models.model import Model
@@ -75,7 +75,7 @@ def run(
     for some, path in zip(chosen, paths, strict=True):
         if not path.exists():
             yield from train_model(_part(whole(), some), replace(RECIPES["default"], steps=steps), path)
-        models.append(Model.load(path))
+        models.append(load_trained(path, some))
     whole.cache_clear()
     views, scores = trained_objects_views(chosen[0], category, models[0]), list[Scores]()
     for path, model in zip(paths, models, strict=True):

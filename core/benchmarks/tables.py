@@ -183,9 +183,9 @@ def architectures_table(about: str, found: Sequence[Architecture]) -> str:
 def recipe_table(about: str, found: Sequence[RecipeScore]) -> str:
     """A line per variant of the recipe, the first of them the default."""
     lines = [f"{about}; held out: {len(found[0].held_out)} objects, one view of known camera; 95 % intervals.", ""]
-    head = "recipe | steps | training objects, new views (dB) | held out (dB) | difference to the default (dB)"
-    lines += [f"| {head} |", "|" + "---|" * 5]
+    head = "recipe | steps | time (s) | training objects, new views (dB) | held out (dB)"
+    lines += [f"| {head} | difference to the default (dB) |", "|" + "---|" * 6]
     for one in found:
         quality = f"{one.new_views:.2f} | {statistics.mean(one.held_out):.2f} | {format_difference(one.gain(found[0]))}"
-        lines.append(f"| {one.name} | {one.steps} | {quality} |")
+        lines.append(f"| {one.name} | {one.steps} | {one.seconds:.0f} | {quality} |")
     return "\n".join(lines) + "\n"

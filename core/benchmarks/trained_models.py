@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import torch
@@ -52,6 +52,14 @@ def train_model(dataset: Dataset, settings: TrainSettings, path: Path) -> Iterat
     trainer.model().save(path)
 
 
+def load_trained(path: Path, entries: Sequence[ObjectEntry]) -> Model:
+    """A model that was kept. Raises ``ValueError`` where it was trained on other objects than these."""
+    model = Model.load(path)
+    if {entry.name for entry in model.codes.objects} != {entry.name for entry in entries}:
+        raise ValueError(f"{path} was trained on other objects; keep models of these in another folder")
+    return model
+
+
 def trained_objects_views(entries: Sequence[ObjectEntry], category: str, model: Model) -> Dataset:
     """Of some training objects, evenly over ``entries``, the view that no model was trained on."""
     some = tuple(entry.read() for entry in entries[:: max(1, len(entries) // _NEW_VIEWS)][:_NEW_VIEWS])
@@ -59,8 +67,13 @@ def trained_objects_views(entries: Sequence[ObjectEntry], category: str, model: 
 
 
 def held_out_psnrs(model: Model, tests: Sequence[ObjectEntry]) -> list[float]:
-    """dB of other views of each object, fitted on one view from its true camera."""
-    return [score.psnr for score in evaluate(model, (entry.read() for entry in tests), Protocol(every=_VIEW_STRIDE))]
+    """dB of other views of each object, fitted on one view from its true camera: the paper's, if there are so many."""
+    psnrs = []
+    for entry in tests:
+        views, paper = entry.read(), Protocol(every=_VIEW_STRIDE)
+        known = paper if len(views.cameras) > max(paper.inputs) else replace(paper, inputs=(0,))
+        psnrs += [score.psnr for score in evaluate(model, [views], known)]
+    return psnrs
 
 
 def score_model(model: Model, views: Dataset, tests: Sequence[ObjectEntry], path: Path) -> Generator[str, None, Scores]:

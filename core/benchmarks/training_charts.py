@@ -144,7 +144,7 @@ def draw_architectures(folder: Path) -> None:
 def draw_recipe(folder: Path) -> None:
     """``recipe.md`` and ``recipe.png``."""
     rows = read_csv(folder / "recipe.csv")
-    about = f"{rows[0]['machine']}; {rows[0]['objects']} {rows[0]['category']}, {rows[0]['time']} s each"
+    about = f"{rows[0]['machine']}; {rows[0]['objects']} {rows[0]['category']}, about {rows[0]['time']} s each"
     found = [from_row(RecipeScore, row) for row in rows]
     write_chart(folder / "recipe", tables.recipe_table(about, found), _recipe_chart(about, found))
 

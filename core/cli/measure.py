@@ -179,6 +179,7 @@ def bench_recipe(chosen: argparse.Namespace) -> None:
     tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
     about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
     about |= {"objects": str(len(entries)), "time": f"{chosen.seconds:g}"}
+    about |= {"tests": " ".join(entry.name for entry in tests)}
     path = chosen.out / "recipe.csv"
     done = {one.name for one in read_records(path, recipe.RecipeScore, about)}
     for score in _said(recipe.run(dataset, entries, tests, chosen.seconds, done)):

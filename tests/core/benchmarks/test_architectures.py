@@ -1,13 +1,19 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 from PIL import Image
 
-from core.benchmarks import trained_models
+from core.benchmarks import architectures, trained_models
 from core.benchmarks.architectures import ARCHITECTURES, ArchitectureResults, run
 from core.benchmarks.charts import redraw
 from core.benchmarks.drawing import prepare
 from core.benchmarks.training_charts import write_architectures
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.reference import Rendered, render_exact
 from core.training.recipes import RECIPES
 from tests.core.benchmarks.test_trained_models import train_nothing
 
@@ -32,6 +38,34 @@ def test_every_architecture_is_scored_and_shown(found: ArchitectureResults) -> N
         assert one.new_views > 0 and one.parameters > 0
     width, height = found.picture.size
     assert width % 6 == 0 and height % (2 * len(ARCHITECTURES)) == 0
+
+
+def test_what_another_texture_does_to_the_opacity_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folders, *_ = train_nothing(tmp_path, monkeypatch)
+    shown: list[float] = []
+
+    def render(model: Model, codes: Codes, camera: Camera, samples: int) -> Rendered:
+        found = render_exact(model, codes, camera, samples)
+        shown.append(0.6 + 0.1 * (len(shown) % 2))
+        return replace(found, opacity=torch.full_like(found.opacity, shown[-1]))
+
+    monkeypatch.setattr(architectures, "render_exact", render)
+    *_, found = run(folders, 20, tmp_path / "models")
+    assert isinstance(found, ArchitectureResults)
+    for one in found.architectures:
+        assert one.opacity_change.mean == pytest.approx(0.1)
+
+
+def test_a_model_that_shows_nothing_yet_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folders, *_ = train_nothing(tmp_path, monkeypatch)
+
+    def render(model: Model, codes: Codes, camera: Camera, samples: int) -> Rendered:
+        found = render_exact(model, codes, camera, samples)
+        return replace(found, opacity=torch.zeros_like(found.opacity))
+
+    monkeypatch.setattr(architectures, "render_exact", render)
+    with pytest.raises(ValueError, match="train it for more steps"):
+        list(run(folders, 20, tmp_path / "models"))
 
 
 def test_they_are_written_with_their_picture(found: ArchitectureResults, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from core.benchmarks import recipe, trained_models
-from core.benchmarks.recipe import DEFAULT, VARIANTS, run
+from core.benchmarks.recipe import DEFAULT, VARIANTS, RecipeScore, run
 from core.datasets.srn import Dataset, index_objects, read_dataset
 from core.models.model import Model
 from core.training.recipes import RECIPES, TrainSettings
@@ -52,3 +52,9 @@ def test_each_variant_is_trained_for_the_same_time(tmp_path: Path, monkeypatch: 
     assert all(one.seconds == pytest.approx(30) for one in found)
     assert all(len(one.held_out) == 2 and one.gain(found[0]).mean == 0 for one in found)  # the same model
     assert trained_models.held_out_psnrs(tiny_model(), index_objects(folders)[1][:2]) == list(found[0].held_out)
+
+
+def test_a_gain_is_positive_where_a_recipe_is_better() -> None:
+    default, better = (RecipeScore("", 1, 1.0, 20.0, held_out) for held_out in ((20.0, 30.0), (21.0, 33.0)))
+    assert better.gain(default).mean == 2
+    assert default.gain(better).mean == -2
