@@ -33,9 +33,6 @@ def test_recipes_are_drawn_beside_the_default(tmp_path: Path) -> None:
         )
     draw_recipe(tmp_path)
     table = (tmp_path / "recipe.md").read_text()
-    assert (
-        "| default | 100 | 30 | 25.00 | 21.00 |" in table
-       
+    assert "| default | 100 | 30 | 25.00 | 21.00 |" in table
     assert "| without masks | 100 | 30 | 24.00 | 20.50 | -0.50 (" in table
-    )
     assert (tmp_path / "recipe.png").stat().st_size > 5000
