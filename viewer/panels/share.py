@@ -30,7 +30,7 @@ _ICONS = {
 _ABOUT = {
     "turntable": "The object turning once round, as a video",
     "film": "The timeline as a video",
-    "picture": "The object as an image. A png holds codes and camera: drop it on the window to bring them back",
+    "picture": "The object as an image. A png holds shape, texture and camera: drop it here to bring them back",
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
