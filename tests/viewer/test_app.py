@@ -123,6 +123,38 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
 
 
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+def test_ending_the_program_in_a_fit_loses_nothing(
+    drive: Drive, backend: Backend, photo: Path, tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        window.click(f"##MainMenuBar/##MenuBar/###model {name}")
+        window.wait(lambda: window.session.model_name == name and window.context.ready)
+        window.click("Library/**/show object 3")
+        made.append(window.workspace.editor.history)
+        window.context.drop([str(photo)])
+        window.wait(lambda: len(window.workspace.fitting.history.steps) > 3)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.q)
+
+    def second(window: Driver) -> None:
+        assert window.app.last_model == name
+        window.session.open_model(name)
+        window.wait(lambda: window.session.model_name == name and not window.session.fitting_runs)
+        window.wait()
+        editor = window.workspace.editor
+        assert window.session.messages.errors == []
+        assert editor.history == made[0]
+        assert editor.objects.names[0] == "block"
+
+    made: list[History] = []
+    with pytest.raises(RuntimeError, match="exited before"):  # as the toolkit says where a test ends the program
+        drive(first, replace(backend, fit=endless_fit), folder=folder)
+    assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
+    drive(second, folder=folder)
+
+
 def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     manual = (Path(app.__file__).parent / "README.md").read_text()
     code = textwrap.dedent(manual.split("```python\n")[1].split("```")[0])
@@ -272,8 +304,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small(
         look()
         window.press(imgui.Key.escape)
         for menu in ("File", "Edit", "View", "Panels", "Help"):
-            window.ctx.set_ref("##MainMenuBar")
-            window.ctx.item_click(menu)
+            window.click(f"##MainMenuBar/##MenuBar/{menu}")
             look()
             window.press(imgui.Key.escape)
         window.click("View/###view options")
@@ -287,10 +318,12 @@ def test_no_dialog_is_cut_off_where_the_window_is_small(
         window.workspace.fitting.stop()
         window.wait()
         look()
+        window.show("Candidates")
+        look()
         window.session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
         look()
         window.workspace.segment_photo()
-        window.wait(lambda: window.workspace.segmenting.settled)
+        window.wait(lambda: window.workspace.segmenting.plain is not None)
         look()
 
     (tmp_path / "config").mkdir()

@@ -54,10 +54,11 @@ class CandidatesPanel:
 
     def _draw_tiles(self, context: PanelContext, tiles: tuple[Tile, ...]) -> None:
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
-        gap = 0.25 * em
+        gap, least = 0.25 * em, 1.6 * em
         across = math.ceil(math.sqrt(len(tiles) * room.x / max(em, room.y)))
+        across = max(1, min(across, int((room.x + gap) / (least + gap))))
         rows = math.ceil(len(tiles) / across)
-        side = max(1.6 * em, min(3.4 * em, room.x / across - gap, room.y / rows - gap))
+        side = max(least, min(3.4 * em, room.x / across - gap, room.y / rows - gap))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
         for number, tile in enumerate(tiles):
             if number % across:

@@ -91,7 +91,7 @@ def _draw_progress(fitting: Fitting) -> None:
         tooltip(f"{last.seconds:.0f} s, {last.psnr:.1f} dB, {last.active} candidates left")
     else:
         tooltip("Ranking the views of the view bank for the photo")
-    imgui.text(label)
+    imgui.text_wrapped(label)
     _draw_queue(fitting)
 
 

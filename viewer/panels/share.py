@@ -14,11 +14,12 @@ from core.export.video import FORMATS as VIDEOS
 from core.export.video import Rgb, over
 from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame
+from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
-from viewer.widgets.controls import action_button, button, choose, draw_progress, tooltip
+from viewer.widgets.controls import action_button, button, choose, draw_progress, flow, tooltip
 
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
@@ -41,6 +42,7 @@ _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192,
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
 _SIDE, _LABEL, _WIDTH = 16, 6.5, 13
 """em: the preview, the labels, what stands beside them"""
+_NO_KEYS = "Add keyframes in Timeline first"
 _CHECKS = 16
 """px, a square of the pattern that shows through where the background is transparent"""
 
@@ -224,15 +226,15 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))
             title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
             context.ask(FileRequest(title, share, (settings.suffix,), True, name))
-        imgui.same_line()
+        flow(ACTIONS["save_project_as"].words)
         action_button(context, "save_project_as")
         if not ready:
-            imgui.same_line()
-            imgui.text_disabled("Add keyframes in Timeline first")
+            flow(_NO_KEYS)
+            imgui.text_disabled(_NO_KEYS)
     if (saved := exporting.saved) is not None:
         imgui.align_text_to_frame_padding()
         imgui.text(f"Saved to {saved.parent.name}/{saved.name}")
         tooltip(str(saved))
-        imgui.same_line()
+        flow("Show in folder")
         if button("Show in folder###show in folder", "Open the folder that the file is in"):
             context.show_in_folder(saved)
