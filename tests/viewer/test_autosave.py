@@ -240,8 +240,8 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
     session, autosave = begun(worker, backend, folder, clock)
     assert len(autosave.left) == 1
     autosave.restore()
+    deliver(session, lambda: session.model_name == fitted)
     assert session.messages.errors == []
-    assert session.model_name == fitted
     assert len(opened(session).editor.history.past) >= 3
     assert opened(session).fitting.running
     finish(session, lambda: not opened(session).fitting.running)

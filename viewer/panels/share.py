@@ -14,7 +14,6 @@ from core.export.video import FORMATS as VIDEOS
 from core.export.video import Rgb, over
 from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame
-from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
@@ -42,7 +41,6 @@ _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192,
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
 _SIDE, _LABEL, _WIDTH = 16, 6.5, 13
 """em: the preview, the labels, what stands beside them"""
-_NO_KEYS = "Add keyframes in Timeline first"
 _CHECKS = 16
 """px, a square of the pattern that shows through where the background is transparent"""
 
@@ -226,11 +224,10 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))
             title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
             context.ask(FileRequest(title, share, (settings.suffix,), True, name))
-        flow(ACTIONS["save_project_as"].words)
+        imgui.same_line()
         action_button(context, "save_project_as")
         if not ready:
-            flow(_NO_KEYS)
-            imgui.text_disabled(_NO_KEYS)
+            imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:
         imgui.align_text_to_frame_padding()
         imgui.text(f"Saved to {saved.parent.name}/{saved.name}")
