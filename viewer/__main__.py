@@ -44,10 +44,11 @@ def _run(chosen: argparse.Namespace, headless: bool) -> None:
     from viewer.services.worker import Worker
     from viewer.session import Session
 
-    worker = Worker(before_step=Threads().look, at_rest=return_free_memory)
+    threads = Threads()
+    worker = Worker(before_step=threads.look, at_rest=return_free_memory)
     try:
         session = Session(worker, Backend(partial(load_model, device=chosen.device)))
-        app = App(session, chosen.size, None if headless else config_folder(), headless)
+        app = App(session, chosen.size, None if headless else config_folder(), headless, leave_a_core=threads.leave_one)
         name = chosen.model or app.last_model or "chairs"
         path = Path(name)
         session.open_model(str(path.resolve()) if path.is_file() else name)  # found again from other folders

@@ -1,11 +1,10 @@
 """The program: a session, its panels, and the window around them."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import moderngl
-import torch
 from imgui_bundle import hello_imgui, imgui
 
 from core.models.library import shipped_models
@@ -22,7 +21,6 @@ from viewer.screen.file_dialog import FileDialog, is_there
 from viewer.services.clipboard import Clipboard
 from viewer.services.messages import error_text
 from viewer.services.mine import Mine
-from viewer.services.worker import Job
 from viewer.session import Session
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
@@ -46,6 +44,7 @@ class App:
         folder: Path | None = None,
         headless: bool = False,
         native_dialogs: bool | None = None,
+        leave_a_core: Callable[[], None] = lambda: None,
     ) -> None:
         """Nothing opens yet.
 
@@ -53,6 +52,7 @@ class App:
             folder: where layout and preferences are kept for the next time; None keeps nothing.
             headless: draw a window that nobody sees.
             native_dialogs: None: as the system has them.
+            leave_a_core: called where the processor draws the window.
         """
         window.prepare(headless)
         self.session = session
@@ -64,6 +64,7 @@ class App:
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless = size, folder, headless
+        self._leave_a_core = leave_a_core
         if folder:
             self.context.preferences = Preferences.load(folder)
             session.view.quality = QUALITIES[self.context.preferences.quality]
@@ -195,7 +196,7 @@ class App:
         self._gl = moderngl.get_context()
         self._software = window.in_software(self._gl)
         if self._software:
-            self.session.jobs.submit(Job("threads", _leave_a_core, lambda _: None))
+            self._leave_a_core()
         self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
         self.context.baked_canvas, self.context.fast_opengl = BakedCanvas(self._gl), is_fast(self._gl)
         # A mistake in a panel is logged by imgui, and does not end the program.
@@ -294,9 +295,3 @@ class App:
                 self._saved_preferences.save(self._folder)
             except (ValueError, OSError) as error:
                 self.session.messages.report("Cannot save the preferences", error)
-
-
-def _leave_a_core() -> Iterator[None]:
-    """Beside a window that the processor renders, threads that wait for each other are slower than one thread less."""
-    torch.set_num_threads(max(1, torch.get_num_threads() - 1))
-    yield None

@@ -27,7 +27,7 @@ from core.rendering import fast
 from core.rendering.baked_field import BakedField, bake, render_baked
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.occupancy import Tolerances, tolerances
-from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 from core.rendering.reference import exact_rays, render_exact, render_rays
 
 FULL = "full renderer"
@@ -313,26 +313,32 @@ def _interaction(model: Model, what: str, size: int) -> Interaction:
     whole = [_seconds_until(model, at(share, RenderSettings(divisors=(1,))), last=True) for share in shares]
     fast.clear_cache()
     _seconds_until(model, at(0.0, RenderSettings()), last=True)
-    budget, previews = FrameBudget(), list[float]()
+    budget, previews, preview_size = FrameBudget(), list[float](), size
     for share in shares:
         settings = RenderSettings(divisors=budget.divisors(size), supersampling=2)
-        previews.append(_seconds_until(model, at(share, settings), last=False))
-        budget.observe(settings.divisors[0], previews[-1])
+        seconds, frame = _until(model, at(share, settings), last=False)
+        previews.append(seconds)
+        preview_size = frame.resolution[0]
+        if frame.stage == 0:  # of a shape that is known at full size, the first image is a finer one
+            budget.observe(settings.divisors[0], seconds)
     ends = [
         at(1.0 + index, RenderSettings(divisors=budget.divisors(size), supersampling=2)) for index in range(_SETTLES)
     ]
     settle = sum(_seconds_until(model, job, last=True) for job in ends) / len(ends)
-    preview_size = max(1, size // budget.divisor)
     return Interaction(what, size, *_quantiles(whole), *_quantiles(previews), preview_size, settle)
 
 
 def _seconds_until(model: Model, job: RenderJob, last: bool) -> float:
-    """Seconds until a job's first image is there, or its last."""
+    return _until(model, job, last)[0]
+
+
+def _until(model: Model, job: RenderJob, last: bool) -> tuple[float, Frame]:
+    """Seconds until a job's first image is there, or its last; and that image."""
     began = time.perf_counter()
     for frame in render_progressively(model, job):
         if frame and (frame.final or not last):
-            break
-    return time.perf_counter() - began
+            return time.perf_counter() - began, frame
+    raise ValueError("a render without an image")
 
 
 def _quantiles(values: Sequence[float]) -> tuple[float, float]:

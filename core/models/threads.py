@@ -37,24 +37,33 @@ class Threads:
     def __init__(self, measure: Callable[[int], float] | None = None) -> None:
         self._measure = measure or _seconds
         self._most, self._chosen, self._due, self._wait = 1, 0, -1.0, _INTERVAL
+        self._spared = 0
+
+    def leave_one(self) -> None:
+        """From now on one core is another's: beside a window that the processor draws, one thread more would wait."""
+        self._spared, self._due = 1, -1.0
 
     def look(self) -> None:
         """Measure, if the last time is a while ago, and let torch use what was faster in this thread of the program."""
         if torch.get_num_threads() != self._chosen:
             self._most, self._due = torch.get_num_threads(), -1.0
         if self._most > 1 and time.monotonic() >= self._due:
-            several = self._several_are_faster()
-            torch.set_num_threads(self._most if several else 1)
+            several = self._several > 1 and self._several_are_faster()
+            torch.set_num_threads(self._several if several else 1)
             self._wait = _INTERVAL if several else min(2 * self._wait, _LONGEST)
             self._due = time.monotonic() + self._wait
         self._chosen = torch.get_num_threads()
+
+    @property
+    def _several(self) -> int:
+        return self._most - self._spared
 
     def _several_are_faster(self) -> bool:
         """Ends with the first round that says no."""
         rounds = []
         for _ in range(_ROUNDS):
             # Turn about, so that what else the machine does falls on both.
-            rounds.append((self._measure(1), self._measure(self._most)))
+            rounds.append((self._measure(1), self._measure(self._several)))
             if rounds[-1][1] > rounds[-1][0]:
                 return False
         one, several = (sorted(column)[_ROUNDS // 2] for column in zip(*rounds, strict=True))

@@ -1,5 +1,7 @@
 """The frame budget: how coarse the first frame must be to keep up with the input on this machine."""
 
+import math
+
 _DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)
 """What the image size is divided by for the first frame."""
 _HEADROOM = 0.7
@@ -31,7 +33,9 @@ class FrameBudget:
     def __init__(self, budget: float = 1 / 30, divisor: int = 8) -> None:
         self.budget = budget
         """s for the first frame while something moves"""
-        self._level, self._floor = _DIVISORS.index(divisor), 0
+        self._level, self._floor, self._height = _DIVISORS.index(divisor), 0, 0
+        self._learnt = divisor, 0
+        """divisor that was last changed to, and the height of image that it is for"""
         self._headroom, self._patience, self._refined = 0, _PATIENCE, False
         self._fixed = 0.0
         """s that a frame of any size takes, as far as is known"""
@@ -56,8 +60,18 @@ class FrameBudget:
         """
         high_enough = (height >= _MIN_HEIGHT * divisor or divisor == 1 for divisor in _DIVISORS)
         self._floor = list(high_enough).index(True)
+        if height != self._height:
+            self._learnt = self._learnt[0], self._learnt[1] or height
+            self._level, self._height = self._level_for(height), height
+            self._last = _DIVISORS[self._level], 0.0
         self._level = max(self._level, self._floor)
         return (self.divisor, *(divisor for divisor in (4, 2, 1) if divisor < self.divisor), 1)
+
+    def _level_for(self, height: int) -> int:
+        """Whose first frame has about as many pixels as that which was learnt."""
+        divisor, learnt_height = self._learnt
+        wanted = divisor * height / learnt_height
+        return min(range(len(_DIVISORS)), key=lambda level: abs(math.log(_DIVISORS[level] / wanted)))
 
     def observe(self, divisor: int, seconds: float) -> None:
         """Learn from the time that a first frame with this divisor took."""
@@ -72,6 +86,7 @@ class FrameBudget:
             self._headroom += 1
             if self._level + 1 < len(_DIVISORS) and self._headroom >= self._patience_for(seconds):
                 self._level, self._headroom, self._refined = self._level + 1, 0, True
+                self._learnt = self.divisor, self._height
 
     @property
     def _comfortable(self) -> float:
@@ -110,3 +125,4 @@ class FrameBudget:
             if self._level > self._floor and self._predicted(seconds, before, self._level) > self.limit:
                 self._level -= 1
         self._headroom, self._refined = 0, False
+        self._learnt = self.divisor, self._height

@@ -58,7 +58,7 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
     evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
     return [
         ("Samples a ray", f"{frame.samples}{evaluated}"),
-        ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.budget:.0f} ms"),
+        ("In motion", f"1/{budget.divisor} of the size, for {1000 * budget.limit:.0f} ms"),
         ("Turning", f"OpenGL, {baked.cells} cells a side" if baked else "rendered"),
         ("Number format", str(matmul_dtype(device.type)).removeprefix("torch.")),
         ("Kept", f"{CACHE.used / 2**20:.0f} of {CACHE.limit / 2**20:.0f} MB"),

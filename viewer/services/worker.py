@@ -72,7 +72,7 @@ class Worker:
         """Start a job, in place of an older one of its name."""
         with self._changed:
             current = self._find(job.name)
-            if current and job.urgent and not current.shown:
+            if current and current.job.urgent and not current.shown:
                 self._next[job.name] = job
             else:
                 self._begin(job, current)

@@ -97,6 +97,27 @@ def test_whoever_sets_another_number_says_how_many_there_may_be():
     assert torch.get_num_threads() == 2
 
 
+@pytest.mark.parametrize("busy", [True, False])
+def test_a_core_is_left_to_another_however_busy_the_machine_was(busy: bool):
+    now_busy = busy
+    torch.set_num_threads(4)
+    some = Threads(lambda count: 1.0 * count if now_busy else 1 / count)
+    some.look()
+    assert torch.get_num_threads() == (1 if busy else 4)
+    some.leave_one()
+    now_busy = False
+    some.look()
+    assert torch.get_num_threads() == 3
+
+
+def test_of_two_cores_one_is_left():
+    torch.set_num_threads(2)
+    some = Threads(lambda count: 1 / count)
+    some.leave_one()
+    some.look()
+    assert torch.get_num_threads() == 1
+
+
 def test_a_stream_gives_its_values_and_leaves_the_threads_as_they_were():
     torch.set_num_threads(2)
     assert list(with_measured_threads(iter("abc"))) == ["a", "b", "c"]

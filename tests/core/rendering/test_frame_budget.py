@@ -116,3 +116,29 @@ def test_it_recovers_soon_after_other_work_has_ended(busy: float, frames: int) -
     for _ in range(30):  # a second of them
         pace.observe(pace.divisor, 0.004 / pace.divisor**2)
     assert pace.divisor == 1
+
+
+def test_a_view_that_is_small_for_a_moment_does_not_spoil_the_budget() -> None:
+    pace = FrameBudget()
+
+    def frame(height: int) -> int:
+        first = pace.divisors(height)[0]
+        pace.observe(first, 0.8 * (height / 512 / first) ** 2)
+        return first
+
+    before = [frame(512) for _ in range(60)][-1]
+    assert before == 5
+    assert {frame(100) for _ in range(20)} == {1}
+    assert frame(512) == before
+
+
+@given(st.lists(st.integers(64, 2000), min_size=1, max_size=30))
+def test_dragging_an_edge_of_the_view_keeps_the_pixels_of_the_first_image(heights: list[int]) -> None:
+    pace = FrameBudget(divisor=4)
+    for _ in range(20):
+        first = pace.divisors(512)[0]
+        pace.observe(first, 0.4 / first**2)
+    for height in heights:
+        first = pace.divisors(height)[0]
+        assert first in (1, 24) or 0.6 < height / first / (512 / 4) < 1.7
+    assert pace.divisors(512)[0] == 4

@@ -88,6 +88,25 @@ def test_a_stream_of_newer_renders_does_not_keep_every_frame_from_being_shown(wo
     assert first == sorted(first)
 
 
+def test_a_render_at_rest_does_not_keep_a_drag_waiting(worker: Worker) -> None:
+    seen: list[str] = []
+    stepped, over = threading.Event(), threading.Event()
+
+    def endless() -> Iterator[str | None]:
+        while not over.is_set():
+            stepped.set()
+            yield None
+        yield "whole"
+
+    worker.submit(Job("view", endless, seen.append))
+    assert stepped.wait(60)
+    worker.submit(Job("view", lambda: iter(["coarse"]), seen.append, urgent=True))
+    wait(worker, lambda: seen == ["coarse"])
+    over.set()
+    wait(worker, lambda: not worker.busy())
+    assert seen == ["coarse"]
+
+
 def test_an_urgent_job_goes_between_the_steps_of_another(worker: Worker) -> None:
     steps: list[int] = []
     worker.submit(Job("fit", lambda: ticking(pause=0.05), steps.append))
