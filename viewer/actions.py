@@ -159,13 +159,13 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard", lambda c: c.paste(), _ready),
         Gesture("Drag in wipe, onion skin", "more of the photo, or of the render"),
         Gesture("Hold F", "the photo in place of the render"),
-        Gesture("Drag along the curves", "under Details: see any step of the fit, here and in the view"),
+        Gesture("Drag along the curves", "under Details: see any step of the search, here and in the view"),
         Action(
-            *("follow", "Follow", "", "show the fit under way, from where the photo was taken"),
+            *("follow", "Follow", "", "show what is being rebuilt, from where the photo was taken"),
             lambda context: context.fitting.follow(),
             lambda context: context.ready and context.fitting.can_follow,
         ),
-        Gesture("Click a candidate", "prefer it: the fit continues from there alone"),
+        Gesture("Click a candidate", "prefer it: the search continues from there alone"),
         Gesture("Rebuild", "from the step shown, from the camera in the view, or from the beginning"),
     ),
     "Cut out": (
@@ -176,14 +176,14 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Files": (
         Gesture("Drop a photo", "rebuild the object in it"),
         Gesture("Drop several", "of one object: rebuilt from all; poses (.txt) go with images of their names"),
-        Gesture("Drop an image saved here", "a png brings its codes and camera back"),
+        Gesture("Drop an image saved here", "a png brings its shape, texture and camera back"),
         Gesture("Drop a project", "bring all back that was made, with every model"),
         Action(
             *(
                 "new_project",
                 "New",
                 "Ctrl+N",
-                "begin afresh; what was fitted stays in Mine",
+                "begin afresh; what was rebuilt stays in Mine",
             ),
             lambda context: context.session.new(),
             _ready,
@@ -204,7 +204,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             _ready,
         ),
         Action(
-            *("save_scene", "Save look…", "", "save codes and camera alone, exact, as a small file"),
+            *("save_scene", "Save look…", "", "save shape, texture and camera alone, exact, as a small file"),
             lambda context: context.save_scene(),
             _ready,
         ),

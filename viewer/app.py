@@ -263,7 +263,7 @@ class App:
             context.share_open = False
         self._guard("The last session cannot be offered", lambda: recovery.draw(context))
         if context.ready:
-            self._guard("The fit cannot be shown", lambda: running_fit.draw(context))
+            self._guard("The search cannot be shown", lambda: running_fit.draw(context))
         self._guard("Cannot take this file", context.files.draw)
         if context.ready and self._guard("The photo cannot be segmented", lambda: self._segmenting.draw(context)):
             context.segmenting.close()

@@ -21,6 +21,7 @@ from viewer.values import orbit
 from viewer.values.history import History
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
+from viewer.values.share_settings import KINDS
 
 
 def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path: Path) -> None:
@@ -120,6 +121,38 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     (folder / "session.codenerf").unlink()
     drive(second, folder=folder)
     assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
+
+
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+def test_ending_the_program_in_a_fit_loses_nothing(
+    drive: Drive, backend: Backend, photo: Path, tmp_path: Path, name: str
+) -> None:
+    folder = tmp_path / "config"
+
+    def first(window: Driver) -> None:
+        window.click(f"##MainMenuBar/##MenuBar/###model {name}")
+        window.wait(lambda: window.session.model_name == name and window.context.ready)
+        window.click("Library/**/show object 3")
+        made.append(window.workspace.editor.history)
+        window.context.drop([str(photo)])
+        window.wait(lambda: len(window.workspace.fitting.history.steps) > 3)
+        window.press(imgui.Key.mod_ctrl, imgui.Key.q)
+
+    def second(window: Driver) -> None:
+        assert window.app.last_model == name
+        window.session.open_model(name)
+        window.wait(lambda: window.session.model_name == name and not window.session.fitting_runs)
+        window.wait()
+        editor = window.workspace.editor
+        assert window.session.messages.errors == []
+        assert editor.history == made[0]
+        assert editor.objects.names[0] == "block"
+
+    made: list[History] = []
+    with pytest.raises(RuntimeError, match="exited before"):  # as the toolkit says where a test ends the program
+        drive(first, replace(backend, fit=endless_fit), folder=folder)
+    assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
+    drive(second, folder=folder)
 
 
 def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -222,21 +255,80 @@ def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int
     drive(act, size=size)
 
 
+def too_wide() -> dict[str, float]:
+    """px by which what is in a window of the toolkit's, child windows too, or that window itself, is cut off."""
+    screen, found = imgui.get_main_viewport(), dict[str, float]()
+    for shown in imgui.get_current_context().windows:
+        if shown.active and not shown.hidden and not shown.flags & imgui.WindowFlags_.horizontal_scrollbar:
+            left, right = screen.pos.x - shown.pos.x, shown.pos.x + shown.size.x - screen.pos.x - screen.size.x
+            found[shown.name] = max(0.0, shown.scroll_max.x - shown.window_padding.x, left, right)
+    return {name: px for name, px in found.items() if px}
+
+
 @pytest.mark.parametrize("text", [1.0, 2.0])
 def test_nothing_is_cut_off_at_the_right_where_the_window_is_small(drive: Drive, text: float) -> None:
-    too_wide: dict[str, float] = {}  # px of each panel
-
     def act(window: Driver) -> None:
         window.context.set_preference(text=text)
         window.workspace.player.add_key()
         window.wait()
         for panel in window.app.panels:
             window.show(panel.title)
-            shown = window.ctx.window_info(f"//{panel.title}").window
-            too_wide[panel.title] = max(0, shown.scroll_max.x - shown.window_padding.x)
+            assert not too_wide()
 
     drive(act, size=(900, 600))
-    assert not any(too_wide.values()), too_wide
+
+
+@pytest.mark.parametrize("text", [1.0, 2.0])
+def test_no_dialog_is_cut_off_where_the_window_is_small(
+    drive: Drive, backend: Backend, photo: Path, tmp_path: Path, text: float
+) -> None:
+    def act(window: Driver) -> None:
+        def look() -> None:
+            window.ctx.yield_(5)  # a window that fits itself to what is in it takes a few frames
+            assert not too_wide()
+
+        context = window.context
+        context.set_preference(text=text)
+        look()
+        window.click("###Recovery/###discard")
+        for kind in KINDS:
+            context.share(kind)
+            look()
+        context.workspace.exporting.saved = tmp_path / "a folder of a long name" / "a turntable of a long name.mp4"
+        look()
+        window.click("Share/###save")
+        look()
+        window.ctx.item_click("//Choose a file###ask/Cancel")
+        window.press(imgui.Key.escape)
+        window.press(imgui.Key.f1)
+        look()
+        window.press(imgui.Key.escape)
+        for menu in ("File", "Edit", "View", "Panels", "Help"):
+            window.click(f"##MainMenuBar/##MenuBar/{menu}")
+            look()
+            window.press(imgui.Key.escape)
+        window.click("View/###view options")
+        look()
+        window.press(imgui.Key.escape)
+        window.context.drop([str(photo)])
+        window.wait(lambda: window.workspace.viewport.source == "fit")
+        window.press(imgui.Key.r)  # another object: the fit is not followed any more
+        look()
+        assert window.exists("###Running fit/###follow")
+        window.workspace.fitting.stop()
+        window.wait()
+        look()
+        window.show("Candidates")
+        look()
+        window.session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
+        look()
+        window.workspace.segment_photo()
+        window.wait(lambda: window.workspace.segmenting.plain is not None)
+        look()
+
+    (tmp_path / "config").mkdir()
+    (tmp_path / "config" / "session-999999999.codenerf").write_text("{}")
+    drive(act, replace(backend, fit=endless_fit), size=(900, 600), folder=tmp_path / "config")
 
 
 def test_bad_files_are_reported_and_change_nothing(

@@ -206,11 +206,11 @@ from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
 
-folder, photo = map(Path, sys.argv[1:])
+folder, photo, *names = (*map(Path, sys.argv[1:3]), *sys.argv[3:])
 model = random_model()
 session = Session(Worker(), Backend(lambda name: model, quick_photo, quick_frames, endless_fit, lambda model: iter(())))
 autosave = Autosave(session, folder, every=0.0)
-for name in ("cars", "chairs"):
+for name in names:
     session.open_model(name)
     deliver(session, lambda: session.model_name == name)
     session.workspace.editor.show_object("object 2")
@@ -226,12 +226,13 @@ while True:  # written again and again, so that it is killed in the middle of th
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals on Windows")
+@pytest.mark.parametrize(("first", "fitted"), [("cars", "chairs"), ("chairs", "cars")])
 def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path, first: str, fitted: str
 ) -> None:
     folder = tmp_path / "config"
     folder.mkdir()
-    command = [sys.executable, "-c", _RUN, str(folder), str(photo)]
+    command = [sys.executable, "-c", _RUN, str(folder), str(photo), first, fitted]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as run:
         for _ in range(5):
             assert run.stdout.readline() == b"written\n"
@@ -239,13 +240,13 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
     session, autosave = begun(worker, backend, folder, clock)
     assert len(autosave.left) == 1
     autosave.restore()
+    deliver(session, lambda: session.model_name == fitted)
     assert session.messages.errors == []
-    assert session.model_name == "chairs"
     assert len(opened(session).editor.history.past) >= 3
     assert opened(session).fitting.running
     finish(session, lambda: not opened(session).fitting.running)
     assert opened(session).editor.objects.names[0] == "block"
-    session.open_model("cars")
+    session.open_model(first)
     finish(session)
     assert opened(session).editor.state.mix.a.shape == "object 2"
 

@@ -90,7 +90,7 @@ class Fitting:
         try:
             sources = match_poses(paths)
         except ValueError as error:
-            self._jobs.report("Cannot fit this", error)
+            self._jobs.report("Cannot rebuild this", error)
         else:
             self.fit(*sources)
 
@@ -194,7 +194,7 @@ class Fitting:
     @property
     def camera(self) -> Camera:
         """The photo's camera in the step shown, at the size of the model's images. Only once there are steps."""
-        assert self.history.step is not None, "no fit yet"
+        assert self.history.step is not None, "nothing found yet"
         return self._camera_of(self.history.step)
 
     @property
@@ -238,7 +238,7 @@ class Fitting:
             self._run(FitRequest(history))
             return
         self.queue = (*self.queue, FitRequest(history))
-        self._jobs.notify(f"{history.name} waits for the fit under way")
+        self._jobs.notify(f"{history.name} waits for the photo before it")
 
     def _next(self) -> None:
         """Those that waited are not followed: what is edited may be the result before them."""
@@ -333,20 +333,20 @@ class Fitting:
                 self.history = replace(self.history, frame=middle, difference=difference)
 
         frames, model = self._jobs.backend.frames, self._editor.model
-        ended = self._jobs.reporting("Cannot render the fit")
+        ended = self._jobs.reporting("Cannot show the search")
         # While a person scrubs, each frame is shown before the next replaces it.
         urgent = self.history.selected is not None
         self._jobs.submit(Job("fit frame", lambda: frames(model, job), rendered, ended, urgent))
 
     def _ended(self, error: Exception | None) -> None:
         if error is None:
-            self._finish("Fitted")
+            self._finish("Rebuilt")
             return
         self.request = self.result = None
         self.candidates.finish()
         self.following.end()
         if not isinstance(error, NoBackgroundError):  # for which there is a dialog
-            self._jobs.report("Cannot fit this image", error)
+            self._jobs.report("Cannot rebuild this image", error)
 
     def _finish(self, how: str) -> None:
         self.candidates.finish()

@@ -86,5 +86,5 @@ class Following:
                 self._viewport.display(frame, crop, "fit")
 
         frames, model = self._jobs.backend.frames, self._editor.model
-        ended = self._jobs.reporting("Cannot render the fit")
+        ended = self._jobs.reporting("Cannot show the search")
         self._jobs.submit(Job("fit view", lambda: frames(model, job), rendered, ended, urgent=True))

@@ -56,7 +56,7 @@ class Viewport:
         self.times: tuple[tuple[tuple[int, int], float], ...] = ()
         """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
         self.sharp = False
-        """the frame on screen is finished, and has every pixel of the view"""
+        """the frame on screen is finished, of the scene as it is now, and has every pixel of the view"""
         self.baked: BakedField | None = None
         """the object, of which what is drawn by OpenGL"""
         self.turning: orbit.PanelCrop | None = None
@@ -102,7 +102,7 @@ class Viewport:
         """Render the scene, in place of a render under way; not while the timeline plays or a fit is followed."""
         if self.source != "scene":
             return
-        self._rested = None
+        self._rested, self.sharp = None, False
         if self.is_baked(self._editor.scene.codes):
             self._jobs.cancel("view")
             self._turn()

@@ -29,7 +29,7 @@ class CandidatesPanel:
     title = "Candidates"
     dock = "Drawer"
     folded = True
-    waiting = "The candidates come with a fit"
+    waiting = "The candidates come with a photo"
 
     def __init__(self) -> None:
         self._overview = OverviewCamera()
@@ -40,7 +40,7 @@ class CandidatesPanel:
         tiles = context.fitting.candidates.tiles
         if not tiles:
             imgui.text_wrapped(
-                "While a fit runs, you see here which cameras and shapes are tried for your photo, the best first"
+                "While a photo is rebuilt, you see here which cameras and shapes are tried for it, the best first"
             )
             return
         room = imgui.get_content_region_avail()
@@ -54,10 +54,11 @@ class CandidatesPanel:
 
     def _draw_tiles(self, context: PanelContext, tiles: tuple[Tile, ...]) -> None:
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
-        gap = 0.25 * em
+        gap, least = 0.25 * em, 1.6 * em
         across = math.ceil(math.sqrt(len(tiles) * room.x / max(em, room.y)))
+        across = max(1, min(across, int((room.x + gap) / (least + gap))))
         rows = math.ceil(len(tiles) / across)
-        side = max(1.6 * em, min(3.4 * em, room.x / across - gap, room.y / rows - gap))
+        side = max(least, min(3.4 * em, room.x / across - gap, room.y / rows - gap))
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
         for number, tile in enumerate(tiles):
             if number % across:
@@ -129,5 +130,5 @@ def _label(tile: Tile, rank: int, preferable: bool) -> str:
     place = f"azimuth {math.degrees(camera.azimuth):.0f}, elevation {math.degrees(camera.elevation):.0f} degrees"
     place += f"\ndistance {camera.distance:.2f}, focal length {camera.focal / camera.height:.2f} of the image's height"
     state = f"Rank {rank + 1}" if tile.eliminated_at is None else f"Eliminated after {tile.eliminated_at:.1f} s"
-    prefer = "\nClick to prefer it: the fit continues from here alone" if preferable else ""
+    prefer = "\nClick to prefer it: the search continues from here alone" if preferable else ""
     return f"{state}, loss {tile.hypothesis.loss:.4f}\n{place}{prefer}"

@@ -109,7 +109,7 @@ def _draw_status(context: PanelContext) -> None:
     parts = [f"Loading {session.loading} …"] if session.loading else []
     if context.ready:
         if context.fitting.running:
-            parts.append(f"Fitting {context.fitting.history.progress:.0%}")
+            parts.append(f"Rebuilding {context.fitting.history.progress:.0%}")
         if context.exporting.running:
             parts.append(f"Exporting {context.exporting.progress:.0%}")
         parts.append(f"{context.editor.model.category}: {len(context.editor.objects.names)} objects")

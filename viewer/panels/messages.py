@@ -32,9 +32,9 @@ def draw(context: PanelContext) -> None:
 
 
 def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
-    """Two corners: of the view, or of the whole window where the view is small."""
+    """Two corners: of the view, or of the whole window where the view is small, or behind the Share dialog."""
     low, high = context.view
-    if high.x - low.x > hello_imgui.em_size(_SMALL):
+    if high.x - low.x > hello_imgui.em_size(_SMALL) and not context.share_open:
         return low, high
     viewport = imgui.get_main_viewport()
     return viewport.work_pos, viewport.work_pos + viewport.work_size

@@ -22,9 +22,9 @@ _REFIT = f"Rebuild  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 
 _RUNNER_UP_HELP = """Try the runner-up, the camera that explains the photo next best; it is mostly on the other side.
 Undo (Ctrl+Z) or the camera button brings you back."""
-_PRESET_HELP = """How much work the next fit is: draft less than half of normal, fine twice as much.
+_PRESET_HELP = """How much work the next search is: draft less than half of normal, fine twice as much.
 Except in a draft, a camera in doubt is searched for once more."""
-_RESUME_HELP = "Improve the fit from the step that is shown, for a third of the steps of a new one; can be repeated"
+_RESUME_HELP = "Improve it from the step that is shown, for a third of the steps of a new search; can be repeated"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then continue from there:
 for a camera that was not found"""
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
@@ -91,7 +91,7 @@ def _draw_progress(fitting: Fitting) -> None:
         tooltip(f"{last.seconds:.0f} s, {last.psnr:.1f} dB, {last.active} candidates left")
     else:
         tooltip("Ranking the views of the view bank for the photo")
-    imgui.text(label)
+    imgui.text_wrapped(label)
     _draw_queue(fitting)
 
 
@@ -214,5 +214,5 @@ def _invitation(context: PanelContext) -> str:
     what = context.editor.model.category.removesuffix("s")
     return (
         f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is cut out and cropped, "
-        "then its camera and its two codes are found. A plain background helps; on any other you point it out."
+        "then camera, shape and texture are found. A plain background helps; on any other you point it out."
     )

@@ -24,7 +24,7 @@ def draw(context: PanelContext) -> None:
         imgui.push_text_wrap_pos(min(hello_imgui.em_size(_WIDTH), 0.9 * imgui.get_main_viewport().work_size.x))
         imgui.text(f"All that was made with every model was saved on {when:%d %B at %H:%M}.")
         imgui.pop_text_wrap_pos()
-        if button("Restore###restore", "Bring it back; a fit that was under way begins again", width=9):
+        if button("Restore###restore", "Bring it back; a search that was under way begins once more", width=9):
             autosave.restore()
         imgui.same_line()
         if button("Discard###discard", "Delete what was saved", width=9):

@@ -20,7 +20,7 @@ def draw(context: PanelContext) -> None:
             _draw_ready(context, fitting.ready.name)
         if fitting.can_follow:
             imgui.align_text_to_frame_padding()
-            imgui.text_disabled(f"{fitting.history.name} is being fitted")
+            imgui.text_disabled(f"{fitting.history.name} is being rebuilt")
             imgui.same_line()
             action_button(context, "follow", f"{icons_fontawesome_4.ICON_FA_LOCATION_ARROW}  Follow")
     imgui.end()

@@ -67,11 +67,13 @@ class SegmentingDialog:
             self._draw_photo(context, segmenting)
         imgui.end_child()
         imgui.same_line()
-        if imgui.begin_child("tools", (0, 0)):
+        imgui.begin_group()
+        if imgui.begin_child("tools", (0, -imgui.get_frame_height_with_spacing())):
             self._draw_tools(segmenting)
             _draw_frame(context, segmenting)
-            _draw_end(context, segmenting)
         imgui.end_child()
+        _draw_end(context, segmenting)  # in sight, however low the window is
+        imgui.end_group()
 
     def _draw_photo(self, context: PanelContext, segmenting: Segmenting) -> None:
         if segmenting.plain is None or context.images is None:

@@ -18,7 +18,7 @@ from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
-from viewer.widgets.controls import action_button, button, choose, draw_progress, tooltip
+from viewer.widgets.controls import action_button, button, choose, draw_progress, flow, tooltip
 
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
@@ -30,7 +30,7 @@ _ICONS = {
 _ABOUT = {
     "turntable": "The object turning once round, as a video",
     "film": "The timeline as a video",
-    "picture": "The object as an image. A png holds codes and camera: drop it on the window to bring them back",
+    "picture": "The object as an image. A png holds shape, texture and camera: drop it here to bring them back",
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
@@ -227,12 +227,11 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         imgui.same_line()
         action_button(context, "save_project_as")
         if not ready:
-            imgui.same_line()
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:
         imgui.align_text_to_frame_padding()
         imgui.text(f"Saved to {saved.parent.name}/{saved.name}")
         tooltip(str(saved))
-        imgui.same_line()
+        flow("Show in folder")
         if button("Show in folder###show in folder", "Open the folder that the file is in"):
             context.show_in_folder(saved)

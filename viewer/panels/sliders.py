@@ -168,7 +168,7 @@ class SlidersPanel:
         codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
         ends = (direction.moved(codes, mean, value + step) for step in (-1.0, 1.0))
         low, high = (context.thumbnails.get(one, camera, soon=True) for one in ends)
-        if low is None or high is None:
+        if low is None or high is None or low.resolution != high.resolution:  # of one there is a finer render already
             return
         if self._influence is None or self._influence[1:3] != (low, high):
             self._influence = direction.parts, low, high, CodeInfluence.between(low, high)

@@ -167,7 +167,7 @@ def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) 
     width, height = frame.resolution
     live = viewport.source == "fit"
     baked = viewport.baked if viewport.turning else None
-    words = "The fit under way" if live else "Sharp" if viewport.sharp else "Sharpening …"
+    words = "Rebuilding …" if live else "Sharp" if viewport.sharp else "Sharpening …"
     if baked:
         words = "Baked preview"
     em = hello_imgui.em_size()

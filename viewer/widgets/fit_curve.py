@@ -8,7 +8,7 @@ from viewer.context import PanelContext
 from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, tooltip
 
-_SCRUB_HELP = "Drag to see any step of the fit, here and in the view; undo brings you back"
+_SCRUB_HELP = "Drag to see any step of the search, here and in the view; undo brings you back"
 _HEIGHT = 5.5
 """em"""
 

@@ -41,7 +41,7 @@ def about(found: EditableObject) -> str:
     if not found.photo:
         return ""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
-    return f"\nFitted to a photo{sure}"
+    return f"\nRebuilt from a photo{sure}"
 
 
 class MineMenu:

@@ -101,7 +101,7 @@ def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, work
     finish(session, lambda: not workspace.fitting.running)
     assert editor.history is before
     assert editor.objects.names == names
-    assert session.messages.errors == ["Cannot fit this image: the loss is not finite"]
+    assert session.messages.errors == ["Cannot rebuild this image: the loss is not finite"]
 
 
 def test_any_step_is_shown_and_a_new_fit_forgets_it(
@@ -147,7 +147,7 @@ def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, works
     finish(session, lambda: not workspace.fitting.running)
     assert workspace.fitting.history is history
     assert workspace.fitting.candidates.tiles is tiles
-    assert session.messages.errors == ["Cannot fit this image: the fit diverged from every start"]
+    assert session.messages.errors == ["Cannot rebuild this image: the fit diverged from every start"]
 
 
 def test_files_that_are_no_images_are_reported_and_change_nothing(

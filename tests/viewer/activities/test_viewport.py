@@ -129,3 +129,12 @@ def test_a_timeline_of_a_baked_object_is_turned_by_opengl(
     assert not session.jobs.busy("timeline")
     player.pause()
     finish(session, lambda: viewport.sharp)
+
+
+def test_what_is_on_screen_is_not_sharp_once_the_scene_has_changed(
+    session: Session, workspace: Workspace, editor: Editor
+) -> None:
+    finish(session, lambda: workspace.viewport.sharp)
+    editor.sample("texture")
+    assert not workspace.viewport.sharp  # its render is still to come
+    finish(session, lambda: workspace.viewport.sharp)

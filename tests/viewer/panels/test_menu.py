@@ -1,9 +1,13 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from imgui_bundle import imgui
 
+from core.models.model import Model
+from tests.conftest import random_model
 from tests.viewer.driver import Drive, Driver
+from viewer.services.backend import Backend
 
 
 def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -71,6 +75,34 @@ def test_models_are_a_switch_and_samples_in_a_menu(drive: Drive, monkeypatch: py
         assert started[0].is_file()
 
     drive(act)
+
+
+def test_photos_and_looks_of_the_other_model_switch_to_it(
+    drive: Drive, backend: Backend, model: Model, photo: Path, tmp_path: Path
+) -> None:
+    models = {"chairs": model, "cars": replace(random_model(seed=5), category="cars")}
+
+    def act(window: Driver) -> None:
+        session = window.session
+        window.context.drop([str(photo)])
+        window.wait(lambda: session.model_name == "cars" and not session.fitting_runs)
+        window.wait()
+        scene = window.workspace.editor.scene
+        assert window.workspace.editor.objects.own == ["block"]
+        window.menu("File/###save_scene")
+        window.type(str(tmp_path / "look.json"))
+        window.click("##MainMenuBar/##MenuBar/###model chairs")
+        window.wait(lambda: session.model_name == "chairs")
+        window.wait()
+        assert not window.workspace.editor.objects.own
+        window.context.drop([str(tmp_path / "look.json")])
+        window.wait(lambda: session.model_name == "cars")
+        window.wait()
+        assert window.workspace.editor.scene == scene
+        assert session.messages.errors == []
+
+    guess = {"cars": 0.95, "chairs": 0.01}
+    drive(act, replace(backend, load_model=models.__getitem__, guess_category=lambda _: guess))
 
 
 def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:

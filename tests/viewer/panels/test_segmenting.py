@@ -1,3 +1,6 @@
+import threading
+import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,6 +9,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
+from core.models.model import Model
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -113,6 +117,44 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
 
     tiny = tiny_model()
     drive(act, replace(backend, load_model=lambda name: tiny))
+
+
+def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    may_end = threading.Event()
+    may_end.set()
+
+    def slow(model: Model) -> Iterator[None]:
+        while not may_end.is_set():
+            time.sleep(0.01)
+            yield None
+
+    def act(window: Driver) -> None:
+        segmenting, rebuild = window.workspace.segmenting, "Cut out###segment/**/###fit segmentation"
+
+        def enabled() -> bool:
+            return not window.ctx.item_info(f"//{rebuild}").item_flags & imgui.ItemFlags_.disabled
+
+        may_end.clear()
+        segmenting.open((PhotoSource(photo),), 0)
+        window.wait(lambda: segmenting.result is not None)
+        assert not enabled()
+        may_end.set()
+        window.wait(lambda: segmenting.settled)
+        assert enabled()
+        may_end.clear()
+        window.set("Cut out###segment/**/##scale", 0.8)
+        window.ctx.yield_(2)
+        assert not enabled()
+        may_end.set()
+        window.wait(lambda: segmenting.settled)
+        window.click(rebuild)
+        window.wait(lambda: not window.session.fitting_runs)
+        assert window.workspace.editor.objects.own == ["block"]
+
+    tiny = tiny_model()
+    drive(act, replace(backend, load_model=lambda name: tiny, view_bank=slow))
 
 
 def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_path: Path) -> None:
