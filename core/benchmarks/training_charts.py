@@ -100,7 +100,7 @@ def _scaling_chart(found: ScalingResults) -> "Figure":
     left.legend(fontsize=8)
     middle.errorbar(shapes, **_with_intervals([point.gain for point in found.points]))
     middle.axhline(0.0, color="black", linewidth=0.8)
-    middle.set(ylabel="held-out objects, dB over the fewest shapes")
+    middle.set(ylabel="held-out objects, gain (dB)")
     right.errorbar(shapes, **_with_intervals([point.found for point in found.points], 100))
     right.set(ylabel="cameras found within 10 degrees (%)", ylim=(-2, 102))
     for axes in (left, middle, right):
