@@ -16,11 +16,11 @@ from core.benchmarks.drawing import DPI, draw_frontier, log_ticks, new_figure, w
 from core.benchmarks.fits import FitResults
 from core.benchmarks.fits import Trial as FitTrial
 from core.benchmarks.load_charts import draw_load
-from core.benchmarks.model_sizes import ModelSize, ModelSizeResults
 from core.benchmarks.rendering_charts import draw_rendering
 from core.benchmarks.robustness import SUCCESS_DEGREES, Measured, RobustnessResults
 from core.benchmarks.robustness import Trial as RobustnessTrial
 from core.benchmarks.stressors import STRESSORS
+from core.benchmarks.training_charts import draw_architectures, draw_model_sizes, draw_recipe, draw_scaling
 from core.evaluation.statistics import Mean
 from core.training.curve import CurvePoint, draw_curves
 
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 _FAILURE_SIDE, _MAX_FAILURES = 80, 60
 """px; and how many failures are shown"""
-_COUNTS = ("objects", "tests", "steps")
-"""of :class:`core.benchmarks.model_sizes.ModelSizeResults`"""
 
 
 def redraw(folder: Path) -> list[Path]:
@@ -232,52 +230,6 @@ def _ablations_chart(found: AblationResults) -> "Figure":
     return figure
 
 
-# Model sizes
-
-
-def write_model_sizes(found: ModelSizeResults, folder: Path) -> None:
-    """``model_sizes.csv``, ``model_sizes.md`` and ``model_sizes.png``."""
-    counts = {name: str(getattr(found, name)) for name in _COUNTS}
-    rows = [{"machine": found.machine} | counts | to_row(one) for one in found.sizes]
-    write_csv(folder / "model_sizes.csv", rows)
-    _draw_model_sizes(folder)
-
-
-def read_model_sizes(path: Path) -> ModelSizeResults:
-    """Reads ``model_sizes.csv``. Raises ``ValueError`` where it is none."""
-    rows = read_csv(path)
-    objects, tests, steps = (int(rows[0][name]) for name in _COUNTS)
-    return ModelSizeResults(rows[0]["machine"], objects, tests, steps, tuple(from_row(ModelSize, row) for row in rows))
-
-
-def _draw_model_sizes(folder: Path) -> None:
-    found = read_model_sizes(folder / "model_sizes.csv")
-    write_chart(folder / "model_sizes", tables.model_sizes_table(found), _model_sizes_chart(found))
-
-
-def _model_sizes_chart(found: ModelSizeResults) -> "Figure":
-    figure, (left, right) = new_figure(2)
-    baseline = found.sizes[0]
-    for axis in dict.fromkeys(one.axis for one in found.sizes if one.value):
-        swept = sorted((baseline, *(one for one in found.sizes if one.axis == axis)), key=lambda one: one.bytes)
-        marks = [one.parameters / 1000 for one in swept]
-        for axes, psnr in ((left, [one.new_views for one in swept]), (right, [one.held_out.mean for one in swept])):
-            (line,) = axes.plot([one.field_ms for one in swept], psnr, "-", alpha=0.6, label=axis.replace("_", " "))
-            axes.scatter([one.field_ms for one in swept], psnr, marks, color=line.get_color())
-    for one in found.sizes:
-        if one.axis == "default":
-            left.plot(one.field_ms, one.new_views, "k*", markersize=14, label="default recipe", zorder=3)
-            right.plot(one.field_ms, one.held_out.mean, "k*", markersize=14, label="default recipe", zorder=3)
-    left.set(xlabel="ms for 100,000 samples", ylabel="training objects, new views (dB)")
-    right.set(xlabel="ms for 100,000 samples", ylabel="held-out objects, one view fitted (dB)")
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=7)
-    about = f"{found.objects} objects, {found.steps} steps each; area of a point: parameters"
-    figure.suptitle(f"{found.machine}, {about}", fontsize=9)
-    return figure
-
-
 # Training
 
 
@@ -295,6 +247,9 @@ _REDRAW: dict[str, Callable[[Path], None]] = {
     "fit": _draw_fits,
     "robustness": draw_robustness,
     "ablations": _draw_ablations,
-    "model_sizes": _draw_model_sizes,
+    "model_sizes": draw_model_sizes,
+    "scaling": draw_scaling,
+    "architectures": draw_architectures,
+    "recipe": draw_recipe,
     "training": _draw_training,
 }

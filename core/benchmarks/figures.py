@@ -64,7 +64,7 @@ def write_figures(model: Model, fitted: Sequence[FittedPhoto], folder: Path) -> 
     if len(fitted) > 1:
         figures |= {"grid": _grid(model, fitted), "interpolation": _interpolation(model, *fitted[:2])}
     for name, rows in figures.items():
-        _sheet(rows).save(folder / f"{name}.png")
+        labelled_sheet(rows).save(folder / f"{name}.png")
         yield folder / f"{name}.png"
 
 
@@ -126,11 +126,16 @@ def _interpolation(model: Model, first: FittedPhoto, second: FittedPhoto) -> lis
 
 
 def _of_photo(photo: Photo, label: str = "photo") -> Cell:
-    return label, _bytes(photo.pixels)
+    return to_cell(label, photo.pixels)
 
 
 def _of_codes(model: Model, codes: Codes, camera: Camera) -> UInt8[Tensor, "side side 3"]:
     return _bytes(render_on_white(model, codes, camera)[0])
+
+
+def to_cell(label: str, colour: Float[Tensor, "height width 3"]) -> Cell:
+    """A cell of :func:`labelled_sheet`; colours 0..1."""
+    return label, _bytes(colour)
 
 
 def _bytes(colour: Float[Tensor, "height width 3"]) -> UInt8[Tensor, "side side 3"]:
@@ -145,7 +150,8 @@ def _bytes(colour: Float[Tensor, "height width 3"]) -> UInt8[Tensor, "side side 
     return (255 * sized.permute(1, 2, 0).clamp(0, 1) + 0.5).byte()
 
 
-def _sheet(rows: Sequence[Sequence[Cell]]) -> Image.Image:
+def labelled_sheet(rows: Sequence[Sequence[Cell]]) -> Image.Image:
+    """One image of all cells, row by row, a line of text above each."""
     columns = max(map(len, rows))
     sheet = Image.new("RGB", (columns * _SIDE, len(rows) * (_SIDE + _LABEL)), "white")
     draw = ImageDraw.Draw(sheet)

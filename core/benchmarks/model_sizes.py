@@ -6,10 +6,9 @@ objects with the same steps and the same random rays. The scores of each model a
 where one was stopped. Speed is measured at the end, with all models taking turns.
 """
 
-import json
 import time
-from collections.abc import Generator, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from statistics import median
@@ -17,21 +16,15 @@ from typing import Any
 
 import torch
 
-from core.benchmarks.fits import Trial, fit_view
-from core.benchmarks.held_out_views import dataset_views
 from core.benchmarks.machine import describe_machine
-from core.datasets.srn import Dataset, ObjectEntry, index_objects, read_dataset
-from core.evaluation.protocol import Protocol, evaluate
+from core.benchmarks.trained_models import Scores, load_trained, score_model, train_model, trained_objects_views
+from core.datasets.srn import ObjectEntry, index_objects, read_dataset
 from core.evaluation.statistics import Mean, mean_of
-from core.files import write_json
-from core.fitting.confidence import RIGHT_DEGREES
-from core.fitting.fit import PRESETS
 from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.precision import autocast
-from core.photos.view_bank import view_bank
 from core.training.recipes import RECIPES
-from core.training.trainer import Trainer, held_out_psnr, hold_out
+from core.training.trainer import hold_out
 
 BASELINE = FieldConfig(width=128, shape_blocks=2, shape_latent=64, texture_latent=32, position_frequencies=10)
 SWEEP = {
@@ -43,10 +36,6 @@ SWEEP = {
 }
 _ROUNDS = 7
 _POINTS = 100_000
-_NEW_VIEWS = 8
-"""training objects of which a view that was not trained on is rendered"""
-_VIEW_STRIDE = 5
-"""over the other views of a test object"""
 
 
 @dataclass(frozen=True)
@@ -74,23 +63,6 @@ class ModelSize:
     field_ms: float
     """to evaluate density and colour at 100,000 points: what a frame costs depends besides on how clean the object is,
     and after so little training all of them are hazy"""
-
-
-@dataclass(frozen=True)
-class _Scores:
-    """The scores kept beside a model."""
-
-    model: str
-    """its fingerprint"""
-    tests: list[str]
-    """names of the test objects"""
-    new_views: float
-    """as in :class:`ModelSize`"""
-    held_out: list[float]
-    """dB, of each test object"""
-    found: list[float]
-    """1 where its camera was found within 10 degrees, else 0"""
-    fit_seconds: list[float]
 
 
 @dataclass(frozen=True)
@@ -129,61 +101,22 @@ def run(
     training = cache(lambda: hold_out(read_dataset(list(folders)))[0])
     chosen = sweep()
     paths = [kept / f"{category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
-    models, scores = list[Model](), list[_Scores]()
+    models, scores = list[Model](), list[Scores]()
     for (_, _, config), path in zip(chosen, paths, strict=True):
         if not path.exists() or Model.load(path).field.config != config:
-            yield from _train(training(), config, steps, path)
-        models.append(Model.load(path))
+            yield from train_model(training(), replace(RECIPES["default"], field=config, steps=steps), path)
+        models.append(load_trained(path, entries))
     training.cache_clear()
-    views = _new_views(entries, category, models[0])
+    views = trained_objects_views(entries, category, models[0])
     for path, model in zip(paths, models, strict=True):
-        scores.append((yield from _score_model(model, views, tests, path.with_suffix(".json"))))
+        scores.append((yield from score_model(model, views, tests, path.with_suffix(".json"))))
     yield "speed"
     sizes = [_size(*row, first=scores[0]) for row in zip(chosen, models, paths, scores, _field_ms(models), strict=True)]
     yield ModelSizeResults(describe_machine(models[0].device), len(entries), len(tests), steps, tuple(sizes))
 
 
-def _train(training: Dataset, config: FieldConfig, steps: int, path: Path) -> Iterator[str]:
-    trainer = Trainer(training, replace(RECIPES["default"], field=config, steps=steps))
-    for step in trainer.steps():
-        if step.step % 100 == 0:
-            yield f"training, {path.stem}, step {step.step} of {steps}, {step.psnr:.1f} dB"
-    trainer.model().save(path)
-
-
-def _new_views(entries: Sequence[ObjectEntry], category: str, model: Model) -> Dataset:
-    """Of some training objects the view that no model was trained on."""
-    some = tuple(entry.read() for entry in entries[:: max(1, len(entries) // _NEW_VIEWS)][:_NEW_VIEWS])
-    return hold_out(Dataset(some, category, model.image_size, model.focal), _NEW_VIEWS)[1]
-
-
-def _score_model(
-    model: Model, views: Dataset, tests: Sequence[ObjectEntry], path: Path
-) -> Generator[str, None, _Scores]:
-    """Yields what is being done; returns the model's scores, from ``path`` where they are known."""
-    names = [entry.name for entry in tests]
-    if path.exists():
-        kept = json.loads(path.read_text())
-        kept["new_views"] = kept.pop("own", kept.get("new_views"))  # the key of earlier versions
-        if (kept["model"], kept["tests"]) == (model.fingerprint, names):
-            return _Scores(**kept)
-    yield f"new views of training objects, {path.stem}"
-    new_views = held_out_psnr(model, views)
-    view_bank(model)  # built before the first fit is timed
-    psnrs, trials = list[float](), list[Trial]()
-    for number, entry in enumerate(tests):
-        yield f"fits, {path.stem}, {entry.name}"
-        psnrs += [score.psnr for score in evaluate(model, [entry.read()], Protocol(every=_VIEW_STRIDE))]
-        (target,) = dataset_views(model, [entry], torch.Generator().manual_seed(number))
-        trials.append(fit_view(model, target, "normal", PRESETS["normal"], number))
-    found = [float(trial.effective_rotation <= RIGHT_DEGREES) for trial in trials]
-    scores = _Scores(model.fingerprint, names, new_views, psnrs, found, [trial.seconds for trial in trials])
-    write_json(path, asdict(scores))
-    return scores
-
-
 def _size(
-    chosen: tuple[str, int, FieldConfig], model: Model, path: Path, scores: _Scores, field_ms: float, first: _Scores
+    chosen: tuple[str, int, FieldConfig], model: Model, path: Path, scores: Scores, field_ms: float, first: Scores
 ) -> ModelSize:
     return ModelSize(
         *chosen[:2],

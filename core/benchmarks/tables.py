@@ -2,13 +2,17 @@
 
 import statistics
 from collections import Counter
+from collections.abc import Sequence
 
 from core.benchmarks.ablations import AblationResults
+from core.benchmarks.architectures import Architecture
 from core.benchmarks.fits import FitResults
 from core.benchmarks.load import MEASURED, ONE, LoadResults
 from core.benchmarks.model_sizes import ModelSizeResults
+from core.benchmarks.recipe import RecipeScore
 from core.benchmarks.rendering import RenderingResults
 from core.benchmarks.robustness import ROUGH_DEGREES, SUCCESS_DEGREES, RobustnessResults
+from core.benchmarks.scaling import ScalingResults
 from core.benchmarks.stressors import STRESSORS
 from core.evaluation.statistics import format_difference, format_share
 from core.fitting.confidence import auroc
@@ -149,4 +153,39 @@ def model_sizes_table(found: ModelSizeResults) -> str:
         quality = f"{one.new_views:.2f} | {one.held_out.mean:.2f} | {format_difference(one.gain)}"
         speed = f"{format_share(one.found)} | {one.field_ms:.0f} | {one.fit_seconds:.1f}"
         lines.append(f"| {name} | {one.parameters} | {one.bytes / 1000:.0f} | {quality} | {speed} |")
+    return "\n".join(lines) + "\n"
+
+
+def scaling_table(found: ScalingResults) -> str:
+    """A line per number of training shapes."""
+    what = f"{found.category}, {found.steps} steps each; held out: {found.tests} objects, one view fitted"
+    lines = [f"{found.machine}; {what}; with 95 % intervals.", ""]
+    head = "shapes | objects | training objects, new views (dB) | held out, camera known (dB)"
+    lines += [f"| {head} | difference to the fewest (dB) | cameras within 10° |", "|" + "---|" * 6]
+    for one in found.points:
+        quality = f"{one.new_views:.2f} | {one.held_out.mean:.2f} | {format_difference(one.gain)}"
+        lines.append(f"| {one.shapes} | {one.objects} | {quality} | {format_share(one.found)} |")
+    return "\n".join(lines) + "\n"
+
+
+def architectures_table(about: str, found: Sequence[Architecture]) -> str:
+    """A line per architecture."""
+    lines = [f"{about}; with 95 % intervals.", ""]
+    head = "architecture | parameters | training objects, new views (dB) | another texture changes the opacity by"
+    lines += [f"| {head} |", "|" + "---|" * 4]
+    for one in found:
+        mean, low, high = one.opacity_change
+        change = "0" if not high else f"{mean:.3f} ({low:.3f} to {high:.3f})"
+        lines.append(f"| {one.name} | {one.parameters} | {one.new_views:.2f} | {change} |")
+    return "\n".join(lines) + "\n"
+
+
+def recipe_table(about: str, found: Sequence[RecipeScore]) -> str:
+    """A line per variant of the recipe, the first of them the default."""
+    lines = [f"{about}; held out: {len(found[0].held_out)} objects, one view of known camera; 95 % intervals.", ""]
+    head = "recipe | steps | time (s) | training objects, new views (dB) | held out (dB)"
+    lines += [f"| {head} | difference to the default (dB) |", "|" + "---|" * 6]
+    for one in found:
+        quality = f"{one.new_views:.2f} | {statistics.mean(one.held_out):.2f} | {format_difference(one.gain(found[0]))}"
+        lines.append(f"| {one.name} | {one.steps} | {one.seconds:.0f} | {quality} |")
     return "\n".join(lines) + "\n"

@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from core.benchmarks import (
     ablations,
+    architectures,
     charts,
     drawing,
     fits,
@@ -18,10 +19,13 @@ from core.benchmarks import (
     load,
     load_charts,
     model_sizes,
+    recipe,
     rendering,
     rendering_charts,
     robustness,
+    scaling,
     tables,
+    training_charts,
 )
 from core.benchmarks.csv_files import append_record, read_records
 from core.benchmarks.figures import fit_photo, write_figures
@@ -29,7 +33,7 @@ from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_
 from core.benchmarks.machine import describe_machine
 from core.cli.fit import probable_model
 from core.cli.progress import require_writable
-from core.datasets.srn import ObjectEntry, index_objects
+from core.datasets.srn import ObjectEntry, index_objects, read_dataset
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
@@ -148,13 +152,40 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
 
 def bench_model_size(chosen: argparse.Namespace) -> None:
     """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
-    drawing.prepare(chosen.out)
-    if not chosen.models.is_dir():
-        raise ValueError(f"there is no folder {chosen.models}")
-    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
-    found = _last_value(model_sizes.run(chosen.datasets, tests, chosen.steps, chosen.models))
-    charts.write_model_sizes(found, chosen.out)
+    found = _last_value(model_sizes.run(*_trained_models(chosen)))
+    training_charts.write_model_sizes(found, chosen.out)
     print(tables.model_sizes_table(found), flush=True)
+
+
+def bench_scaling(chosen: argparse.Namespace) -> None:
+    """``bench scaling``: quality against the number of training shapes, as CSV, table and chart."""
+    found = _last_value(scaling.run(*_trained_models(chosen)))
+    training_charts.write_scaling(found, chosen.out)
+    print(tables.scaling_table(found), flush=True)
+
+
+def bench_architectures(chosen: argparse.Namespace) -> None:
+    """``bench architectures``: CodeNeRF beside the paper's ablations M1 and M2, as CSV, table and picture."""
+    _prepare_models(chosen)
+    found = _last_value(architectures.run(chosen.datasets, chosen.steps, chosen.models))
+    training_charts.write_architectures(found, chosen.out)
+    print((chosen.out / "architectures.md").read_text(), flush=True)
+
+
+def bench_recipe(chosen: argparse.Namespace) -> None:
+    """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
+    drawing.prepare(chosen.out)
+    dataset, entries = read_dataset(chosen.datasets), index_objects(chosen.datasets)[1]
+    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
+    about |= {"objects": str(len(entries)), "time": f"{chosen.seconds:g}"}
+    about |= {"tests": " ".join(entry.name for entry in tests)}
+    path = chosen.out / "recipe.csv"
+    done = {one.name for one in read_records(path, recipe.RecipeScore, about)}
+    for score in _said(recipe.run(dataset, entries, tests, chosen.seconds, done)):
+        append_record(path, about, score)
+    training_charts.draw_recipe(chosen.out)
+    print((chosen.out / "recipe.md").read_text(), flush=True)
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
@@ -167,6 +198,19 @@ def bench_redraw(chosen: argparse.Namespace) -> None:
 def _prepare(chosen: argparse.Namespace) -> None:
     if not chosen.gate:
         drawing.prepare(chosen.out)
+
+
+def _prepare_models(chosen: argparse.Namespace) -> None:
+    drawing.prepare(chosen.out)
+    if not chosen.models.is_dir():
+        raise ValueError(f"there is no folder {chosen.models}")
+
+
+def _trained_models(chosen: argparse.Namespace) -> tuple[list[Path], tuple[ObjectEntry, ...], int, Path]:
+    """Of a benchmark that trains models: what to train on, the test objects, steps, and where models are kept."""
+    _prepare_models(chosen)
+    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    return chosen.datasets, tests, chosen.steps, chosen.models
 
 
 def _require_no_worse(lines: Sequence[str]) -> None:

@@ -6,19 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from core.cli.argument_types import box, count, degrees, part, view_numbers
+from core.cli.argument_types import box, count, degrees, view_numbers
+from core.cli.bench_parser import add_bench
 from core.cli.legacy import current_words
+from core.cli.options import add_command, add_device, add_model, add_seed
 from core.datasets.categories import SPLITS, SRN_DISTANCES
 from core.fitting.settings import PRESETS
 from core.training.recipes import RECIPES
-
-
-class _Formatter(argparse.ArgumentDefaultsHelpFormatter):
-    """Shows defaults, where there are any."""
-
-    def _get_help_string(self, action: argparse.Action) -> str | None:
-        shown = action.default not in (None, []) and action.default is not False
-        return super()._get_help_string(action) if shown else action.help
 
 
 class _Parser(argparse.ArgumentParser):
@@ -53,32 +47,17 @@ def build_parser() -> argparse.ArgumentParser:
     _add_convert(commands)
     _add_evaluate(commands)
     _add_figures(commands)
-    _add_bench(commands)
+    add_bench(commands)
     return top
-
-
-def _command(commands: argparse._SubParsersAction, name: str, run: str, about: str) -> argparse.ArgumentParser:
-    command = commands.add_parser(name, help=about, description=about, formatter_class=_Formatter, allow_abbrev=False)
-    command.set_defaults(run=run)
-    return command
-
-
-def _add_model(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--model", default="chairs", metavar="M", help="a shipped name or the path of a model file")
-    _add_device(command)
 
 
 def _add_guessed_model(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", metavar="M", help="else the shipped model of what the first image seems to show")
-    _add_device(command)
-
-
-def _add_device(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs")
+    add_device(command)
 
 
 def _add_object_options(command: argparse.ArgumentParser) -> None:
-    _add_model(command)
+    add_model(command)
     what = command.add_mutually_exclusive_group()
     what.add_argument("--object", type=int, metavar="I", help="an object of the model, from 0; else the mean object")
     what.add_argument(
@@ -101,7 +80,7 @@ def _add_scene_options(command: argparse.ArgumentParser) -> None:
 
 
 def _add_render(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "render", "render.render", "render one image")
+    command = add_command(commands, "render", "render.render", "render one image")
     _add_scene_options(command)
     command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
     command.add_argument("--exact", action="store_true", help="the slow reference renderer, 256 samples a ray")
@@ -109,7 +88,7 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
+    command = add_command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back")
     command.add_argument("--frames", type=count, default=72, help="number of frames")
@@ -127,7 +106,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "mesh", "render.mesh", "write an object as a coloured mesh")
+    command = add_command(commands, "mesh", "render.mesh", "write an object as a coloured mesh")
     _add_object_options(command)
     command.add_argument(
         "--resolution",
@@ -149,7 +128,7 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:
-    command = _command(
+    command = add_command(
         commands,
         "fit",
         "fit.fit",
@@ -176,11 +155,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, one line each")
-    _add_seed(command)
-
-
-def _add_seed(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--seed", type=int, default=0, help="of all random numbers")
+    add_seed(command)
 
 
 def _add_preset(command: argparse.ArgumentParser) -> None:
@@ -196,14 +171,16 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     kinds = commands.add_parser("dataset", help="render a dataset in ShapeNet-SRN's layout").add_subparsers(
         required=True, metavar="KIND"
     )
-    meshes = _command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
+    meshes = add_command(kinds, "meshes", "train.dataset_meshes", "render a folder of GLB files with its index.json")
     meshes.add_argument("folder", type=Path, metavar="DIR")
     meshes.add_argument(
         "--variants", type=int, default=0, metavar="N", help="additional deformed, recoloured variants of each"
     )
-    procedural = _command(kinds, "procedural", "train.dataset_procedural", "render objects of the built-in generator")
+    procedural = add_command(
+        kinds, "procedural", "train.dataset_procedural", "render objects of the built-in generator"
+    )
     procedural.add_argument("--count", type=count, required=True, metavar="N", help="objects")
-    pairs = _command(
+    pairs = add_command(
         kinds, "pairs", "train.dataset_pairs", "render trained and untrained pairs for evaluate --disentanglement"
     )
     pairs.add_argument("--count", type=count, required=True, metavar="N", help="objects of the training dataset")
@@ -222,7 +199,9 @@ _DEFAULT_FIELD = RECIPES["default"].field
 
 
 def _add_train(commands: argparse._SubParsersAction) -> None:
-    command = _command(commands, "train", "train.train", "train a category model; to continue a stopped run, --resume")
+    command = add_command(
+        commands, "train", "train.train", "train a category model; to continue a stopped run, --resume"
+    )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
@@ -247,49 +226,49 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         help="dimensions of a code (default: the recipe's; "
         f"{_DEFAULT_FIELD.shape_latent} {_DEFAULT_FIELD.texture_latent} by default)",
     )
-    _add_device(command)
-    _add_seed(command)
+    add_device(command)
+    add_seed(command)
 
 
 def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
-    command = _command(
+    command = add_command(
         commands,
         "train-viewpoint",
         "train.train_viewpoint_classifier",
         "train a model's viewpoint classifier, as train does last",
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
-    _add_model(command)
+    add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=count, default=8000, help="of training")
-    _add_seed(command)
+    add_seed(command)
 
 
 def _add_train_category(commands: argparse._SubParsersAction) -> None:
-    command = _command(
+    command = add_command(
         commands, "train-category", "train.train_category_classifier", "train what tells the categories of photos apart"
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders, of each category one")
     command.add_argument("--out", type=Path, required=True, metavar="C.safetensors")
     command.add_argument("--steps", type=count, default=4000, help="of training")
-    _add_seed(command)
+    add_seed(command)
 
 
 def _add_select_gallery(commands: argparse._SubParsersAction) -> None:
-    command = _command(
+    command = add_command(
         commands,
         "select-gallery",
         "train.select_model_gallery",
         "shrink a model file: keep some of its training objects, varied and well rendered",
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders it was trained on")
-    _add_model(command)
+    add_model(command)
     command.add_argument("--count", type=count, default=150, metavar="N", help="objects to keep")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:
-    command = _command(
+    command = add_command(
         commands, "convert", "train.convert", "turn a checkpoint of the authors' trainer into a model file"
     )
     command.add_argument("checkpoint", type=Path, metavar="models.pth")
@@ -298,11 +277,11 @@ def _add_convert(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_evaluate(commands: argparse._SubParsersAction) -> None:
-    command = _command(
+    command = add_command(
         commands, "evaluate", "measure.evaluate", "the paper's protocol: fit a view, render the others, compare"
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of objects to test on")
-    _add_model(command)
+    add_model(command)
     command.add_argument(
         "--disentanglement", action="store_true", help="instead: codes of two objects for untrained pairs, and leaks"
     )
@@ -316,11 +295,11 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--report", type=Path, metavar="R.json", help="the scores; a chart is written beside them as PNG"
     )
-    _add_seed(command)
+    add_seed(command)
 
 
 def _add_figures(commands: argparse._SubParsersAction) -> None:
-    command = _command(
+    command = add_command(
         commands,
         "figures",
         "measure.figures",
@@ -329,55 +308,4 @@ def _add_figures(commands: argparse._SubParsersAction) -> None:
     command.add_argument("images", type=Path, nargs="+", metavar="IMAGE", help="each of another object of one category")
     _add_guessed_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="DIR")
-    _add_seed(command)
-
-
-def _add_bench(commands: argparse._SubParsersAction) -> None:
-    kinds = commands.add_parser("bench", help="measure on this machine and plot charts").add_subparsers(
-        required=True, metavar="KIND"
-    )
-    rendering = _command(kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage")
-    rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
-    load = _command(kinds, "load", "measure.bench_load", "a fit and renders beside busy processes, by threads")
-    load.add_argument("--turns", type=count, default=3, metavar="N", help="how often everything is measured")
-    fitting = _command(
-        kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
-    )
-    for kind in (rendering, fitting):
-        kind.add_argument(
-            "--gate", type=Path, metavar="B.csv", help="write nothing; exit with status 1 if worse than this baseline"
-        )
-    redraw = _command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
-    ablations = _command(kinds, "ablations", "measure.bench_ablations", "fits without each part of the method")
-    robustness = _command(
-        kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
-    )
-    robustness.add_argument("--stressors", nargs="+", default=[], metavar="S", help="only these")
-    robustness.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="what is compared")
-    robustness.add_argument(
-        "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
-    )
-    for kind in (fitting, ablations, robustness):
-        kind.add_argument(
-            "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's training objects"
-        )
-        kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
-        _add_seed(kind)
-    size = _command(
-        kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
-    )
-    size.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
-    size.add_argument(
-        "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
-    )
-    size.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
-    size.add_argument("--steps", type=count, default=3000, help="of training, for each model")
-    size.add_argument(
-        "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
-    )
-    for kind in (rendering, load, fitting, ablations, robustness):
-        _add_model(kind)
-    for kind in (rendering, load, fitting, ablations, robustness, size, redraw):
-        kind.add_argument(
-            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
-        )
+    add_seed(command)

@@ -1,23 +1,15 @@
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 
-from core.benchmarks import model_sizes
-from core.benchmarks.charts import read_model_sizes, write_model_sizes
+from core.benchmarks import model_sizes, trained_models
 from core.benchmarks.drawing import prepare
 from core.benchmarks.model_sizes import ModelSizeResults, run
 from core.benchmarks.tables import model_sizes_table
-from core.datasets.srn import Dataset, index_objects, write_manifest, write_object
-from core.evaluation.protocol import Protocol
-from core.fitting.fit import PRESETS, FitSettings
-from core.models.field_config import FieldConfig
-from core.models.model import Model
-from core.training.recipes import RECIPES, TrainSettings
-from core.training.trainer import TrainStep
-from tests.core.evaluation.test_protocol import views_of
+from core.benchmarks.training_charts import read_model_sizes, write_model_sizes
+from core.training.recipes import RECIPES
+from tests.core.benchmarks.test_trained_models import train_nothing
 from tests.core.tiny import tiny_model
 
 
@@ -30,43 +22,19 @@ def test_every_model_of_the_sweep_differs_in_one_number() -> None:
         assert config != model_sizes.BASELINE
 
 
-class FakeTrainer:
-    """A trainer that needs no steps. It notes the sizes that it was given."""
-
-    given: ClassVar[list[FieldConfig]]
-
-    def __init__(self, dataset: Dataset, recipe: TrainSettings) -> None:
-        FakeTrainer.given.append(recipe.field)
-
-    def steps(self) -> Iterator[TrainStep]:
-        return iter(())
-
-    def model(self) -> Model:
-        return tiny_model()
-
-
 @pytest.fixture
 def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModelSizeResults:
-    for preset in ("draft", "normal"):
-        monkeypatch.setitem(PRESETS, preset, FitSettings(hypotheses=2, steps=5, rays=32, samples=8))
-    monkeypatch.setattr(model_sizes, "Trainer", FakeTrainer)
-    monkeypatch.setattr(model_sizes, "Protocol", lambda every: Protocol(inputs=(0,)))
-    for index in range(4):
-        write_object(tmp_path / "data", replace(views_of(tiny_model(), index, 3), name=f"stool{index}"))
-    write_manifest(tmp_path / "data", "stools", {f"stool{i}": (f"s{i}", f"t{i}") for i in range(4)})
-    folders, places = [tmp_path / "data"], index_objects([tmp_path / "data"])[1]
-    (tmp_path / "models").mkdir()
-    monkeypatch.setattr(FakeTrainer, "given", [], raising=False)
+    folders, places, given = train_nothing(tmp_path, monkeypatch)
     two = [("baseline", 0, tiny_model().field.config), ("width", 32, tiny_model().field.config)]
     monkeypatch.setattr(model_sizes, "sweep", lambda: two)
     *_, found = run(folders, places[:1], 20, tmp_path / "models")
     for done in ("Trainer", "evaluate", "read_dataset"):  # from now on all comes from what is kept
-        monkeypatch.setattr(model_sizes, done, None)
+        monkeypatch.setattr(model_sizes if done == "read_dataset" else trained_models, done, None)
     *_, again = run(folders, places[:1], 20, tmp_path / "models")
     with pytest.raises(TypeError):  # other tests are measured anew
         list(run(folders, places[1:2], 20, tmp_path / "models"))
     assert again.sizes[0].new_views == found.sizes[0].new_views
-    assert FakeTrainer.given == [size for _, _, size in two]
+    assert [settings.field for _, settings in given] == [size for _, _, size in two]
     monkeypatch.setattr(model_sizes, "sweep", lambda: [("baseline", 0, model_sizes.BASELINE)])
     with pytest.raises(TypeError):  # so is a model of another size
         list(run(folders, places[:1], 20, tmp_path / "models"))

@@ -1,0 +1,85 @@
+"""The words of ``bench``. Imports no torch, so that ``--help`` answers at once."""
+
+import argparse
+from pathlib import Path
+
+from core.cli.argument_types import count, part
+from core.cli.options import add_command, add_model, add_seed
+
+
+def add_bench(commands: argparse._SubParsersAction) -> None:
+    """``bench`` and its kinds."""
+    kinds = commands.add_parser("bench", help="measure on this machine and plot charts").add_subparsers(
+        required=True, metavar="KIND"
+    )
+    rendering = add_command(
+        kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage"
+    )
+    rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
+    load = add_command(kinds, "load", "measure.bench_load", "a fit and renders beside busy processes, by threads")
+    load.add_argument("--turns", type=count, default=3, metavar="N", help="how often everything is measured")
+    fitting = add_command(
+        kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
+    )
+    for kind in (rendering, fitting):
+        kind.add_argument(
+            "--gate", type=Path, metavar="B.csv", help="write nothing; exit with status 1 if worse than this baseline"
+        )
+    redraw = add_command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
+    ablations = add_command(kinds, "ablations", "measure.bench_ablations", "fits without each part of the method")
+    robustness = add_command(
+        kinds, "robustness", "measure.bench_robustness", "where fits fail: success rate against stressors"
+    )
+    robustness.add_argument("--stressors", nargs="+", default=[], metavar="S", help="only these")
+    robustness.add_argument("--presets", nargs="+", default=["normal", "paper"], metavar="P", help="what is compared")
+    robustness.add_argument(
+        "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
+    )
+    for kind in (fitting, ablations, robustness):
+        kind.add_argument(
+            "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's training objects"
+        )
+        kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
+        add_seed(kind)
+    for kind in (rendering, load, fitting, ablations, robustness):
+        add_model(kind)
+    for kind in (rendering, load, fitting, ablations, robustness, *_add_training(kinds), redraw):
+        kind.add_argument(
+            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
+        )
+
+
+def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentParser]:
+    """The kinds that train models."""
+    size = add_command(
+        kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
+    )
+    shapes = add_command(
+        kinds,
+        "scaling",
+        "measure.bench_scaling",
+        "the effect of the number of training shapes; trains a model for each",
+    )
+    designs = add_command(
+        kinds,
+        "architectures",
+        "measure.bench_architectures",
+        "the paper's ablations M1 and M2; trains a model for each",
+    )
+    recipe = add_command(
+        kinds, "recipe", "measure.bench_recipe", "the effect of each choice in the training recipe, at equal time"
+    )
+    recipe.add_argument("--seconds", type=count, default=120, help="of the processor, to train each model")
+    for kind in (size, shapes, recipe):
+        kind.add_argument(
+            "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
+        )
+        kind.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
+    for kind in (size, shapes, designs, recipe):
+        kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
+    for kind, steps in ((size, 3000), (shapes, 6000), (designs, 4000)):
+        kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
+        kind.add_argument(
+            "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
+        )
+    return [size, shapes, designs, recipe]
