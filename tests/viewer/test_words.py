@@ -1,4 +1,7 @@
-"""One thing has one name in the window: the names that things had before do not come back."""
+"""One thing has one name in the window: in the viewer's own texts the names that things had before do not come back.
+
+Errors of core, which are shown as they are, speak of fits.
+"""
 
 import ast
 import re
