@@ -1,7 +1,7 @@
 """The paper's figure on disentanglement: CodeNeRF beside its entangled ablations M1 and M2, trained the same way.
 
-Codes of two training objects are exchanged and the camera is moved, in a view that no model was trained on. Models and
-scores are kept, so that a run resumes where one was stopped.
+Codes of two training objects are exchanged and the camera is moved, in a view that no model was trained on. Models are
+kept, so that a run resumes where one was stopped.
 """
 
 import math

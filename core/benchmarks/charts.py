@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 from core.benchmarks import tables
 from core.benchmarks.ablations import Ablation, AblationResults
 from core.benchmarks.csv_files import append_record, from_row, read_csv, read_records, to_row, write_csv
-from core.benchmarks.drawing import DPI, draw_frontier, log_ticks, new_figure, write_chart
+from core.benchmarks.drawing import DPI, differences_figure, draw_frontier, log_ticks, new_figure, write_chart
 from core.benchmarks.fits import FitResults
 from core.benchmarks.fits import Trial as FitTrial
 from core.benchmarks.load_charts import draw_load
@@ -212,20 +212,12 @@ def _draw_ablations(folder: Path) -> None:
 
 
 def _ablations_chart(found: AblationResults) -> "Figure":
-    figure, (left, right) = new_figure(2)
     full, *others = found.ablations
-    names, gains = [part.summary.preset for part in others], [part.gain for part in others]
-    left.barh(names, [part.time for part in others])
-    left.axvline(1.0, color="black", linewidth=0.8)
+    names, times = [part.summary.preset for part in others], [part.time for part in others]
+    figure = differences_figure(names, times, 1.0, [part.gain for part in others])
+    left, right = figure.axes
     left.set(xlabel="time (of the full method's)")
-    around = [[one.mean - one.low for one in gains], [one.high - one.mean for one in gains]]
-    right.errorbar([one.mean for one in gains], names, xerr=around, fmt="o", capsize=2)
-    right.axvline(0.0, color="black", linewidth=0.8)
-    left.invert_yaxis()
-    right.set(xlabel="other views (dB over the full method's)", yticks=[], ylim=left.get_ylim())
-    for axes in (left, right):
-        axes.grid(alpha=0.3, axis="x")
-        axes.set_axisbelow(True)
+    right.set(xlabel="other views (dB over the full method's)")
     figure.suptitle(f"{found.machine}, {full.summary.fits} views", fontsize=9)
     return figure
 

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from core.evaluation.statistics import Mean
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
@@ -44,6 +46,28 @@ def log_ticks(axis: "Axis", places: Sequence[float] | None = None) -> None:
     axis.set_major_locator(FixedLocator(places) if places else LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())
+
+
+def around(means: Sequence[Mean]) -> list[list[float]]:
+    """How far the intervals of means reach, below and above, as matplotlib's error bars take it."""
+    return [[one.mean - one.low for one in means], [one.high - one.mean for one in means]]
+
+
+def differences_figure(names: Sequence[str], values: Sequence[float], origin: float, gains: Sequence[Mean]) -> "Figure":
+    """What is compared with one baseline, a row each: on the left ``values``, of which the baseline has ``origin``, and
+    on the right gains over it, with their intervals. Both axes are left to be labelled.
+    """
+    figure, (left, right) = new_figure(2)
+    left.barh(names, values)
+    left.axvline(origin, color="black", linewidth=0.8)
+    right.errorbar([one.mean for one in gains], names, xerr=around(gains), fmt="o", capsize=2)
+    right.axvline(0.0, color="black", linewidth=0.8)
+    left.invert_yaxis()
+    right.set(yticks=[], ylim=left.get_ylim())
+    for axes in (left, right):
+        axes.grid(alpha=0.3, axis="x")
+        axes.set_axisbelow(True)
+    return figure
 
 
 def draw_frontier(axes: "Axes", points: Sequence[tuple[float, float]]) -> None:

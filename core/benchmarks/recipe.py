@@ -8,7 +8,7 @@ import time
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from core.benchmarks.trained_models import held_out_psnrs, trained_objects_views
+from core.benchmarks.trained_models import held_out_psnrs
 from core.datasets.srn import Dataset, ObjectEntry
 from core.evaluation.statistics import Mean, mean_of
 from core.training.recipes import RECIPES, TrainSettings
@@ -51,23 +51,16 @@ class RecipeScore:
         return mean_of([one - before for one, before in zip(self.held_out, other.held_out, strict=True)])
 
 
-def run(
-    dataset: Dataset,
-    entries: Sequence[ObjectEntry],
-    tests: Sequence[ObjectEntry],
-    seconds: float,
-    done: Collection[str],
-) -> Iterator[RecipeScore]:
+def run(dataset: Dataset, tests: Sequence[ObjectEntry], seconds: float, done: Collection[str]) -> Iterator[RecipeScore]:
     """Yields a score per variant.
 
     Args:
         dataset: to train on; the last view of its objects is held out.
-        entries: its objects.
         tests: objects that are not in it.
         seconds: of the processor, for each.
         done: names that are left out.
     """
-    kept = hold_out(dataset)[0]
+    kept, new_views = hold_out(dataset)
     for name, change in VARIANTS.items():
         if name in done:
             continue
@@ -77,8 +70,8 @@ def run(
         for _ in trainer.steps():
             pass
         taken, model = time.process_time() - began, trainer.model()
-        new_views = held_out_psnr(model, trained_objects_views(entries, dataset.category, model))
-        yield RecipeScore(name, trainer.step, taken, new_views, tuple(held_out_psnrs(model, tests)))
+        psnr, held_out = held_out_psnr(model, new_views), tuple(held_out_psnrs(model, tests))
+        yield RecipeScore(name, trainer.step, taken, psnr, held_out)
 
 
 def _steps_within(seconds: float, dataset: Dataset, settings: TrainSettings) -> int:

@@ -1,13 +1,14 @@
 """Keeps and draws what the benchmarks that train models measured: model sizes, training shapes,
 architectures and recipes."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from core.benchmarks import tables
 from core.benchmarks.architectures import Architecture, ArchitectureResults
 from core.benchmarks.csv_files import from_row, read_csv, to_row, write_csv
-from core.benchmarks.drawing import log_ticks, new_figure, write_chart
+from core.benchmarks.drawing import around, differences_figure, log_ticks, new_figure, write_chart
 from core.benchmarks.model_sizes import ModelSize, ModelSizeResults
 from core.benchmarks.recipe import RecipeScore
 from core.benchmarks.scaling import ScalingPoint, ScalingResults
@@ -101,7 +102,8 @@ def _scaling_chart(found: ScalingResults) -> "Figure":
     middle.errorbar(shapes, **_with_intervals([point.gain for point in found.points]))
     middle.axhline(0.0, color="black", linewidth=0.8)
     middle.set(ylabel="held-out objects, gain (dB)")
-    right.errorbar(shapes, **_with_intervals([point.found for point in found.points], 100))
+    shares = [Mean(*(100 * share for share in point.found)) for point in found.points]
+    right.errorbar(shapes, **_with_intervals(shares))
     right.set(ylabel="cameras found within 10 degrees (%)", ylim=(-2, 102))
     for axes in (left, middle, right):
         axes.set(xscale="log", xlabel="training shapes")
@@ -112,10 +114,8 @@ def _scaling_chart(found: ScalingResults) -> "Figure":
     return figure
 
 
-def _with_intervals(means: list[Mean], factor: float = 1) -> dict[str, Any]:
-    low = [factor * (one.mean - one.low) for one in means]
-    high = [factor * (one.high - one.mean) for one in means]
-    return {"y": [factor * one.mean for one in means], "yerr": [low, high], "fmt": "o-", "capsize": 2}
+def _with_intervals(means: Sequence[Mean]) -> dict[str, Any]:
+    return {"y": [one.mean for one in means], "yerr": around(means), "fmt": "o-", "capsize": 2}
 
 
 # Architectures
@@ -150,19 +150,11 @@ def draw_recipe(folder: Path) -> None:
 
 
 def _recipe_chart(about: str, found: list[RecipeScore]) -> "Figure":
-    figure, (left, right) = new_figure(2)
     default, *others = found
-    names = [one.name for one in others]
-    left.barh(names, [one.new_views - default.new_views for one in others])
-    left.axvline(0.0, color="black", linewidth=0.8)
+    better = [one.new_views - default.new_views for one in others]
+    figure = differences_figure([one.name for one in others], better, 0.0, [one.gain(default) for one in others])
+    left, right = figure.axes
     left.set(xlabel="training objects, new views (dB over the default)")
-    gains = _with_intervals([one.gain(default) for one in others])
-    right.errorbar(gains["y"], names, xerr=gains["yerr"], fmt="o", capsize=2)
-    right.axvline(0.0, color="black", linewidth=0.8)
-    left.invert_yaxis()
-    right.set(xlabel="held-out objects (dB over the default)", yticks=[], ylim=left.get_ylim())
-    for axes in (left, right):
-        axes.grid(alpha=0.3, axis="x")
-        axes.set_axisbelow(True)
+    right.set(xlabel="held-out objects (dB over the default)")
     figure.suptitle(about, fontsize=9)
     return figure

@@ -175,14 +175,14 @@ def bench_architectures(chosen: argparse.Namespace) -> None:
 def bench_recipe(chosen: argparse.Namespace) -> None:
     """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
     drawing.prepare(chosen.out)
-    dataset, entries = read_dataset(chosen.datasets), index_objects(chosen.datasets)[1]
+    dataset = read_dataset(chosen.datasets)
     tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
     about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
-    about |= {"objects": str(len(entries)), "time": f"{chosen.seconds:g}"}
+    about |= {"objects": str(len(dataset.objects)), "time": f"{chosen.seconds:g}"}
     about |= {"tests": " ".join(entry.name for entry in tests)}
     path = chosen.out / "recipe.csv"
     done = {one.name for one in read_records(path, recipe.RecipeScore, about)}
-    for score in _said(recipe.run(dataset, entries, tests, chosen.seconds, done)):
+    for score in _said(recipe.run(dataset, tests, chosen.seconds, done)):
         append_record(path, about, score)
     training_charts.draw_recipe(chosen.out)
     print((chosen.out / "recipe.md").read_text(), flush=True)

@@ -47,7 +47,7 @@ def test_each_variant_is_trained_for_the_same_time(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(recipe, "Trainer", SlowTrainer)
     monkeypatch.setattr(recipe.time, "process_time", lambda: now)
     some = set(VARIANTS) - {DEFAULT, "AdamW instead of Muon"}
-    found = list(run(read_dataset(folders), entries, entries[:2], 30, some))
+    found = list(run(read_dataset(folders), entries[:2], 30, some))
     assert [(one.name, one.steps) for one in found] == [(DEFAULT, 120), ("AdamW instead of Muon", 300)]
     assert all(one.seconds == pytest.approx(30) for one in found)
     assert all(len(one.held_out) == 2 and one.gain(found[0]).mean == 0 for one in found)  # the same model
