@@ -14,7 +14,8 @@ from core.datasets.srn import Dataset
 from core.metrics import psnr
 from core.models.codes import CodeBook, farthest_first
 from core.models.model import Model
-from core.rendering.reference import render_exact
+from core.rendering.fast import render
+from core.rendering.progressive import RenderSettings
 
 GALLERY_SIZE = 150
 """More than the view bank has prototypes."""
@@ -24,13 +25,13 @@ _TEXTURE_WEIGHT = 0.3
 """of a distance between textures beside one between shapes, both in standard deviations"""
 
 
-def training_psnr(model: Model, dataset: Dataset, samples: int = 48) -> dict[str, float]:
+def training_psnr(model: Model, dataset: Dataset) -> dict[str, float]:
     """PSNR (dB) of every training object's last view of a dataset, by name."""
     index = {entry.name: row for row, entry in enumerate(model.codes.objects)}
-    found = {}
+    samples, found = RenderSettings().samples, dict[str, float]()
     for views in dataset.objects:
         if views.name in index:
-            colour = render_exact(model, model.codes[index[views.name]], views.cameras[-1], samples).colour.clamp(0, 1)
+            colour = render(model, model.codes[index[views.name]], views.cameras[-1], samples).colour.clamp(0, 1).cpu()
             found[views.name] = psnr(colour, torch.from_numpy(views.images[-1]).float() / 255)
     return found
 

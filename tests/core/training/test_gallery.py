@@ -37,7 +37,7 @@ def test_the_worst_quarter_and_objects_without_a_score_stay_out():
 
 def test_a_model_with_a_gallery_keeps_spaces_and_renders_the_same(dataset: Dataset, tmp_path: Path):
     model = Trainer(dataset, SETTINGS).model()
-    scores = training_psnr(model, dataset, 8)
+    scores = training_psnr(model, dataset)
     assert set(scores) == {"red", "blue"}
     small = model.subset([1])
     small.save(tmp_path / "small.safetensors")
