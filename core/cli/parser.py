@@ -206,7 +206,10 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
     command.add_argument(
-        "--init", metavar="MODEL", help="fine-tune a trained model, at low learning rates: more steps, or more objects"
+        "--init",
+        metavar="MODEL",
+        help="start from a trained model, at low learning rates: a twentieth of a new one's, or half where the "
+        "datasets have objects that it does not know; its viewpoint classifier stays",
     )
     command.add_argument("--steps", type=count, default=100_000, help="of the whole schedule")
     command.add_argument(

@@ -70,7 +70,9 @@ def train(chosen: argparse.Namespace) -> None:
     initial = load_model(chosen.init) if chosen.init else None
     settings = replace(recipe, field=_field_config(chosen, recipe.field, initial), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
-    trainer = Trainer(training, settings.finetuning if initial else settings, chosen.device)
+    if initial:
+        settings = settings.finetuning if _knows(initial, training) else settings.extending
+    trainer = Trainer(training, settings, chosen.device)
     if initial:
         trainer.initialise_from(initial)
     state, curve = chosen.out.with_suffix(".state"), chosen.out.with_suffix(".curve.json")
@@ -90,9 +92,16 @@ def train(chosen: argparse.Namespace) -> None:
                 tqdm.write(f"step {step.step}: {found:.2f} dB on held-out views, {step.seconds:.0f} s")
                 points.append(CurvePoint(step.step, step.seconds, found))
                 write_curve(curve, chosen.out.stem, points)
-    if chosen.recipe == "default":
+    if initial and initial.viewpoint_classifier:
+        replace(trainer.model(), viewpoint_classifier=initial.viewpoint_classifier).save(chosen.out)
+    elif chosen.recipe == "default":
         steps = max(1, chosen.steps // _VIEWPOINT_FRACTION)
         _with_viewpoint(trainer.model(), training, steps, chosen.seed).save(chosen.out)
+
+
+def _knows(model: Model, dataset: Dataset) -> bool:
+    """Whether a model was trained on all objects of a dataset."""
+    return {views.name for views in dataset.objects} <= {entry.name for entry in model.codes.objects}
 
 
 def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:

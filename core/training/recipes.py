@@ -5,8 +5,11 @@ from dataclasses import dataclass, field, replace
 from core.models.field_config import FieldConfig
 
 _FINETUNE_LR = 0.05
-"""Peak learning rates of a network that is already trained, relative to those of a new one. With 0.3 the shipped cars
-lost 0.3 dB in 8,000 steps; with this they stay within 0.1 dB after 2,500."""
+"""Peak learning rates of a trained network on its own objects, relative to those of a new one. With 0.3 the shipped
+cars lost 0.3 dB in 8,000 steps; with this they stay within 0.1 dB after 2,500."""
+_EXTEND_LR = 0.5
+"""That of a trained network on a dataset with new objects, in a long run; codes have their full rate. So the chairs
+grew from 1,554 to 2,376 objects in 70,000 steps."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +44,18 @@ class TrainSettings:
 
     @property
     def finetuning(self) -> "TrainSettings":
-        """The same settings with learning rates low enough for a network that is already trained."""
-        muon_lr = None if self.muon_lr is None else _FINETUNE_LR * self.muon_lr
-        network_lr, code_lr = _FINETUNE_LR * self.network_lr, _FINETUNE_LR * self.code_lr
-        return replace(self, muon_lr=muon_lr, network_lr=network_lr, code_lr=code_lr)
+        """The same settings for a network that is already trained, on the objects that it knows."""
+        return self._slowed(_FINETUNE_LR, _FINETUNE_LR)
+
+    @property
+    def extending(self) -> "TrainSettings":
+        """The same settings for a network that is already trained, on a dataset with objects that it does not know."""
+        return self._slowed(_EXTEND_LR, 1.0)
+
+    def _slowed(self, network: float, codes: float) -> "TrainSettings":
+        """With these shares of the learning rates of the network and of the codes."""
+        muon_lr = None if self.muon_lr is None else network * self.muon_lr
+        return replace(self, muon_lr=muon_lr, network_lr=network * self.network_lr, code_lr=codes * self.code_lr)
 
 
 RECIPES = {

@@ -194,13 +194,17 @@ def test_dataset_train_and_render_from_nothing(tmp_path: Path):
     assert [point["step"] for point in curve["n"]] == [8, 12]
     assert (tmp_path / "n.curve.png").exists()
     run("train", tmp_path / "d", "--init", out, "--steps", 2, "--out", tmp_path / "more.safetensors")
-    assert load_model(str(tmp_path / "more.safetensors")).field.config == load_model(str(out)).field.config
+    more, before = load_model(str(tmp_path / "more.safetensors")), load_model(str(out))
+    assert more.field.config == before.field.config
+    assert more.viewpoint_classifier is not None
+    assert before.viewpoint_classifier is not None
+    kept, former = more.viewpoint_classifier.state_dict(), before.viewpoint_classifier.state_dict()
+    assert all(torch.equal(kept[name], former[name]) for name in former)
     run("render", "--model", out, "--object", 1, "--size", 16, "--out", tmp_path / "a.png")
     run("train-viewpoint", tmp_path / "d", "--model", out, "--steps", 1, "--out", tmp_path / "looks.safetensors")
-    looks, before = load_model(str(tmp_path / "looks.safetensors")), load_model(str(out))
+    looks = load_model(str(tmp_path / "looks.safetensors"))
     assert looks.fingerprint == before.fingerprint
     assert looks.viewpoint_classifier is not None
-    assert before.viewpoint_classifier is not None
     run("select-gallery", tmp_path / "d", "--model", out, "--count", 1, "--out", tmp_path / "small.safetensors")
     assert len(load_model(str(tmp_path / "small.safetensors")).codes) == 1
     write_object(tmp_path / "other", replace(read_dataset(tmp_path / "d").objects[0], name="boat"))

@@ -138,7 +138,7 @@ def test_training_continues_from_a_model_with_the_codes_of_its_objects(dataset: 
     model = first.model()
     green = coloured("green", (20, 200, 30), (0.0, 0.1, 0))
     more = dataclasses.replace(dataset, objects=(green, *dataset.objects))
-    second = Trainer(more, SETTINGS.finetuning)
+    second = Trainer(more, SETTINGS.extending)
     second.initialise_from(model)
     begun = second.model()
     assert begun.codes[1] == model.codes[0]
@@ -150,6 +150,13 @@ def test_training_continues_from_a_model_with_the_codes_of_its_objects(dataset: 
     other = Trainer(more, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
     with pytest.raises(ValueError, match="cannot start"):
         other.initialise_from(model)
+
+
+def test_a_trained_network_learns_slowly_and_new_objects_at_their_full_rate():
+    for gentle, network, codes in ((SETTINGS.finetuning, 0.05, 0.05), (SETTINGS.extending, 0.5, 1.0)):
+        assert gentle.network_lr == pytest.approx(network * SETTINGS.network_lr)
+        assert gentle.code_lr == pytest.approx(codes * SETTINGS.code_lr)
+    assert RECIPES["paper"].extending.muon_lr is None
 
 
 def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
