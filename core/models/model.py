@@ -208,7 +208,9 @@ def _pop_spaces(tensors: dict[str, Tensor]) -> tuple[CodeSpace, CodeSpace] | Non
 
 
 def _all_tensors(model: Model) -> dict[str, Tensor]:
-    """All that is saved: what renders in single precision, the viewpoint classifier in half, occupied cells as bits."""
+    """All that is saved: what renders in single precision, codes in half where that loses nothing, the viewpoint
+    classifier in half, occupied cells as bits.
+    """
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
     spaces = {
         f"{kind}.{part}": getattr(space, part).detach().cpu().contiguous()
@@ -217,7 +219,15 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
     }
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
     looking = {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
-    return _rendering_tensors(model) | spaces | looking | cells
+    rendering = _rendering_tensors(model)
+    rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
+    return rendering | spaces | looking | cells
+
+
+def _halved(tensor: Tensor) -> Tensor:
+    """In half precision, if that has the same values."""
+    half = tensor.half()
+    return half if torch.equal(half.float(), tensor) else tensor
 
 
 def _rendering_tensors(model: Model) -> dict[str, Tensor]:

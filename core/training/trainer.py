@@ -135,13 +135,15 @@ class Trainer:
             yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
 
     def model(self) -> Model:
-        """The model so far, with the moving average of the weights."""
+        """The model so far, with the moving average of the weights; codes are rounded to half precision, as files have
+        them.
+        """
         now, averaged = self._parameters(), copy.deepcopy(self.field).cpu()
         *layers, shapes, textures = self.ema_parameters
         assert len(layers) == len(now) - 2
         for parameter, value in zip(averaged.parameters(), layers, strict=True):
             parameter.data.copy_(value)
-        book = CodeBook(shapes.clone().cpu(), textures.clone().cpu(), self.entries)
+        book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
         distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
         size, focal = self.dataset.image_size, self.dataset.focal
         typical = float(np.median(distances))

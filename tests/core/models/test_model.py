@@ -43,6 +43,16 @@ def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(
     assert model.viewpoint_classifier is None
 
 
+def test_codes_are_saved_in_half_precision_where_that_loses_nothing(model: Model, tmp_path):
+    shapes = model.codes.shapes.half().float()
+    rounded = replace(model, codes=replace(model.codes, shapes=shapes, textures=shapes[:, :1] + 1e-5))
+    rounded.save(tmp_path / "m.safetensors")
+    assert Model.load(tmp_path / "m.safetensors").fingerprint == rounded.fingerprint
+    with safe_open(tmp_path / "m.safetensors", framework="pt") as file:
+        assert file.get_tensor("codes.shapes").dtype == torch.half
+        assert file.get_tensor("codes.textures").dtype == torch.float
+
+
 def test_collapsed_objects_are_remembered(model: Model, tmp_path):
     book = replace(model.codes, collapsed=frozenset({1, 4}))
     replace(model, codes=book).save(tmp_path / "m.safetensors")
