@@ -8,8 +8,9 @@ _FINETUNE_LR = 0.05
 """Peak learning rates of a trained network on its own objects, relative to those of a new one. With 0.3 the shipped
 cars lost 0.3 dB in 8,000 steps; with this they stay within 0.1 dB after 2,500."""
 _EXTEND_LR = 0.5
-"""That of a trained network on a dataset with new objects, in a long run; codes have their full rate. So the chairs
-grew from 1,554 to 2,376 objects in 70,000 steps."""
+"""That of a trained network on a dataset with new objects, in a long run; codes have their full rate. Chairs
+extended from 1,554 to 2,376 objects were 2.5 dB ahead of ones trained from the beginning after 10,000 steps, and 0.8 dB
+after 30,000."""
 
 
 @dataclass(frozen=True)
