@@ -88,7 +88,7 @@ def test_the_image_on_screen_is_the_newest_frame_over_the_background(drive: Driv
         workspace = window.workspace
         window.context.set_preference(smooth=False)
         window.drag("View/orbit", 60)
-        window.wait()
+        window.wait(lambda: workspace.viewport.sharp)  # a finer frame comes once the hand has rested
         shown = window.capture_view()
         frame = workspace.viewport.frame
         assert frame is not None
