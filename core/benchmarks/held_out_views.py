@@ -16,15 +16,12 @@ from core.geometry.camera import Camera
 from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import render
-from core.rendering.progressive import RenderSettings
-from core.rendering.reference import render_exact
+from core.rendering.views import render_view
 
 HELD_OUT_VIEWS = 4
 """other views of each object that a fit is scored on"""
 _BACKGROUND = 0.99
 """A pixel that is brighter in all channels is background, where the network renders the background itself."""
-_EXACT_SAMPLES = 64
 _NEAR_DEGREES = 8.0
 """Views of a test spiral are so far apart."""
 _SAME_FOCAL = 0.02
@@ -107,8 +104,6 @@ def render_on_white(
     model: Model, codes: Codes, camera: Camera
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
     """An image in [0, 1] and the object's mask."""
-    if model.white_from_network:
-        colour = render_exact(model, codes, camera, _EXACT_SAMPLES).colour.clamp(0, 1).cpu()
-        return colour, (colour < _BACKGROUND).any(-1)
-    rendered = render(model, codes, camera, RenderSettings().samples)
-    return rendered.colour.clamp(0, 1).cpu(), rendered.opacity.cpu() > 0.5
+    rendered = render_view(model, codes, camera)
+    colour = rendered.colour.clamp(0, 1).cpu()
+    return colour, (colour < _BACKGROUND).any(-1) if model.white_from_network else rendered.opacity.cpu() > 0.5

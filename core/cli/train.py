@@ -71,7 +71,8 @@ def train(chosen: argparse.Namespace) -> None:
     settings = replace(recipe, field=_field_config(chosen, recipe.field, initial), steps=chosen.steps, seed=chosen.seed)
     training, held_out = hold_out(read_dataset(chosen.datasets))
     if initial:
-        settings = settings.finetuning if _knows(initial, training) else settings.extending
+        known = all(views.name in initial.codes.index for views in training.objects)
+        settings = settings.finetuning if known else settings.extending
     trainer = Trainer(training, settings, chosen.device)
     if initial:
         trainer.initialise_from(initial)
@@ -97,11 +98,6 @@ def train(chosen: argparse.Namespace) -> None:
     elif chosen.recipe == "default":
         steps = max(1, chosen.steps // _VIEWPOINT_FRACTION)
         _with_viewpoint(trainer.model(), training, steps, chosen.seed).save(chosen.out)
-
-
-def _knows(model: Model, dataset: Dataset) -> bool:
-    """Whether a model was trained on all objects of a dataset."""
-    return {views.name for views in dataset.objects} <= {entry.name for entry in model.codes.objects}
 
 
 def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:

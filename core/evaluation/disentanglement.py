@@ -14,13 +14,12 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from core.datasets.srn import ObjectEntry, ObjectViews
-from core.evaluation.protocol import as_photo, fit_first_last, render_view, score_view
+from core.evaluation.protocol import as_photo, fit_first_last, score_view
 from core.evaluation.statistics import Mean, mean_of
 from core.fitting.fit import FitJob
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.fast import render
-from core.rendering.reference import Rendered, render_exact
+from core.rendering.views import render_view
 
 _RENDERED_VIEWS = 12
 """of a pair, evenly spaced over all"""
@@ -99,10 +98,10 @@ def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: 
     rest = [view for view in indices if view not in rendered] or rendered
     fitted = None if model.is_ablation else _fit_codes(model, views, rest, seed)
     edited = Codes(codes.shape, book.textures[other_texture])
-    before, after = (_render_first_view(model, either, views) for either in (codes, edited))
+    before, after = (render_view(model, either, views.cameras[0], _EDIT_SAMPLES) for either in (codes, edited))
     background = before.opacity < _BACKGROUND_OPACITY
     change = (before.colour - after.colour).abs().amax(-1)[background]
-    image = (render_view(model, codes, views.cameras[0]).numpy() * 255 + 0.5).astype(np.uint8)
+    image = (render_view(model, codes, views.cameras[0]).colour.clamp(0, 1).cpu().numpy() * 255 + 0.5).astype(np.uint8)
     return PairScore(
         pair,
         *_mean_score(model, codes, views, rendered),
@@ -127,13 +126,6 @@ def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed
 def _evenly_spaced(views: Sequence[int], most: int) -> list[int]:
     count = min(most, len(views))
     return [views[index * len(views) // count] for index in range(count)]
-
-
-def _render_first_view(model: Model, codes: Codes, views: ObjectViews) -> Rendered:
-    camera = views.cameras[0]
-    if model.white_from_network or model.is_ablation:
-        return render_exact(model, codes, camera, _EDIT_SAMPLES)
-    return render(model, codes, camera, _EDIT_SAMPLES)
 
 
 # Leaks

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from core.datasets.srn import ObjectViews
 from core.evaluation.statistics import Mean, mean_of
@@ -16,13 +14,10 @@ from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.rendering.fast import render
-from core.rendering.progressive import RenderSettings
-from core.rendering.reference import render_exact
+from core.rendering.views import render_view
 
 OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
 """A camera with a larger rotation or translation error than this is an outlier."""
-_EXACT_SAMPLES = 64
 
 
 @dataclass(frozen=True)
@@ -133,19 +128,9 @@ def as_photo(views: ObjectViews, index: int, posed: bool) -> Photo:
 
 def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> tuple[float, float]:
     """PSNR (dB) and SSIM of a rendered view, clipped to [0, 1], against the true image."""
-    rendered = render_view(model, codes, views.cameras[index])
+    rendered = render_view(model, codes, views.cameras[index]).colour.clamp(0, 1).cpu()
     truth = torch.from_numpy(views.images[index]).float() / 255
     return psnr(rendered, truth), ssim(rendered, truth)
-
-
-def render_view(model: Model, codes: Codes, camera: Camera) -> Float[Tensor, "height width 3"]:
-    """Renders a view, in [0, 1], with the fast renderer.
-
-    The authors' checkpoints and the entangled ablations are rendered exactly, with the paper's number of samples.
-    """
-    if model.white_from_network or model.is_ablation:
-        return render_exact(model, codes, camera, _EXACT_SAMPLES).colour.clamp(0, 1).cpu()
-    return render(model, codes, camera, RenderSettings().samples).colour.clamp(0, 1).cpu()
 
 
 def _require_views(views: ObjectViews, protocol: Protocol, rest: Sequence[int]) -> None:

@@ -134,6 +134,11 @@ class CodeBook:
         return Codes(self.shapes[entry.shape], self.textures[entry.texture])
 
     @cached_property
+    def index(self) -> dict[str, int]:
+        """Of every object, by name."""
+        return {entry.name: index for index, entry in enumerate(self.objects)}
+
+    @cached_property
     def valid(self) -> tuple[int, ...]:
         """The objects that are not collapsed."""
         return tuple(index for index in range(len(self.objects)) if index not in self.collapsed)

@@ -14,8 +14,7 @@ from core.datasets.srn import Dataset
 from core.metrics import psnr
 from core.models.codes import CodeBook, farthest_first
 from core.models.model import Model
-from core.rendering.fast import render
-from core.rendering.progressive import RenderSettings
+from core.rendering.views import render_view
 
 GALLERY_SIZE = 150
 """More than the view bank has prototypes."""
@@ -27,11 +26,10 @@ _TEXTURE_WEIGHT = 0.3
 
 def training_psnr(model: Model, dataset: Dataset) -> dict[str, float]:
     """PSNR (dB) of every training object's last view of a dataset, by name."""
-    index = {entry.name: row for row, entry in enumerate(model.codes.objects)}
-    samples, found = RenderSettings().samples, dict[str, float]()
+    index, found = model.codes.index, dict[str, float]()
     for views in dataset.objects:
         if views.name in index:
-            colour = render(model, model.codes[index[views.name]], views.cameras[-1], samples).colour.clamp(0, 1).cpu()
+            colour = render_view(model, model.codes[index[views.name]], views.cameras[-1]).colour.clamp(0, 1).cpu()
             found[views.name] = psnr(colour, torch.from_numpy(views.images[-1]).float() / 255)
     return found
 

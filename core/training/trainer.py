@@ -108,7 +108,7 @@ class Trainer:
         if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
             raise ValueError(f"training cannot start from a model of {model.category} with {model.field.config}")
         self.field.load_state_dict(model.field.state_dict())
-        known = {entry.name: index for index, entry in enumerate(model.codes.objects)}
+        known = model.codes.index
         with torch.no_grad():
             self.shapes.copy_(model.codes.mean.shape.expand_as(self.shapes))
             self.textures.copy_(model.codes.mean.texture.expand_as(self.textures))
@@ -303,8 +303,7 @@ def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
 
 def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
     """Mean PSNR (dB) of whole images of a model's training objects, on a dataset of views not trained on."""
-    index = {entry.name: row for row, entry in enumerate(model.codes.objects)}
-    found = []
+    index, found = model.codes.index, list[float]()
     for views in dataset.objects:
         codes = model.codes[index[views.name]]
         for image, camera in zip(views.images, views.cameras, strict=True):

@@ -13,7 +13,6 @@ from core.fitting.fit import PRESETS, FitJob, FitSettings
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.model import Model
 from core.rendering.reference import render_exact
-from tests.conftest import random_model
 
 
 @pytest.fixture(autouse=True)
@@ -90,13 +89,6 @@ def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
     found = list(islice(evaluate(tiny, lazily(), Protocol(inputs=(0,))), 2))
     assert [score.name for score in found] == ["stool0", "stool1"]
     assert read == [0, 1]
-
-
-def test_a_model_with_white_from_network_is_rendered_exactly():
-    model = random_model(1, white_from_network=True)
-    camera = model.camera(0.4, 0.3)
-    expected = render_exact(model, model.codes[0], camera, 64).colour.clamp(0, 1)
-    assert torch.equal(module.render_view(model, model.codes[0], camera), expected)
 
 
 def test_what_cannot_be_evaluated_is_refused(tiny: Model):

@@ -1,0 +1,33 @@
+from collections.abc import Callable
+
+import pytest
+import torch
+
+from core.models.codes import CodeBook, Entry
+from core.models.model import Model
+from core.rendering.fast import render
+from core.rendering.progressive import RenderSettings
+from core.rendering.reference import render_exact
+from core.rendering.views import render_view
+from tests.conftest import random_model
+from tests.core.models.test_ablations import build
+
+
+def entangled() -> Model:
+    codes = CodeBook(torch.randn(1, 8), torch.randn(1, 4), (Entry("a", 0, 0),))
+    return Model(build("M2"), codes, (0.4, 0.4, 0.4), "chairs", 8, 8.0, 2.0)
+
+
+@pytest.mark.parametrize("made", [lambda: random_model(1, white_from_network=True), entangled])
+def test_what_the_fast_renderer_draws_otherwise_is_rendered_exactly(made: Callable[[], Model]):
+    model = made()
+    camera = model.camera(0.4, 0.3)
+    expected = render_exact(model, model.codes[0], camera, 64)
+    assert torch.equal(render_view(model, model.codes[0], camera).colour, expected.colour)
+
+
+def test_other_models_are_rendered_fast(tiny: Model):
+    camera = tiny.camera(0.4, 0.3)
+    for samples in (None, 32):
+        expected = render(tiny, tiny.codes[0], camera, samples or RenderSettings().samples)
+        assert torch.equal(render_view(tiny, tiny.codes[0], camera, samples).colour, expected.colour)
