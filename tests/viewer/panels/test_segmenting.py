@@ -15,65 +15,101 @@ from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
 from viewer.values.fit_history import PhotoSource
 
+_BOX = (0.15, 0.15), (0.4, 0.5), (0.7, 0.85)
+"""around the blue block of ``busy``"""
 
-def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backend: Backend, tmp_path: Path) -> None:
+
+@pytest.fixture
+def busy(tmp_path: Path) -> Path:
+    """A photo of a blue and a red block on noise."""
     noise = np.random.default_rng(0).integers(60, 200, (160, 240, 3)).astype(np.uint8)
     noise[40:120, 60:120], noise[50:70, 130:150] = (30, 40, 220), (220, 30, 30)
     Image.fromarray(noise).save(tmp_path / "busy.png")
+    return tmp_path / "busy.png"
 
+
+class _Canvas:
+    """The photo of the dialog, drawn on with the mouse; places are shares of its width and height."""
+
+    def __init__(self, window: Driver) -> None:
+        self.window = window
+        self.box = window.ctx.item_info("//Cut out###segment/**/canvas").rect_full
+
+    def place(self, x: float, y: float) -> imgui.ImVec2:
+        """A place in pixels of the window."""
+        low, high = self.box.min, self.box.max
+        return imgui.ImVec2(low.x + x * (high.x - low.x), low.y + y * (high.y - low.y))
+
+    def draw(self, *shares: tuple[float, float]) -> None:
+        """A stroke through these places, or a box between the first and the last."""
+        ctx = self.window.ctx
+        first, *others = (self.place(*share) for share in shares)
+        ctx.mouse_move_to_pos(first)
+        ctx.mouse_down()
+        for place in others:
+            ctx.mouse_move_to_pos(place)
+            ctx.yield_()
+        ctx.mouse_up()
+        self.window.wait()
+
+    def covered(self, x: float, y: float) -> bool:
+        """Whether the object was found at this place."""
+        result = self.window.workspace.segmenting.result
+        assert result is not None
+        mask = result.found.mask
+        return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
+
+
+def _drop(window: Driver, photo: Path) -> _Canvas:
+    """Drop a photo that needs its object pointed out, which opens the dialog."""
+    window.context.drop([str(photo)])
+    window.wait(lambda: window.workspace.segmenting.active and not window.session.jobs.busy())
+    return _Canvas(window)
+
+
+def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backend: Backend, busy: Path) -> None:
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
-        ctx = window.ctx
-        segmenting = workspace.segmenting
+        segmenting, editor = window.workspace.segmenting, window.workspace.editor
         before = editor.history
-        window.context.drop([str(tmp_path / "busy.png")])
-        window.wait(lambda: segmenting.active and not session.jobs.busy())
+        canvas = _drop(window, busy)
         assert "no plain background" in segmenting.problem
         window.press(imgui.Key.f1)
         assert not window.context.help_open
-        assert session.messages.errors == []
+        assert window.session.messages.errors == []
         assert editor.history is before
-        canvas = "//Cut out###segment/**/canvas"
-        box = ctx.item_info(canvas).rect_full
-        width, height = box.max.x - box.min.x, box.max.y - box.min.y
-
-        def draw(*shares: tuple[float, float]) -> None:
-            places = [imgui.ImVec2(box.min.x + x * width, box.min.y + y * height) for x, y in shares]
-            ctx.mouse_move_to_pos(places[0])
-            ctx.mouse_down()
-            for place in places[1:]:
-                ctx.mouse_move_to_pos(place)
-                ctx.yield_()
-            ctx.mouse_up()
-            window.wait()
-
-        def covered(x: float, y: float) -> bool:
-            assert segmenting.result is not None
-            mask = segmenting.result.found.mask
-            return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
-
-        draw((0.15, 0.15), (0.4, 0.5), (0.7, 0.85))
+        canvas.draw(*_BOX)
         assert segmenting.hints.box == pytest.approx((0.15, 0.15, 0.7, 0.85), abs=0.01)
-        assert covered(0.38, 0.5)
+        assert canvas.covered(0.38, 0.5)
         window.click("Cut out###segment/**/Remove")
-        draw((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
-        assert not covered(0.58, 0.37)
+        canvas.draw((0.5, 0.37), (0.64, 0.37), (0.64, 0.4))
+        assert not canvas.covered(0.58, 0.37)
         window.click("Cut out###segment/**/Add")
-        draw((0.55, 0.7), (0.6, 0.7))
-        assert covered(0.58, 0.7)
+        canvas.draw((0.55, 0.7), (0.6, 0.7))
+        assert canvas.covered(0.58, 0.7)
         window.undo()
         window.wait()
-        assert not covered(0.58, 0.7)
-        ctx.mouse_move_to_pos(imgui.ImVec2(box.min.x + 0.5 * width, box.min.y + 0.5 * height))
-        ctx.mouse_wheel_y(4.0)
-        ctx.yield_(2)
+        assert not canvas.covered(0.58, 0.7)
+        window.ctx.mouse_move_to_pos(canvas.place(0.5, 0.5))
+        window.ctx.mouse_wheel_y(4.0)
+        window.ctx.yield_(2)
         before_zoom = segmenting.hints
-        draw((0.4, 0.4), (0.6, 0.6))  # nearer, so a stroke of half the length
+        canvas.draw((0.4, 0.4), (0.6, 0.6))  # nearer, so a stroke of half the length
         (near,) = segmenting.hints.strokes[len(before_zoom.strokes) :]
         assert 0.05 < near.points[-1][0] - near.points[0][0] < 0.15
         window.undo()
         window.wait()
         assert segmenting.settled
+        assert segmenting.hints == before_zoom
+        window.click("Cut out###segment/**/###cancel segmentation")
+
+    tiny = tiny_model()
+    drive(act, replace(backend, load_model=lambda name: tiny))
+
+
+def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend: Backend, busy: Path) -> None:
+    def act(window: Driver) -> None:
+        segmenting, workspace = window.workspace.segmenting, window.workspace
+        _drop(window, busy).draw(*_BOX)
         window.set("Cut out###segment/**/##scale", 0.8)
         window.wait()
         assert segmenting.crop.scale == pytest.approx(0.8)
@@ -81,7 +117,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.click("Cut out###segment/**/###fit segmentation")
         assert not segmenting.active
         window.wait(lambda: not workspace.fitting.running)
-        assert editor.objects.names[0] == "busy"
+        assert workspace.editor.objects.names[0] == "busy"
         fitted = workspace.fitting.history.photo
         assert fitted is not None
         assert fitted.source.hints == hints
@@ -98,12 +134,20 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.click("Cut out###segment/**/###cancel segmentation")
         window.wait()
         assert not segmenting.active
-        window.click("Photo/###segment")
-        window.wait(lambda: segmenting.result is not None)
-        window.context.drop([str(tmp_path / "missing.png")])
-        window.wait(lambda: bool(session.messages.errors))
+
+    tiny = tiny_model()
+    drive(act, replace(backend, load_model=lambda name: tiny))
+
+
+def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: Backend, busy: Path) -> None:
+    def act(window: Driver) -> None:
+        segmenting, history = window.workspace.segmenting, window.workspace.editor.history
+        _drop(window, busy).draw(*_BOX)
+        hints = segmenting.hints
+        window.context.drop([str(busy.with_name("missing.png"))])
+        window.wait(lambda: bool(window.session.messages.errors))
         assert segmenting.active  # with its photo
-        window.context.drop([str(tmp_path / "busy.png")])
+        window.context.drop([str(busy)])
         window.wait()
         assert segmenting.hints == hints
         window.click("Cut out###segment/**/###cancel segmentation")
@@ -111,9 +155,8 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert not segmenting.hints
         window.click("Cut out###segment/**/###cancel segmentation")
         window.wait()
-        past = len(editor.history.past)
         window.drag("View/orbit", 50)  # the dialog is gone
-        assert len(editor.history.past) == past + 1
+        assert len(window.workspace.editor.history.past) == len(history.past) + 1
 
     tiny = tiny_model()
     drive(act, replace(backend, load_model=lambda name: tiny))
