@@ -11,6 +11,7 @@ from core.cli.bench_parser import add_bench
 from core.cli.legacy import current_words
 from core.cli.options import add_command, add_device, add_model, add_seed
 from core.datasets.categories import SPLITS, SRN_DISTANCES
+from core.datasets.light import LIGHTS
 from core.fitting.settings import PRESETS
 from core.training.recipes import RECIPES
 
@@ -189,6 +190,12 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     for command in (meshes, procedural):
         command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
         command.add_argument("--views", type=count, help="per object (default: 50 to train on, 251 to test on)")
+        command.add_argument(
+            "--light",
+            choices=tuple(LIGHTS),
+            default="daylight",
+            help="varied: half of the textures under lights of their own",
+        )
     for command in (meshes, procedural, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")

@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from core.cli.progress import require_writable, run_with_progress
 from core.datasets.glb_objects import render_meshes, select_meshes
+from core.datasets.light import LIGHTS
 from core.datasets.mesh_variants import pairs
 from core.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
 from core.datasets.srn import Dataset, read_dataset
@@ -43,7 +44,7 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
-    rendered = render_meshes(*where, views, chosen.size, chosen.variants)
+    rendered = render_meshes(*where, views, chosen.size, chosen.variants, LIGHTS[chosen.light])
     run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
 
 
@@ -51,7 +52,8 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     """``dataset procedural``: generated objects rendered into SRN folders."""
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
-    rendered = render_procedural(objects, chosen.category, chosen.out, chosen.split, views, chosen.size)
+    where = chosen.category, chosen.out, chosen.split
+    rendered = render_procedural(objects, *where, views, chosen.size, LIGHTS[chosen.light])
     run_with_progress(rendered, len(objects), "object")
 
 

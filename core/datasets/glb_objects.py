@@ -1,7 +1,7 @@
 """Renders a folder of GLB meshes into a dataset: ``index.json`` lists the files with their categories."""
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -12,6 +12,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image
 
 from core.datasets.categories import Split
+from core.datasets.light import Light, daylight
 from core.datasets.mesh_variants import deformed, pairs, recoloured
 from core.datasets.rasteriser import Surface
 from core.datasets.render_objects import RenderTask, render_objects
@@ -51,7 +52,14 @@ def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[Mesh
 
 
 def render_meshes(
-    folder: Path | str, out: Path | str, category: str, split: Split, views: int, size: int, variants: int = 0
+    folder: Path | str,
+    out: Path | str,
+    category: str,
+    split: Split,
+    views: int,
+    size: int,
+    variants: int = 0,
+    light: Callable[[str], Light] = daylight,
 ) -> Iterator[str]:
     """Renders every mesh of ``select_meshes`` into the dataset ``out``, by
     :func:`core.datasets.render_objects.render_objects`.
@@ -63,7 +71,7 @@ def render_meshes(
         raise ValueError(f"a mesh has no {variants} variants")
     meshes = select_meshes(folder, category, split)
     tasks = [_render_task(entry, *pair) for entry in meshes for pair in pairs(variants)]
-    yield from render_objects(tasks, out, category, split, views, size)
+    yield from render_objects(tasks, out, category, split, views, size, light)
 
 
 def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:

@@ -1,10 +1,10 @@
-"""The light that objects are rendered under: daylight, or for half of the training textures a light of their own.
+"""The light that objects are rendered under: daylight, or for half of the textures a light of their own.
 
-A model that has seen one light only takes the shading of a photo for paint. Light belongs to a texture's identity: it
-changes what the colour code has to say, and never the shape.
+Light belongs to a texture's identity: it changes what the texture code has to say, and never the shape.
 """
 
 import zlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +48,11 @@ DAYLIGHT = Light(
 """From the front right, above; matt, so a point has one colour from wherever it is seen."""
 
 
+def daylight(texture_id: str) -> Light:
+    """The light of a texture where all have the same."""
+    return DAYLIGHT
+
+
 def sample_light(texture_id: str) -> Light:
     """The light of a texture, always the same: daylight for half of the textures, a random plain light for the rest."""
     g = np.random.default_rng([zlib.crc32(texture_id.encode()), _LIGHT_STREAM])
@@ -62,6 +67,10 @@ def sample_light(texture_id: str) -> Light:
     powers = g.uniform(0.25, 0.85), g.uniform(0.0, 0.35), g.uniform(0.0, 0.2)
     gloss = (g.uniform(0.05, 0.35), g.uniform(12, 50)) if g.random() < _GLOSSY_SHARE else ()
     return Light(key, fill, *powers, sky, *gloss)
+
+
+LIGHTS: Mapping[str, Callable[[str], Light]] = {"daylight": daylight, "varied": sample_light}
+"""What says which light a texture is rendered under, by name."""
 
 
 def _direction(azimuth: float, elevation: float) -> Vector:

@@ -8,7 +8,7 @@ import numpy as np
 from PIL import Image
 
 from core.datasets.categories import Split
-from core.datasets.light import DAYLIGHT, sample_light
+from core.datasets.light import Light, daylight
 from core.datasets.rasteriser import Rasteriser, Surface
 from core.datasets.splits import split_cameras
 from core.datasets.srn import ObjectViews, write_manifest, write_object
@@ -26,13 +26,18 @@ class RenderTask:
 
 
 def render_objects(
-    tasks: Sequence[RenderTask], out: Path | str, category: str, split: Split, views: int, size: int
+    tasks: Sequence[RenderTask],
+    out: Path | str,
+    category: str,
+    split: Split,
+    views: int,
+    size: int,
+    light: Callable[[str], Light] = daylight,
 ) -> Iterator[str]:
     """Renders the tasks into the dataset ``out``, yielding each one's name once it is there.
 
-    Training objects are rendered under the light of their texture (:func:`core.datasets.light.sample_light`), test
-    objects in daylight. Objects that are there already with as many views of this size are skipped, so a stopped job
-    resumes.
+    ``light`` gives the light of a ``texture_id``. Objects that are there already with as many views of this size are
+    skipped, so a stopped job resumes.
     Raises ``RuntimeError`` where the machine has no OpenGL, ``ValueError`` for an object that cannot be made.
     """
     if views < 1 or size < 1:
@@ -42,7 +47,7 @@ def render_objects(
         for task in tasks:
             if not _is_rendered(Path(out) / task.name, views, size):
                 rasteriser.upload(task.surfaces())
-                rasteriser.set_light(sample_light(task.texture_id) if split == "train" else DAYLIGHT)
+                rasteriser.set_light(light(task.texture_id))
                 cameras = split_cameras(split, views, task.name, category, size)
                 images, masks = zip(*(rasteriser.render(camera) for camera in cameras), strict=True)
                 identity = (task.name, task.shape_id, task.texture_id)

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from core.datasets.categories import Split
+from core.datasets.light import Light, daylight
 from core.datasets.procedural.cars.car import car
 from core.datasets.procedural.cars.paint import car_texture
 from core.datasets.procedural.chairs.chair import chair
@@ -85,11 +86,17 @@ def disentanglement_pairs(category: str, count: int, tables: int) -> tuple[Proce
 
 
 def render_procedural(
-    objects: Sequence[ProceduralObject], category: str, out: Path | str, split: Split, views: int, size: int
+    objects: Sequence[ProceduralObject],
+    category: str,
+    out: Path | str,
+    split: Split,
+    views: int,
+    size: int,
+    light: Callable[[str], Light] = daylight,
 ) -> Iterator[str]:
     """Renders objects into the dataset ``out``, by :func:`core.datasets.render_objects.render_objects`."""
     tasks = [RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects]
-    yield from render_objects(tasks, out, category, split, views, size)
+    yield from render_objects(tasks, out, category, split, views, size, light)
 
 
 def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.datasets.light import DAYLIGHT, Light, sample_light
+from core.datasets.light import DAYLIGHT, LIGHTS, Light, sample_light
 from core.datasets.procedural.solids import slab, surface
 from core.datasets.rasteriser import Rasteriser, Surface
 from core.datasets.render_objects import RenderTask, render_objects
@@ -106,13 +106,13 @@ def test_lights_are_those_of_the_datasets_that_are_rendered_already() -> None:
 
 
 @pytest.mark.usefixtures("rasteriser")
-def test_training_objects_have_the_light_of_their_texture_and_test_objects_daylight(tmp_path: Path) -> None:
+def test_objects_are_in_daylight_or_in_the_light_of_their_texture(tmp_path: Path) -> None:
     """Two objects that differ in the name of their texture alone."""
     tasks = [RenderTask(name, "cube", name, lambda: [cube()]) for name in ("cars-texture-0000000", LIT)]
-    for split in ("train", "test"):
-        list(render_objects(tasks, tmp_path / split, "cars", split, 12, 32))
-    day, lit = read_dataset(tmp_path / "test").objects
+    for name, light in LIGHTS.items():
+        list(render_objects(tasks, tmp_path / name, "cars", "test", 12, 32, light))
+    day, lit = read_dataset(tmp_path / "daylight").objects
     assert np.array_equal(day.images, lit.images)
-    day, lit = read_dataset(tmp_path / "train").objects
+    day, lit = read_dataset(tmp_path / "varied").objects
     means = [float(views.images[views.masks].mean()) for views in (day, lit)]
     assert abs(means[0] - means[1]) > 2
