@@ -219,13 +219,13 @@ class Session:
     def _open_with_another_model(self, path: Path, error: ValueError) -> None:
         """Look for the shipped model that a scene belongs to."""
         wanted, load, here = scene_model(path), self.jobs.backend.load_model, self.model_name
-        if not wanted or wanted == self._workspace().model.fingerprint:
+        if not wanted or self._workspace().model.shares_codes_with(wanted):
             self.messages.report("Cannot open the scene", error)
             return
 
         def search() -> Iterator[str]:
             for name in shipped_models():
-                if name != here and load(name).fingerprint == wanted:
+                if name != here and load(name).shares_codes_with(wanted):
                     yield name
                     return
             raise error

@@ -59,6 +59,8 @@ class Model:
     """predicts from where an image was probably taken; on the processor"""
     gallery_of: str = ""
     """The fingerprint of the model whose objects were reduced to a gallery: scenes of either open with the other."""
+    extends: tuple[str, ...] = ()
+    """The fingerprints of the models that its training started from, the latest first."""
     stored_cells: Bool[Tensor, "x y z"] | None = None
     """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
 
@@ -120,6 +122,12 @@ class Model:
             digest.update(tensor.numpy().tobytes())
         return digest.hexdigest()[:16]
 
+    def shares_codes_with(self, fingerprint: str) -> bool:
+        """Whether codes of the model with this fingerprint mean the same here, or nearly: it is this one, or this one
+        extends it.
+        """
+        return fingerprint in (self.fingerprint, *self.extends)
+
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
         """A camera (rad, rad, scene units) at the training images' size, focal length and, unless given, distance."""
         size = self.image_size
@@ -143,6 +151,7 @@ class Model:
             "distance": self.distance,
             "white_from_network": self.white_from_network,
             "gallery_of": self.gallery_of,
+            "extends": self.extends,
         }
         with atomic_file(path) as partial:
             save_file(_all_tensors(self), partial, metadata={"format": FORMAT, "model": json.dumps(about)})
@@ -177,6 +186,7 @@ class Model:
         about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "white_from_network")} | {
             "extent": tuple(about["extent"]),
             "gallery_of": about.get("gallery_of", ""),
+            "extends": tuple(about.get("extends", ())),
         }
         cells = None if cells is None else unpack(cells)
         return cls(field, codes, **about, viewpoint_classifier=classifier, stored_cells=cells)

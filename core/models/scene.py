@@ -63,21 +63,24 @@ class Scene:
 
     @classmethod
     def from_json(cls, text: str, model: Model) -> "Scene":
-        """Read JSON text. Raises ``ValueError`` where it is no scene, or one of another model."""
+        """Read JSON text. Raises ``ValueError`` where it is no scene, or one of another model.
+
+        A scene of a model that this one extends becomes one of this model: it looks nearly as it did.
+        """
         try:
             about = json.loads(text)
-            found = about["model"]
+            found = str(about["model"])
             camera = Camera(**about["camera"])
             codes = Codes(torch.tensor(about["shape"]).float(), torch.tensor(about["texture"]).float())
         except (json.JSONDecodeError, KeyError, TypeError, RuntimeError):
             raise ValueError("not a scene file, or damaged") from None
         config = model.field.config
         sizes = (config.shape_latent,), (config.texture_latent,)
-        if found != model.fingerprint or (codes.shape.shape, codes.texture.shape) != sizes:
+        if not model.shares_codes_with(found) or (codes.shape.shape, codes.texture.shape) != sizes:
             raise ValueError(
                 f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
             )
-        return cls(found, codes, camera)
+        return cls(model.fingerprint, codes, camera)
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

@@ -81,6 +81,8 @@ class Trainer:
         self.shape_row, self.texture_row = rows.unbind(-1)
         self._prune_steps = () if settings.whole_image else tuple(int(share * settings.steps) for share in _PRUNE_AT)
         self.step, self.seconds = 0, 0.0
+        self.extends: tuple[str, ...] = ()
+        """as :attr:`core.models.model.Model.extends`"""
 
     def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
         """The optimisers of network and codes, and the peak learning rate of each of their parameter groups."""
@@ -117,6 +119,7 @@ class Trainer:
                     codes = model.codes[known[entry.name]]
                     self.shapes[entry.shape], self.textures[entry.texture] = codes.shape, codes.texture
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
+        self.extends = (model.fingerprint, *model.extends)
 
     def steps(self) -> Iterator[TrainStep]:
         """Train to the end of the schedule, yielding each step; to stop, take no more values.
@@ -147,7 +150,7 @@ class Trainer:
         distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
         size, focal = self.dataset.image_size, self.dataset.focal
         typical = float(np.median(distances))
-        return Model(averaged, book, self.extent, self.dataset.category, size, focal, typical)
+        return Model(averaged, book, self.extent, self.dataset.category, size, focal, typical, extends=self.extends)
 
     def save_state(self, path: Path) -> None:
         """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""

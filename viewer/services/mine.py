@@ -63,9 +63,11 @@ class Mine:
             self._stored.pop(name).path.unlink(missing_ok=True)
 
     def directions(self, model: Model) -> tuple[Direction, ...]:
-        """The named directions of a model; none where they cannot be read."""
+        """The named directions of a model, or of the latest one that it extends; none where they cannot be read."""
+        paths = [self._directions(one) for one in (model.fingerprint, *model.extends)] if self._folder else []
         try:
-            stored = json.loads(self._directions(model).read_text()) if self._folder else []
+            path = next((path for path in paths if path.exists()), None)
+            stored = json.loads(path.read_text()) if path else []
             found = tuple(Direction(str(name), Codes(*map(torch.tensor, step))) for name, *step in stored)
         except (OSError, *UNREADABLE):
             return ()
@@ -75,15 +77,15 @@ class Mine:
     def keep_directions(self, model: Model, directions: Iterable[Direction]) -> None:
         """Keep these and no others. Raises ``ValueError`` or ``OSError`` where that cannot be."""
         if self._folder:
-            path = self._directions(model)
+            path = self._directions(model.fingerprint)
             path.parent.mkdir(parents=True, exist_ok=True)
             steps = [(one.name, one.step.shape.tolist(), one.step.texture.tolist()) for one in directions]
             with atomic_file(path) as partial:
                 partial.write_text(json.dumps(steps))
 
-    def _directions(self, model: Model) -> Path:
+    def _directions(self, fingerprint: str) -> Path:
         assert self._folder is not None, "nothing is kept"
-        return self._folder / "directions" / f"{model.fingerprint}.json"
+        return self._folder / "directions" / f"{fingerprint}.json"
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:

@@ -58,8 +58,8 @@ class SavedSession:
         steps = [one.step for state in self.history.states for one in state.directions]
         objects = [one.codes for one in self.objects]
         codes = [*(state.scene.codes for state in self.history.states), *objects, *keys, *steps]
-        fingerprints = {state.scene.model for state in self.history.states}
-        if fingerprints != {model.fingerprint} or any((one.shape.shape, one.texture.shape) != sizes for one in codes):
+        made_here = all(model.shares_codes_with(state.scene.model) for state in self.history.states)
+        if not made_here or any((one.shape.shape, one.texture.shape) != sizes for one in codes):
             raise ValueError(f"it was made with another model than this one of {model.category or 'unnamed things'}")
         known = {*ObjectLibrary(model).names, *(one.name for one in self.objects)}
         if any(not state.mix.names <= known for state in self.history.states):

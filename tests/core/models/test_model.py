@@ -53,6 +53,15 @@ def test_codes_are_saved_in_half_precision_where_that_loses_nothing(model: Model
         assert file.get_tensor("codes.textures").dtype == torch.float
 
 
+def test_codes_are_shared_with_the_models_that_training_started_from(model: Model, tmp_path):
+    replace(model, extends=("former", "first")).save(tmp_path / "m.safetensors")
+    again = Model.load(tmp_path / "m.safetensors")
+    assert again.fingerprint == model.fingerprint
+    assert all(map(again.shares_codes_with, (model.fingerprint, "former", "first")))
+    assert not again.shares_codes_with("other")
+    assert not model.shares_codes_with("former")
+
+
 def test_collapsed_objects_are_remembered(model: Model, tmp_path):
     book = replace(model.codes, collapsed=frozenset({1, 4}))
     replace(model, codes=book).save(tmp_path / "m.safetensors")

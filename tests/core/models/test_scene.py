@@ -43,6 +43,13 @@ def test_a_scene_of_another_model_is_refused(model: Model, tmp_path):
         Scene.load(tmp_path / "s.json", model)
 
 
+def test_a_scene_of_a_model_that_this_one_extends_becomes_one_of_this_model(model: Model, tmp_path):
+    scene = some(random_model(seed=1))
+    scene.save(tmp_path / "s.json")
+    extended = replace(model, extends=("0123456789abcdef", scene.model))
+    assert Scene.load(tmp_path / "s.json", extended) == replace(scene, model=model.fingerprint)
+
+
 @pytest.mark.parametrize(
     "content", [b"", b"[]", b"hello", b"\xff\xfe\x00", b'{"model": 1}', b'{"camera": {}, "model": "x"}']
 )

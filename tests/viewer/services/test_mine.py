@@ -78,7 +78,12 @@ def test_named_directions_last_for_their_model_alone(tmp_path: Path, model: Mode
     directions = tuple(replace(Direction.principal(model.codes, part, 0), name="sportier") for part in PARTS)
     Mine(tmp_path).keep_directions(model, directions)
     assert Mine(tmp_path).directions(model) == directions
-    assert Mine(tmp_path).directions(random_model(seed=7)) == ()
+    other = random_model(seed=7)
+    assert Mine(tmp_path).directions(other) == ()
+    extended = replace(other, extends=(model.fingerprint,))
+    assert Mine(tmp_path).directions(extended) == directions
+    Mine(tmp_path).keep_directions(extended, directions[:1])
+    assert Mine(tmp_path).directions(extended) == directions[:1]
     Mine(tmp_path).keep_directions(model, ())
     assert Mine(tmp_path).directions(model) == ()
 

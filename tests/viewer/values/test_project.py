@@ -136,5 +136,6 @@ def test_a_session_of_another_model_is_refused(saved: SavedSession, model: Model
     other = replace(saved, history=replace(saved.history, now=replace(saved.history.now, scene=scene)))
     with pytest.raises(ValueError, match="made with another model"):
         other.check(model)
+    other.check(replace(model, extends=("another",)))
     with pytest.raises(ValueError, match="mixes objects that are not here"):
         replace(saved, objects=()).check(model)
