@@ -9,8 +9,8 @@ from torch import Tensor
 from core.models.codes import farthest_first
 
 _SOURCE = re.compile(
-    r"^(aws|blendswap_cc_(0|by)|gazebo|infinigen|katorlegaz|kaykit(_furniture|_restaurant)?|kenney"
-    r"|quaternius(_realistic|_house|_[a-z]+\d{4})?|scopia)_"
+    r"^(aws|blendswap_cc_(0|by)|chrono|gazebo|infinigen|jme|jtoastie|katorlegaz|kaykit(_furniture|_restaurant)?|kenney"
+    r"|polygoogle|quaternius(_realistic|_house|_zombie|_[a-z]+\d{4})?|scopia|smarts)_"
 )
 """who made a mesh, before its name"""
 _GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")
@@ -36,8 +36,8 @@ def readable(name: str) -> str:
 
     >>> readable("blendswap_cc_0_antiquechair"), readable("kenney_chair_desk-form1-look2")
     ('Antique chair', 'Chair desk, form 1, look 2')
-    >>> readable("infinigen_chair_0103-form2"), readable("kaykit_restaurant_chair_stool")
-    ('Chair 0103, form 2', 'Chair stool')
+    >>> readable("infinigen_chair_0103-form2"), readable("kaykit_restaurant_chair_stool"), readable("jme_ford_ranger")
+    ('Chair 0103, form 2', 'Chair stool', 'Ford ranger')
     >>> readable("chairs-0000087-0000287"), readable("my photo-2")
     ('Chair #87, look 287', 'my photo-2')
     """
