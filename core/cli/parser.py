@@ -11,7 +11,6 @@ from core.cli.bench_parser import add_bench
 from core.cli.legacy import current_words
 from core.cli.options import add_command, add_device, add_model, add_seed
 from core.datasets.categories import SPLITS, SRN_DISTANCES
-from core.datasets.light import LIGHTS
 from core.fitting.settings import PRESETS
 from core.training.recipes import RECIPES
 
@@ -191,10 +190,9 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
         command.add_argument("--views", type=count, help="per object (default: 50 to train on, 251 to test on)")
         command.add_argument(
-            "--light",
-            choices=tuple(LIGHTS),
-            default="daylight",
-            help="varied: half of the textures under lights of their own",
+            "--varied-light",
+            action="store_true",
+            help="half of the textures under lights of their own; without: all in daylight",
         )
     for command in (meshes, procedural, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -9,7 +10,7 @@ from tqdm import tqdm
 
 from core.cli.progress import require_writable, run_with_progress
 from core.datasets.glb_objects import render_meshes, select_meshes
-from core.datasets.light import LIGHTS
+from core.datasets.light import Light, daylight, sample_light
 from core.datasets.mesh_variants import pairs
 from core.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
 from core.datasets.srn import Dataset, read_dataset
@@ -44,7 +45,7 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
-    rendered = render_meshes(*where, views, chosen.size, chosen.variants, LIGHTS[chosen.light])
+    rendered = render_meshes(*where, views, chosen.size, chosen.variants, _light(chosen))
     run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
 
 
@@ -53,8 +54,12 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.category, chosen.out, chosen.split
-    rendered = render_procedural(objects, *where, views, chosen.size, LIGHTS[chosen.light])
+    rendered = render_procedural(objects, *where, views, chosen.size, _light(chosen))
     run_with_progress(rendered, len(objects), "object")
+
+
+def _light(chosen: argparse.Namespace) -> Callable[[str], Light]:
+    return sample_light if chosen.varied_light else daylight
 
 
 def dataset_pairs(chosen: argparse.Namespace) -> None:

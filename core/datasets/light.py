@@ -4,7 +4,6 @@ Light belongs to a texture's identity: it changes what the texture code has to s
 """
 
 import zlib
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,10 +66,6 @@ def sample_light(texture_id: str) -> Light:
     powers = g.uniform(0.25, 0.85), g.uniform(0.0, 0.35), g.uniform(0.0, 0.2)
     gloss = (g.uniform(0.05, 0.35), g.uniform(12, 50)) if g.random() < _GLOSSY_SHARE else ()
     return Light(key, fill, *powers, sky, *gloss)
-
-
-LIGHTS: Mapping[str, Callable[[str], Light]] = {"daylight": daylight, "varied": sample_light}
-"""What says which light a texture is rendered under, by name."""
 
 
 def _direction(azimuth: float, elevation: float) -> Vector:

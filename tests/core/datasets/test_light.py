@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.datasets.light import DAYLIGHT, LIGHTS, Light, sample_light
+from core.datasets.light import DAYLIGHT, Light, daylight, sample_light
 from core.datasets.procedural.solids import slab, surface
 from core.datasets.rasteriser import Rasteriser, Surface
 from core.datasets.render_objects import RenderTask, render_objects
@@ -109,7 +109,7 @@ def test_lights_are_those_of_the_datasets_that_are_rendered_already() -> None:
 def test_objects_are_in_daylight_or_in_the_light_of_their_texture(tmp_path: Path) -> None:
     """Two objects that differ in the name of their texture alone."""
     tasks = [RenderTask(name, "cube", name, lambda: [cube()]) for name in ("cars-texture-0000000", LIT)]
-    for name, light in LIGHTS.items():
+    for name, light in (("daylight", daylight), ("varied", sample_light)):
         list(render_objects(tasks, tmp_path / name, "cars", "test", 12, 32, light))
     day, lit = read_dataset(tmp_path / "daylight").objects
     assert np.array_equal(day.images, lit.images)
