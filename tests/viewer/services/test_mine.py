@@ -34,6 +34,17 @@ def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted
     assert Mine(tmp_path / "mine").open(random_model(seed=7)) == ()
 
 
+def test_objects_last_when_their_model_is_extended(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
+    Mine(tmp_path).sync(model, [fitted])
+    extended = replace(random_model(seed=7), extends=(model.fingerprint,))
+    mine = Mine(tmp_path)
+    (found,) = mine.open(extended)
+    assert (found.name, found.codes) == (fitted.name, fitted.codes)
+    mine.sync(extended, [replace(found, name="green")])
+    (again,) = Mine(tmp_path).open(extended)
+    assert (again.name, again.codes) == ("green", fitted.codes)
+
+
 def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     mine, other = Mine(tmp_path), replace(fitted, name="../../blue")
     mine.sync(model, [fitted, other])
