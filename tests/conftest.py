@@ -1,6 +1,7 @@
 """Shapes and types are checked at run time, and what core and viewer tests share is made here."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NoReturn
 
@@ -12,7 +13,7 @@ import tests.checked  # noqa: F401  (the hook finds it by name)
 
 # Before torch is imported, here and in the processes that tests start: threads that share a processor with another busy
 # process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ["OMP_NUM_THREADS"] = "1"
 
 # Before anything of core or viewer is.
 install_import_hook(("core", "viewer"), "tests.checked.checked")
@@ -33,6 +34,25 @@ from core.models.codes import CodeBook, Entry  # noqa: E402
 from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
+from core.models.precision import use_dtype  # noqa: E402
+
+torch.set_num_threads(1)  # where it was imported before
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--matmul",
+        choices=("float32", "bfloat16"),
+        default="float32",
+        help="the format of linear layers; the program measures which is faster here",
+    )
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _matmul_format(request: pytest.FixtureRequest) -> Iterator[None]:
+    """One for the whole run: what a busy machine measures differs from run to run."""
+    with use_dtype(getattr(torch, request.config.getoption("--matmul"))):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-import torch
 from imgui_bundle import imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
@@ -23,12 +22,6 @@ from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.quality import Quality
 from viewer.workspace import Workspace
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _one_thread() -> None:
-    """Threads of a tiny network wait for each other, for ages where other tests run beside."""
-    torch.set_num_threads(1)
 
 
 @pytest.fixture(autouse=True)

@@ -115,10 +115,10 @@ def test_autograd_sees_the_objective_as_small_steps_do(tiny: Model):
         value = evaluate_objective(tiny, at, pixels, 2, objective).objective.sum()
         (gradient,) = torch.autograd.grad(value, at.shape)
         for index in range(2):
-            step = 1e-2 * torch.eye(2)[index]
+            step = 1e-3 * torch.eye(2)[index]  # so short that no sample passes a kink on the way
             ends = [at._replace(shape=(at.shape + sign * step).detach()) for sign in (-1, 1)]
             low, high = (float(evaluate_objective(tiny, end, pixels, 2, objective).objective) for end in ends)
-            assert float(gradient[0, index]) == pytest.approx((high - low) / 2e-2, rel=0.05, abs=1e-5)
+            assert float(gradient[0, index]) == pytest.approx((high - low) / 2e-3, rel=0.02)
 
 
 def test_something_in_front_may_hide_an_object_but_not_show_one(tiny: Model):

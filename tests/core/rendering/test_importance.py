@@ -7,7 +7,7 @@ from torch import Tensor
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays, cast_rays
 from core.models.model import Model
-from core.rendering import folded_field as folded
+from core.models.precision import use_dtype
 from core.rendering.importance import render_top_samples
 from core.rendering.reference import render_rays
 from tests.conftest import random_model
@@ -63,11 +63,10 @@ def test_rays_that_miss_are_white(model: Model) -> None:
     torch.testing.assert_close(opacity, nothing)
 
 
-def test_without_gradients_it_shows_the_same(model: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(folded, "matmul_dtype", lambda _: torch.float32)
+def test_without_gradients_it_shows_the_same(model: Model) -> None:
     rays, codes = bundle(model, 2, 40), model.codes
     biases = model.field.shape_bias(codes.shapes[:2]), model.field.texture_bias(codes.textures[:2])
     dense = render_top_samples(model, rays, 16, 5, *biases)
-    with torch.no_grad():
+    with torch.no_grad(), use_dtype(torch.float32):
         folded_ones = render_top_samples(model, rays, 16, 5, *biases)
     torch.testing.assert_close(folded_ones, dense, rtol=0, atol=5e-3)

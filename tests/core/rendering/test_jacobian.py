@@ -1,5 +1,6 @@
 """The Jacobian by hand against autograd, and against the renderer it belongs to."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -8,7 +9,7 @@ from torch import Tensor
 
 from core.geometry.rays import Rays
 from core.models.model import Model
-from core.rendering import folded_field as folded
+from core.models.precision import use_dtype
 from core.rendering import jacobian as jacobians
 from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 from core.rendering.reference import render_rays
@@ -19,10 +20,10 @@ OBJECTS, RAYS, SAMPLES = 3, 10, 12
 
 
 @pytest.fixture(autouse=True)
-def single(monkeypatch: pytest.MonkeyPatch):
+def single() -> Iterator[None]:
     """In float32, so that derivatives can be compared."""
-    for module in (folded, jacobians):
-        monkeypatch.setattr(module, "matmul_dtype", lambda _: torch.float32)
+    with use_dtype(torch.float32):
+        yield
 
 
 def biases(model: Model) -> tuple[Tensor, Tensor]:
