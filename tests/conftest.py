@@ -1,11 +1,13 @@
-"""Shapes and types are checked at run time, and what core and viewer tests share is made here."""
+"""Shapes and types of core are checked at run time, and what core and viewer tests share is made here."""
 
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
 import hypothesis
+import jaxtyping
 import pytest
 from jaxtyping import install_import_hook
 
@@ -14,9 +16,10 @@ import tests.checked  # noqa: F401  (the hook finds it by name)
 # Before torch is imported, here and in the processes that tests start: threads that share a processor with another busy
 # process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
 os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's OpenGL
 
-# Before anything of core or viewer is.
-install_import_hook(("core", "viewer"), "tests.checked.checked")
+# Before anything of core is.
+install_import_hook("core", "tests.checked.checked")
 
 hypothesis.settings.register_profile(
     "shared machine",
@@ -53,6 +56,16 @@ def _matmul_format(request: pytest.FixtureRequest) -> Iterator[None]:
     """One for the whole run: what a busy machine measures differs from run to run."""
     with use_dtype(getattr(torch, request.config.getoption("--matmul"))):
         yield
+
+
+@contextmanager
+def unchecked_shapes() -> Iterator[None]:
+    """No checks at run time: they take two thirds of a fit's time and of a window's."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    try:
+        yield
+    finally:
+        jaxtyping.config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture(scope="session")

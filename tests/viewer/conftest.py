@@ -11,7 +11,7 @@ from PIL import Image
 
 from core.models.model import Model
 from core.rendering.progressive import render_progressively
-from tests.conftest import no_opengl, random_model
+from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_photo
 from viewer.app import App
@@ -139,7 +139,8 @@ def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFacto
             act(driver)
 
         try:
-            testing.run(test_function=test, runner_params=app.params, add_ons_params=window.add_ons())
+            with unchecked_shapes():
+                testing.run(test_function=test, runner_params=app.params, add_ons_params=window.add_ons())
         finally:
             session.jobs.worker.close()
 
