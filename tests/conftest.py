@@ -51,6 +51,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """No workers for a single file, which stays in this process: it would not be shared out."""
+    alone = len(config.args) == 1 and Path(config.args[0].split("::")[0]).is_file()
+    return 0 if alone else None
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _matmul_format(request: pytest.FixtureRequest) -> Iterator[None]:
     """One for the whole run: what a busy machine measures differs from run to run."""

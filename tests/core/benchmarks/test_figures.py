@@ -3,7 +3,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from core.benchmarks import figures
@@ -58,10 +57,3 @@ def test_a_single_photo_is_edited_towards_a_training_object(fitted: list[FittedP
 def test_no_photo_is_refused(tmp_path: Path):
     with pytest.raises(ValueError, match="no photo"):
         list(write_figures(tiny_model(), [], tmp_path))
-
-
-def test_images_that_are_not_square_stand_on_white_squares():
-    wide = figures._bytes(torch.zeros(10, 20, 3))
-    assert wide.shape == (SIDE, SIDE, 3)
-    assert wide[0, 0].tolist() == [255, 255, 255]
-    assert wide[SIDE // 2, SIDE // 2].tolist() == [0, 0, 0]

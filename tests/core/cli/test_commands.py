@@ -81,12 +81,6 @@ def test_exact_is_the_reference_and_close(file: str, tmp_path: Path):
     assert 0 < np.abs(fast - exact).mean() < 4
 
 
-def test_turntable_writes_a_video(file: str, tmp_path: Path):
-    run("turntable", "--model", file, "--object", 0, "--frames", 3, "--size", 24, "--out", tmp_path / "t.gif")
-    with Image.open(tmp_path / "t.gif") as video:
-        assert video.n_frames == 3
-
-
 def test_a_turntable_becomes_another_object_and_turns_back(file: str, model: Model, tmp_path: Path):
     words = ("--object", 0, "--morph-to", 1, "--distance", 2, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
     run("turntable", "--model", file, *words, "--out", tmp_path / "t.frames")
@@ -293,28 +287,6 @@ def test_a_box_is_in_pixels_of_the_upright_image(file, model, tmp_path, capsys, 
     assert "no inside within the image of 200x400 px" in printed
     assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in printed
     assert "1 images need as many boxes, got 2" in printed
-
-
-@pytest.mark.parametrize(
-    ("words", "printed"),
-    [
-        (("render", "--size", "big"), "argument --size: must be a whole number of at least 1, not 'big'"),
-        (("render", "--size", "0"), "argument --size: must be a whole number of at least 1, not '0'"),
-        (("render", "--azimuth", "east"), "argument --azimuth: an angle is a number of degrees, not 'east'"),
-        (("render", "--azimuth", "nan"), "argument --azimuth: an angle is a number of degrees, not 'nan'"),
-        (
-            ("evaluate", "data", "--input-views", "64;104"),
-            "argument --input-views: views are whole numbers V,V, not '64;104'",
-        ),
-    ],
-)
-def test_what_is_no_number_is_reported_in_plain_words(
-    words: tuple[str, ...], printed: str, capsys: pytest.CaptureFixture[str]
-):
-    with pytest.raises(SystemExit) as stopped:
-        run(*words)
-    assert stopped.value.code == 2
-    assert capsys.readouterr().err == f"python -m core {words[0]}: {printed}\n"
 
 
 def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

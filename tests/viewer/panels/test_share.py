@@ -140,6 +140,8 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         window.context.share("mesh")
         choose(window, "##mesh", ".ply")
         choose(window, "##cells", "96 cells")
+        assert window.context.preferences.share.cells == 96
+        window.context.set_preference(share=replace(window.context.preferences.share, cells=24))
         window.click("Share/###save")
         window.type(str(tmp_path / "block"))
         window.wait(lambda: workspace.exporting.progress > 0)
@@ -153,13 +155,15 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         assert [path.name for path in tmp_path.iterdir()] == ["block.ply"]
         choose(window, "##mesh", ".glb")
         choose(window, "##texture", "Image, 512 px")
+        assert window.context.preferences.share.texture == 512
+        window.context.set_preference(share=replace(window.context.preferences.share, texture=64))
         window.set("Share/##metres", 2.0)
         window.click("Share/###save")
         window.type(str(tmp_path / "block.glb"))
         window.wait(lambda: (tmp_path / "block.glb").exists() and not workspace.exporting.running)
         (read,) = trimesh.load_scene(tmp_path / "block.glb").geometry.values()
         assert (read.extents.max(), read.bounds[0, 1]) == pytest.approx((2.0, 0.0), abs=1e-5)
-        assert read.visual.material.baseColorTexture.width > 400
+        assert read.visual.material.baseColorTexture.width > 48
 
     block = filled(model, 100.0)
     drive(act, replace(backend, load_model=lambda name: block))
