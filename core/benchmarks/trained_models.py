@@ -15,7 +15,7 @@ from core.files import write_json
 from core.fitting.confidence import RIGHT_DEGREES
 from core.fitting.fit import PRESETS
 from core.models.model import Model
-from core.photos.view_bank import view_bank
+from core.photos.view_bank import build_view_bank
 from core.training.recipes import TrainSettings
 from core.training.trainer import Trainer, held_out_psnr, hold_out
 
@@ -91,7 +91,8 @@ def score_model(model: Model, views: Dataset, tests: Sequence[ObjectEntry], path
             return Scores(**kept)
     yield f"new views of training objects, {path.stem}"
     new_views = held_out_psnr(model, views)
-    view_bank(model)  # built before the first fit is timed
+    for _ in build_view_bank(model):
+        yield f"view bank, {path.stem}"
     psnrs, trials = list[float](), list[Trial]()
     for number, entry in enumerate(tests):
         yield f"fits, {path.stem}, {entry.name}"

@@ -16,8 +16,6 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage"
     )
     rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
-    load = add_command(kinds, "load", "measure.bench_load", "a fit and renders beside busy processes, by threads")
-    load.add_argument("--turns", type=count, default=3, metavar="N", help="how often everything is measured")
     fitting = add_command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
@@ -41,9 +39,9 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    for kind in (rendering, load, fitting, ablations, robustness):
+    for kind in (rendering, fitting, ablations, robustness):
         add_model(kind)
-    for kind in (rendering, load, fitting, ablations, robustness, *_add_training(kinds), redraw):
+    for kind in (rendering, fitting, ablations, robustness, *_add_training(kinds), redraw):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )
