@@ -1,6 +1,9 @@
 """Shapes and types are checked at run time, and what core and viewer tests share is made here."""
 
+import atexit
 import os
+import shutil
+import tempfile
 from pathlib import Path
 from typing import NoReturn
 
@@ -13,6 +16,10 @@ import tests.checked  # noqa: F401  (the hook finds it by name)
 # Before torch is imported, here and in the processes that tests start: threads that share a processor with another busy
 # process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# View banks are kept here, not where those of the person who runs the tests are.
+os.environ["CODENERF_CACHE"] = tempfile.mkdtemp(prefix="codenerf-tests-")
+atexit.register(shutil.rmtree, os.environ["CODENERF_CACHE"], ignore_errors=True)
 
 # Before anything of core or viewer is.
 install_import_hook(("core", "viewer"), "tests.checked.checked")
@@ -33,6 +40,7 @@ from core.models.codes import CodeBook, Entry  # noqa: E402
 from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
+from core.photos.view_bank import ViewBank, build_view_bank, view_bank  # noqa: E402
 
 
 @pytest.fixture(scope="session")
@@ -42,6 +50,13 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no shared data at {folder} (set CODENERF_SHARED)")
     return folder
+
+
+def make_view_bank(model: Model) -> ViewBank:
+    """Run the job that fits need done."""
+    for _ in build_view_bank(model):
+        pass
+    return view_bank(model)
 
 
 def no_opengl(error: Exception) -> NoReturn:

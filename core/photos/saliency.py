@@ -40,7 +40,7 @@ def _predict(size: tuple[int, int], pixels: bytes) -> Float[np.ndarray, "height 
     small = Image.frombytes("RGB", size, pixels).resize((_SIDE, _SIDE), Image.Resampling.LANCZOS)
     values = np.asarray(small, np.float64)
     values = (values / max(values.max(), 1) - _MEAN) / _STD
-    session = _session()
+    session = _session(_network_file())
     inputs = {session.get_inputs()[0].name: values.transpose(2, 0, 1)[None].astype(np.float32)}
     found = session.run([session.get_outputs()[0].name], inputs)[0][0, 0]
     found = (found - found.min()) / (found.max() - found.min())
@@ -49,7 +49,7 @@ def _predict(size: tuple[int, int], pixels: bytes) -> Float[np.ndarray, "height 
 
 
 @cache
-def _session() -> Any:
+def _session(path: Path) -> Any:
     """The network itself: ``rembg`` around it runs it on all cores, which spin beside other programs, and imports
     OpenCV.
     """
@@ -57,7 +57,7 @@ def _session() -> Any:
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
-    return onnxruntime.InferenceSession(str(_network_file()), options, providers=["CPUExecutionProvider"])
+    return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
 
 
 def _network_file() -> Path:
