@@ -19,10 +19,10 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
     fitting = add_command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
-    for kind in (rendering, fitting):
-        kind.add_argument(
-            "--gate", type=Path, metavar="B.csv", help="write nothing; exit with status 1 if worse than this baseline"
-        )
+    guard = add_command(
+        kinds, "gate", "measure.bench_gate", "fail where something takes twice as long as gate.csv has it"
+    )
+    guard.add_argument("--write", action="store_true", help="write gate.csv instead, the baseline")
     redraw = add_command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
     ablations = add_command(kinds, "ablations", "measure.bench_ablations", "fits without each part of the method")
     robustness = add_command(
@@ -41,7 +41,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         add_seed(kind)
     for kind in (rendering, fitting, ablations, robustness):
         add_model(kind)
-    for kind in (rendering, fitting, ablations, robustness, *_add_training(kinds), redraw):
+    for kind in (rendering, fitting, ablations, robustness, *_add_training(kinds), redraw, guard):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )
