@@ -19,7 +19,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from core.caches import CACHE, Kind
-from core.files import atomic_file, cache_folder
+from core.files import VIEW_BANKS, atomic_file, cache_folder
 from core.geometry.camera import camera_rotation
 from core.models.codes import Codes
 from core.models.model import Model
@@ -152,25 +152,13 @@ def apparent_size(model: Model) -> SizeRange:
 # Keeping
 
 
-def bank_files() -> list[Path]:
-    """The files of all view banks in the cache folder."""
-    return sorted(_folder().glob(f"*{_SUFFIX}"))
-
-
-_SUFFIX = ".safetensors"
-
-
-def _folder() -> Path:
-    return cache_folder() / "view-banks"
-
-
 def _key(model: Model) -> str:
     """A model and the galleries of its objects share a fingerprint, and have different prototypes."""
     return f"{model.fingerprint}-{len(model.codes)}"
 
 
 def _path(key: str) -> Path:
-    return _folder() / f"{key}.{FORMAT}{_SUFFIX}"
+    return cache_folder() / VIEW_BANKS / f"{key}.{FORMAT}.safetensors"
 
 
 def _kept(model: Model) -> ViewBank | None:

@@ -20,6 +20,7 @@ from core.models.category import CategoryClassifier
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
+from core.photos.photo import Photo
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
 
@@ -250,6 +251,8 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     drawing = Image.new("RGB", (64, 64), "white")
     drawing.paste((200, 30, 30), (20, 14, 44, 52))
     drawing.save(tmp_path / "a.png")
+    photo = Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
+    monkeypatch.setattr(fitting, "prepare_photo", lambda *_: photo)
     monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
     monkeypatch.setattr(fitting, "guess_category", lambda *_: {})
     run("fit", tmp_path / "a.png", "--model", file)
@@ -305,6 +308,21 @@ def test_what_is_no_number_is_reported_in_plain_words(
         run(*words)
     assert stopped.value.code == 2
     assert capsys.readouterr().err == f"python -m core {words[0]}: {printed}\n"
+
+
+def test_what_is_kept_is_listed_and_cleared(tmp_path: Path, capsys, monkeypatch):
+    monkeypatch.setenv("CODENERF_CACHE", str(tmp_path / "cache"))
+    run("cache")
+    assert capsys.readouterr().out == f"{tmp_path / 'cache'}\nnothing is kept\n"
+    (tmp_path / "cache/view-banks").mkdir(parents=True)
+    (tmp_path / "cache/view-banks/a.view-bank-1.safetensors").write_bytes(bytes(1_300_000))
+    (tmp_path / "cache/mine.txt").touch()
+    for words, end in (("cache",), ""), (("cache", "--clear"), "  removed"):
+        run(*words)
+        assert capsys.readouterr().out.endswith(f"\n1.3 MB  view-banks/a.view-bank-1.safetensors{end}\n")
+    run("cache")
+    assert "nothing is kept" in capsys.readouterr().out
+    assert (tmp_path / "cache/mine.txt").exists()
 
 
 def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
