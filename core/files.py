@@ -1,20 +1,35 @@
-"""Files that are there whole or not at all, and numbers as JSON."""
+"""Files that are there whole or not at all, numbers as JSON, and the folder of what can be made again."""
 
 import json
 import math
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from platformdirs import user_cache_path
+
+VIEW_BANKS = "view-banks"
+"""folder of the cache folder"""
+_CACHE_VARIABLE = "CODENERF_CACHE"
+"""of the environment: another folder than the platform's"""
+
+
+def cache_folder() -> Path:
+    """The folder for what takes long to make and can be made again: ``CODENERF_CACHE``, else the platform's own."""
+    named = os.environ.get(_CACHE_VARIABLE)
+    return Path(named) if named else user_cache_path("codenerf-viewer", appauthor=False)
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
     """A place beside ``path`` to write to, renamed to it at the end and removed should the end not come.
 
-    Raises ``ValueError`` naming ``path`` where it cannot be written.
+    Of processes that write the same file at once the last one wins, whole. Raises ``ValueError`` naming ``path`` where
+    it cannot be written.
     """
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
+    partial = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         partial.touch()  # at once, so that a place that cannot be written to is refused before the work
         yield partial

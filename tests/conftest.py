@@ -1,6 +1,9 @@
 """Shapes and types of core are checked at run time, and what core and viewer tests share is made here."""
 
+import atexit
 import os
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +24,10 @@ os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's OpenGL
 # Before anything of core is.
 install_import_hook("core", "tests.checked.checked")
 
+# View banks are kept here, not where those of the person who runs the tests are.
+os.environ["CODENERF_CACHE"] = tempfile.mkdtemp(prefix="codenerf-tests-")
+atexit.register(shutil.rmtree, os.environ["CODENERF_CACHE"], ignore_errors=True)
+
 hypothesis.settings.register_profile(
     "shared machine",
     deadline=None,  # no clock: another process may hold the processor at any moment
@@ -38,6 +45,7 @@ from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
 from core.models.precision import use_dtype  # noqa: E402
+from core.photos.view_bank import ViewBank, build_view_bank, view_bank  # noqa: E402
 
 torch.set_num_threads(1)  # where it was imported before
 
@@ -81,6 +89,13 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no shared data at {folder} (set CODENERF_SHARED)")
     return folder
+
+
+def make_view_bank(model: Model) -> ViewBank:
+    """Run the job that fits need done."""
+    for _ in build_view_bank(model):
+        pass
+    return view_bank(model)
 
 
 def no_opengl(error: Exception) -> NoReturn:

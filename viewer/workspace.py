@@ -20,7 +20,7 @@ from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.saved_session import SavedSession
 
 _VIEW_BANK_SHARE = 0.2
-"""of the worker's time, for what the first fit will need"""
+"""of the worker's time: a fit that waits for it has all the rest"""
 
 
 class Workspace:
@@ -36,6 +36,7 @@ class Workspace:
         self._from_mine = frozenset(map(self.editor.objects.add, mine.open(model)))
         """names of objects that were there from the beginning"""
         self._kept = self.editor.objects.version
+        self._prepared = 0.0
         self._unclear: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
         """photos whose object is to be pointed out after the one that is"""
         self._asking: tuple[PhotoSource, ...] = ()
@@ -50,10 +51,18 @@ class Workspace:
         self.exporting = Exporting(jobs, self.editor, self.grid)
 
     def start(self) -> None:
-        """Render the first image, and prepare what a fit will need."""
+        """Render the first image, and make what fits wait for."""
         self.viewport.render()
         view_bank = self._jobs.backend.view_bank
-        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), lambda _: None, share=_VIEW_BANK_SHARE))
+        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), self._prepare, share=_VIEW_BANK_SHARE))
+
+    def _prepare(self, share: float) -> None:
+        self._prepared = share
+
+    @property
+    def preparing(self) -> float | None:
+        """Which share (0..1) of the view bank is made; None once it is there."""
+        return self._prepared if self._prepared < 1 and self._jobs.busy("view bank") else None
 
     def tick(self) -> None:
         """Once a frame: what advances with time."""

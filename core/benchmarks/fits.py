@@ -20,7 +20,6 @@ from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
-from core.photos.view_bank import view_bank
 
 _FAR = 20.0
 """degrees: a camera that is further off than this may be right by symmetry"""
@@ -118,8 +117,6 @@ def run(
     model: Model, targets: Sequence[HeldOutView], presets: dict[str, FitSettings] = PRESETS
 ) -> Iterator[str | FitResults]:
     """Yields what is being measured, and at the end the results."""
-    yield "view bank"
-    view_bank(model)
     trials = list[Trial]()
     for number, target in enumerate(targets):
         for name, settings in presets.items():

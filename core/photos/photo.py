@@ -94,24 +94,25 @@ def load_photo(
         hints: where the object is, for an image without a plain background.
         crop: against the usual one.
 
-    Raises ``ValueError``, one line naming the file, for anything that is no image of an object, and
+    Without a pose the model's view bank must be there (:func:`core.photos.view_bank.build_view_bank`). Raises
+    ``ValueError``, one line naming the file, where it is not and for anything that is no image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
-    matrix = None if pose is None else _read_pose(pose)
+    matrix = None if pose is None else read_pose(pose)
     cut = read_cut_out(path, hints)
-    with _naming(path):
+    with naming(path):
         return prepare_photo(cut, model, matrix, crop)
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
     """The object of an image file. Raises as :func:`load_photo` does."""
-    with _naming(path):
+    with naming(path):
         return cut_out(read_rgba(path), hints)
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Errors name the file."""
+def naming(path: Path) -> Iterator[None]:
+    """Errors of an image say which file it is."""
     try:
         yield
     except ValueError as error:
@@ -162,7 +163,8 @@ def prepare_photo(
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 
 
-def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
+def read_pose(path: Path) -> Float[Tensor, "4 4"]:
+    """The camera-to-world matrix of SRN, 16 numbers in a text file. Raises ``ValueError`` naming the file."""
     try:
         numbers = [float(word) for word in path.read_text().split()]
     except FileNotFoundError:

@@ -24,7 +24,7 @@ class Backend:
     load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
-    view_bank: Callable[[Model], Iterator[None]] = build_view_bank
+    view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     video: Callable[..., Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)

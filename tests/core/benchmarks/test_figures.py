@@ -9,6 +9,7 @@ from core.benchmarks import figures
 from core.benchmarks.figures import FittedPhoto, fit_photo, write_figures
 from core.fitting.fit import PRESETS
 from core.fitting.settings import FitSettings
+from core.models.model import Model
 from tests.conftest import image_size
 from tests.core.tiny import photo_of, tiny_model
 
@@ -17,13 +18,12 @@ QUICK = FitSettings(hypotheses=4, steps=12, rays=64, samples=16, max_restarts=0)
 
 
 @pytest.fixture
-def fitted(monkeypatch: pytest.MonkeyPatch) -> list[FittedPhoto]:
+def fitted(tiny: Model, monkeypatch: pytest.MonkeyPatch) -> list[FittedPhoto]:
     """Two stools, seen from two sides."""
     monkeypatch.setitem(figures.PRESETS, "normal", replace(PRESETS["normal"], **vars(QUICK)))
-    model = tiny_model()
-    photos = [photo_of(model, model.codes[index], model.camera(0.5 + index, 0.4)) for index in (0, 3)]
+    photos = [photo_of(tiny, tiny.codes[index], tiny.camera(0.5 + index, 0.4)) for index in (0, 3)]
     photos = [replace(photo, camera=None) for photo in photos]
-    return [fit_photo(model, photo) for photo in photos]
+    return [fit_photo(tiny, photo) for photo in photos]
 
 
 def cell(path: Path, row: int, column: int) -> np.ndarray:
