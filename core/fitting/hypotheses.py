@@ -125,6 +125,21 @@ def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
     return replace(batches[-1], parameters=Parameters(*parameters))
 
 
+def to_vector(parameters: Parameters) -> Float[Tensor, "hypotheses parameters"]:
+    """The parameters in a row: of the cameras, view by view, then of shape and texture."""
+    angles, distance, zoom, picture, shape, texture = parameters
+    cameras = torch.cat((angles, distance[..., None], zoom[..., None], picture), -1)
+    return torch.cat((cameras.flatten(1), shape, texture), 1).detach()
+
+
+def from_vector(vector: Float[Tensor, "any parameters"], sizes: Parameters) -> Parameters:
+    """The inverse of :func:`to_vector`, for parameters with as many views and directions as ``sizes``."""
+    views, shape = sizes.distance.shape[1], sizes.shape.shape[1]
+    cameras, *codes = vector.split((views * CAMERA_PARAMETERS, shape, sizes.texture.shape[1]), 1)
+    angles, distance, zoom, picture = cameras.unflatten(1, (views, -1)).split((2, 1, 1, 4), -1)
+    return Parameters(angles, distance[..., 0], zoom[..., 0], picture, *codes)
+
+
 # Cameras and rays
 
 
