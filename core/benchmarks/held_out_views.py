@@ -16,7 +16,7 @@ from core.geometry.camera import Camera
 from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.views import render_view
+from core.rendering.images import render_image
 
 HELD_OUT_VIEWS = 4
 """other views of each object that a fit is scored on"""
@@ -104,6 +104,6 @@ def render_on_white(
     model: Model, codes: Codes, camera: Camera
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
     """An image in [0, 1] and the object's mask."""
-    rendered = render_view(model, codes, camera)
+    rendered = render_image(model, codes, camera)
     colour = rendered.colour.clamp(0, 1).cpu()
     return colour, (colour < _BACKGROUND).any(-1) if model.white_from_network else rendered.opacity.cpu() > 0.5

@@ -12,10 +12,10 @@ import torch
 from tqdm import tqdm
 
 from core.cli.progress import require_writable
-from core.fitting import fit as fits
+from core.fitting.category_check import describe_category, guess_category, likeliest_category
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
-from core.fitting.plausibility import describe_category, guess_category, likeliest_category
+from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.scene import Scene
@@ -51,7 +51,7 @@ def fit(chosen: argparse.Namespace) -> None:
         print(f"python -m core: {warning}", file=sys.stderr)
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
-        for last in with_measured_threads(fits.fit(model, FitJob(photos, settings, chosen.seed))):
+        for last in with_measured_threads(fit_as_set(model, FitJob(photos, settings, chosen.seed))):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()

@@ -19,7 +19,7 @@ from core.evaluation.statistics import Mean, mean_of
 from core.fitting.fit import FitJob
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.views import render_view
+from core.rendering.images import render_image
 
 _RENDERED_VIEWS = 12
 """of a pair, evenly spaced over all"""
@@ -98,10 +98,10 @@ def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: 
     rest = [view for view in indices if view not in rendered] or rendered
     fitted = None if model.is_ablation else _fit_codes(model, views, rest, seed)
     edited = Codes(codes.shape, book.textures[other_texture])
-    before, after = (render_view(model, either, views.cameras[0], _EDIT_SAMPLES) for either in (codes, edited))
+    before, after = (render_image(model, either, views.cameras[0], _EDIT_SAMPLES) for either in (codes, edited))
     background = before.opacity < _BACKGROUND_OPACITY
     change = (before.colour - after.colour).abs().amax(-1)[background]
-    image = (render_view(model, codes, views.cameras[0]).colour.clamp(0, 1).cpu().numpy() * 255 + 0.5).astype(np.uint8)
+    image = (render_image(model, codes, views.cameras[0]).colour.clamp(0, 1).cpu().numpy() * 255 + 0.5).astype(np.uint8)
     return PairScore(
         pair,
         *_mean_score(model, codes, views, rendered),

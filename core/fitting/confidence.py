@@ -2,11 +2,11 @@
 
 Wrong cameras are mostly those of another basin (the opposite view above all) that explains the photo about as well. So
 a fit keeps the best hypothesis of another basin, the runner-up, and the margin between the two says how clear the
-choice was: by the share of the runner-up's loss that the winner saves. Others are in no basin at all, for nothing that
-the model knows looks like the photo; there the objective is flat, and its curvature says how uncertain the camera is.
-Where two searches were run and agree, the smaller margin counts. The three numbers below are a logistic regression over
-fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them anew and tells how
-well the confidence separates right from wrong.
+choice was: by the share of the runner-up's loss that the winner saves. Some wrong cameras lie in no basin: the model
+cannot explain the photo. Their loss itself is high, the objective is flat, and its curvature says how uncertain the
+camera is. Where two searches were run and agree, the smaller margin counts. The three numbers below are a logistic
+regression over fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them
+anew and tells how well the confidence separates right from wrong.
 """
 
 import math

@@ -1,9 +1,8 @@
 """Damped Gauss-Newton (Levenberg and Marquardt) for many hypotheses at once.
 
 The objective is a sum of weighted squares (:mod:`core.fitting.objective`), so the Jacobian of its residuals makes a
-quadratic that is right near its minimum. Its minimum, damped, is the next guess, and other pixels say where to go from
-there: the same ones again and again lead into minima that are theirs alone. Camera and codes move together, so that
-the valleys in which one makes up for the other are walked along and not across.
+quadratic that is right near its minimum. Each step minimises the damped quadratic on fresh pixels; a fixed batch would
+be overfitted. Camera and codes move together, so that steps follow the valleys in which one makes up for the other.
 """
 
 import math
@@ -200,9 +199,9 @@ def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, T
     right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
     forward = -(directions * backward).sum(-1, keepdim=True)
-    picture, zoom = parameters.picture.to(origins.device), parameters.zoom.to(origins.device)
-    focal = (zoom + picture[..., 0]).exp()[..., None, None]
-    cos, sin = picture[..., 1].cos()[..., None, None], picture[..., 1].sin()[..., None, None]
+    crop_transform, zoom = parameters.crop_transform.to(origins.device), parameters.zoom.to(origins.device)
+    focal = (zoom + crop_transform[..., 0]).exp()[..., None, None]
+    cos, sin = crop_transform[..., 1].cos()[..., None, None], crop_transform[..., 1].sin()[..., None, None]
 
     def across(axis: Tensor) -> Tensor:
         """The change of a direction through a point of the image that moves by one focal length along an axis."""

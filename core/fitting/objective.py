@@ -24,7 +24,7 @@ MASK_WEIGHT = 0.1
 """The squared error of opacity against that of colour."""
 CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
 """How far a camera moves before it costs much: rad below the ground's level, the logarithm of the distance away from
-that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.picture`."""
+that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.crop_transform`."""
 OCCLUDER_SCALE = 0.2
 """As :attr:`Objective.occluder_scale`, once it is doubted that the object is seen as a whole."""
 MOVED_SCALE = 0.05
@@ -33,7 +33,7 @@ SCALED_SCALE = 0.15
 """The same where the photo was scaled, against the scale that objects have on average when seen from there."""
 CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)
 """Against the squared error of a pixel; grows with the logarithm only, so that a photo can insist."""
-_VIEWPOINT_WEIGHT = 0.15
+_VIEWPOINT_LOSS_WEIGHT = 0.15
 """Of a camera's negative log-likelihood, against the logarithm of the objective; chosen on 15 held-out chairs."""
 
 Kernel = Callable[[Tensor], Tensor]
@@ -212,11 +212,11 @@ def camera_residuals(
     """How far cameras are below the ground's level (rad, at most 0), away from the usual distance and focal length
     (logarithms), and how far photos are from showing what they see as it is, or at the scale that is expected.
     """
-    (azimuth, elevation), scale = parameters.angles.unbind(-1), parameters.picture[..., 0]
+    (azimuth, elevation), scale = parameters.angles.unbind(-1), parameters.crop_transform[..., 0]
     if expected_scale is not None:  # of the directions as they are: a step sees it as constant
         scale = scale - (direction_weights(azimuth, elevation) * expected_scale).sum(-1).detach()
     first = elevation.clamp_max(0), parameters.distance, parameters.zoom, scale
-    return torch.cat((torch.stack(first, -1), parameters.picture[..., 1:]), -1)
+    return torch.cat((torch.stack(first, -1), parameters.crop_transform[..., 1:]), -1)
 
 
 def viewpoint_weights(
@@ -231,7 +231,7 @@ def viewpoint_weights(
     for probability, angles in zip(probabilities, parameters.angles.unbind(1), strict=True):
         if probability is not None:
             nll += viewpoint_nll(probability, *angles.unbind(-1))
-    return (_VIEWPOINT_WEIGHT * nll).exp()
+    return (_VIEWPOINT_LOSS_WEIGHT * nll).exp()
 
 
 def _derivative(kernel: Kernel, squared: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:

@@ -17,7 +17,7 @@ _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
 """of a difference in size (logarithm) and in place (object sizes), against the overlap"""
 _LUMINANCE_WEIGHT = 0.1
 """of the correlation of luminance, against the overlap: textures are unknown yet, so it settles ties only"""
-_VIEWPOINT_WEIGHT = 0.06
+_VIEWPOINT_RANK_WEIGHT = 0.06
 """of the logarithm of a direction's probability, against the overlap"""
 _NEIGHBOURS = 20
 """best matching views that say where an object should lie"""
@@ -76,7 +76,7 @@ def rank_cameras(
         scores = scores - _SIZE_WEIGHT * (bank.sizes / size).log().abs() - _PLACE_WEIGHT * offset / size
     best, which = scores.flatten(0, 1).max(0)
     if viewpoint is not None:
-        best = best + _VIEWPOINT_WEIGHT * viewpoint.log()
+        best = best + _VIEWPOINT_RANK_WEIGHT * viewpoint.log()
     chosen = _spaced_out(best, count)
     template, prototype = which[chosen] // len(bank.masks), which[chosen] % len(bank.masks)
     scale = sizes[template] / bank.sizes[prototype, chosen]

@@ -64,7 +64,7 @@ def render_steps(
         with torch.inference_mode():
             canvas.add(chunk, _shade(folded, chunk))
         size, done = size + chunk.size, done + chunk.share
-        # What is held until the view is whole counts as kept already; a view that will be too large is not held.
+        # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
         keep = keep and CACHE.make_room(Kind.VIEW, round(size / done))
         seen.append(chunk) if keep else seen.clear()
         yield None

@@ -78,7 +78,7 @@ def test_gauss_newton_sees_the_objective_and_its_gradient(
     tiny: Model, robust_scale: float, occluder_scale: float, elevation: float, expected: torch.Tensor | None
 ):
     at = parameters_of(elevation=elevation)
-    at.picture[:] = torch.tensor([0.1, -0.02, 0.03, 0.01])
+    at.crop_transform[:] = torch.tensor([0.1, -0.02, 0.03, 0.01])
     objective = Objective(1e-4, expected_scale=expected, robust_scale=robust_scale, occluder_scale=occluder_scale)
     check_gradient(tiny, at, pixels_of(tiny), objective)
 
@@ -160,8 +160,8 @@ def standing(distance: float, elevation: float = 0.5, views: int = 1, zoom: floa
 
 
 def shown(scale: float, right: float = 0.0, views: int = 1) -> Parameters:
-    picture = torch.tensor([scale, 0.0, right, 0.0]).expand(1, views, 4)
-    return standing(0.0, views=views)._replace(picture=picture)
+    crop_transform = torch.tensor([scale, 0.0, right, 0.0]).expand(1, views, 4)
+    return standing(0.0, views=views)._replace(crop_transform=crop_transform)
 
 
 def cost(at: Parameters, *scales: tuple[float, ...], expected: torch.Tensor | None = None) -> float:
