@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from core.datasets.splits import evenly_spaced
 from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import as_photo
 from core.fitting.fit import PRESETS, FitJob, fit
@@ -75,8 +76,7 @@ def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch
 
 def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
     """Names and codes of ``count`` objects of the model, evenly spaced, without those whose training collapsed."""
-    valid = model.codes.valid
-    some = [valid[index * len(valid) // count] for index in range(min(count, len(valid)))]
+    some = evenly_spaced(model.codes.valid, count)
     return [(model.codes.objects[index].name, model.codes[index]) for index in some]
 
 

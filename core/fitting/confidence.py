@@ -11,7 +11,7 @@ anew and tells how well the confidence separates right from wrong.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,8 @@ RIGHT_DEGREES = 10.0
 """A camera that is turned by less is right: it is in the right basin, and the rest is a matter of precision."""
 DOUBTFUL = 0.5
 """A camera of less confidence is more likely wrong than right."""
+SURE = 0.9
+"""Nearly all cameras of more confidence were right."""
 _RIDGE = 0.1
 """Keeps the weights finite where they separate all fits."""
 _MIN_UNCERTAINTY = 0.01
@@ -62,6 +64,13 @@ def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION)
     """
     odds = by.constant + by.margin * _relative_margin(margin) + by.uncertainty * _log_uncertainty(uncertainty)
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
+
+
+def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:
+    """A confidence of 0..1, in a word."""
+    if confidence < DOUBTFUL:
+        return "doubtful"
+    return "sure" if confidence > SURE else "likely"
 
 
 def explained(psnr: float) -> float:

@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.geometry.camera import camera_rotation
+from core.geometry.pixels import bounding_box
 from core.models.viewpoint import AZIMUTHS
 from core.photos.view_bank import SIDE, ViewBank, normalised_luminance
 
@@ -100,7 +101,7 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
 
     Below 0.02 in 476 of 480 images of the training kind, and above in all of the same moved by a tenth.
     """
-    template = _template(image._replace(unseen=None), _box(image.mask))
+    template = _template(image._replace(unseen=None), bounding_box(image.mask))
     best = _match(bank.masks, bank.luminance, template).flatten().topk(_NEIGHBOURS).indices
     expected = (bank.offsets * (template.size / bank.sizes)[..., None]).flatten(0, 1)[best]
     return float((expected - template.middle).norm(dim=-1).min())
@@ -108,7 +109,7 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
 
 def expected_scales(bank: ViewBank, image: ObjectImage) -> Float[Tensor, "views"]:
     """From every direction, the logarithm of how much larger an image shows its object than objects are seen."""
-    left, top, right, bottom = _box(image.mask)
+    left, top, right, bottom = bounding_box(image.mask)
     return math.log(max(right - left, bottom - top) / image.focal) - bank.sizes.log().median(0).values
 
 
@@ -128,7 +129,7 @@ class _Template(NamedTuple):
 def _templates(image: ObjectImage) -> list[_Template]:
     """The image as it is; where an edge cuts the object off, also as it is if more or less lies beyond it."""
     unseen = torch.zeros_like(image.mask) if image.unseen is None else image.unseen
-    left, top, right, bottom = _box(image.mask)
+    left, top, right, bottom = bounding_box(image.mask)
     edges = unseen[:, 0].all(), unseen[0].all(), unseen[:, -1].all(), unseen[-1].all()
     sides = [_TRUNCATION if edge else _TRUNCATION[:1] for edge in edges]
     across, down = right - left, bottom - top
@@ -156,12 +157,6 @@ def _template(image: ObjectImage, box: tuple[float, ...]) -> _Template:
     middle = torch.tensor([left + right - width, top + bottom - height]) / (2 * image.focal)
     luminance = normalised_luminance(luminance / cover.clamp_min(1e-3), cover)
     return _Template(cover, luminance, seen[0, 0], size / image.focal, middle)
-
-
-def _box(mask: Tensor) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the object in px; right and bottom lie just behind it."""
-    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _match(
