@@ -16,7 +16,8 @@ from core.benchmarks.machine import describe_machine
 from core.evaluation.protocol import as_photo, score_view
 from core.evaluation.statistics import Mean, mean_of, share_within
 from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
@@ -135,7 +136,7 @@ def fit_view(
 ) -> Trial:
     """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
-    steps = list(fit(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
+    steps = list(fit_as_set(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]

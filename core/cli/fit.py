@@ -15,10 +15,10 @@ import torch
 from tqdm import tqdm
 
 from core.cli.progress import require_writable, wait_for_view_bank
-from core.fitting import fit as fits
+from core.fitting.category_check import describe_category, guess_category, likeliest_category
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
-from core.fitting.plausibility import describe_category, guess_category, likeliest_category
+from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
@@ -102,7 +102,7 @@ def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
     """The last step of a fit; all of them go to a log, if there is one."""
     last, bar = None, tqdm(unit="step", leave=False, disable=None)
     with bar, log.open("w") if log else nullcontext() as lines:
-        for last in fits.fit(model, job):
+        for last in fit_as_set(model, job):
             bar.total = last.steps
             bar.set_postfix_str(f"{last.psnr:.2f} dB")
             bar.update()

@@ -31,6 +31,7 @@ from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_
 from core.benchmarks.machine import describe_machine
 from core.cli.fit import probable_model
 from core.cli.progress import require_writable, wait_for_view_bank
+from core.datasets.splits import evenly_spaced
 from core.datasets.srn import ObjectEntry, index_objects, read_dataset
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
@@ -62,7 +63,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
     if chosen.disentanglement:
         _evaluate_disentanglement(chosen, model, entries, about)
         return
-    entries = _evenly_spaced(entries, chosen.objects)
+    entries = evenly_spaced(entries, chosen.objects)
     scores = _collected(scored(model, (entry.read() for entry in entries), protocol), len(entries))
     print(format_table(scores, protocol), flush=True)
     if chosen.report:
@@ -163,7 +164,7 @@ def bench_recipe(chosen: argparse.Namespace) -> None:
     """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
     drawing.prepare(chosen.out)
     dataset = read_dataset(chosen.datasets)
-    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    tests = evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
     about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
     about |= {"objects": str(len(dataset.objects)), "time": f"{chosen.seconds:g}"}
     about |= {"tests": " ".join(entry.name for entry in tests)}
@@ -191,7 +192,7 @@ def _prepare_models(chosen: argparse.Namespace) -> None:
 def _trained_models(chosen: argparse.Namespace) -> tuple[list[Path], tuple[ObjectEntry, ...], int, Path]:
     """Of a benchmark that trains models: what to train on, the test objects, steps, and where models are kept."""
     _prepare_models(chosen)
-    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    tests = evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
     return chosen.datasets, tests, chosen.steps, chosen.models
 
 
@@ -202,7 +203,7 @@ def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutVie
     generator = torch.Generator().manual_seed(chosen.seed)
     if not chosen.dataset:
         return model, tuple(training_object_views(model, chosen.objects, generator))
-    entries = _evenly_spaced(_index_entries(model, chosen.dataset), chosen.objects)
+    entries = evenly_spaced(_index_entries(model, chosen.dataset), chosen.objects)
     return model, tuple(dataset_views(model, entries, generator))
 
 
@@ -229,7 +230,7 @@ def _evaluate_disentanglement(
 ) -> None:
     found = pairs(model, entries)
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
-    some = [pair for kind in kinds for pair in _evenly_spaced(tuple(kind), chosen.objects)]
+    some = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
     scores = _collected(score_pairs(model, some, chosen.seed), len(some))
     print(format_disentanglement(scores), flush=True)
     if chosen.report:
@@ -253,10 +254,3 @@ def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
             bar.set_postfix_str(f"{sum(one.psnr for one in found) / len(found):.2f} dB")
             bar.update()
     return found
-
-
-def _evenly_spaced(items: tuple[_Item, ...], count: int | None) -> tuple[_Item, ...]:
-    """So many of them, evenly spaced."""
-    if count is None or count >= len(items):
-        return items
-    return tuple(items[index * len(items) // count] for index in range(count))

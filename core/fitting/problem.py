@@ -1,4 +1,4 @@
-"""What stays the same during a fit: photos as observations, known cameras, the objective and the pixels to score by."""
+"""The fixed part of a fit: photos as observations, known cameras, the objective and the pixels to score by."""
 
 import math
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""What a fit may spend, its presets, and which of its components can be switched off."""
+"""The settings of a fit, its presets, and its components for ablations."""
 
 import math
 from dataclasses import dataclass

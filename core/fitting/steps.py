@@ -1,4 +1,4 @@
-"""What a fit is given and what it tells: a job, and the steps of its stream."""
+"""The input of a fit, a job, and its output, a stream of steps."""
 
 import math
 from collections.abc import Sequence
@@ -56,8 +56,8 @@ class FitStep:
     """what hypotheses are ranked by: the objective of some rays, smoothed over steps and weighed with the viewpoint
     classifier"""
     psnr: float
-    """dB, of whole photos: estimated from the rays of the step, while the best is refined measured on more of them;
-    in a second search, which something in front of the object may be for, what that hides counts little"""
+    """dB over whole photos, estimated from the rays of the step, while the best is refined from more of them; pixels
+    behind a suspected occluder are down-weighted in the restart"""
     seconds: float
     """since the job began"""
     cameras: tuple[Camera, ...]

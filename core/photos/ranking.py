@@ -11,6 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.geometry.camera import camera_rotation
+from core.geometry.pixels import bounding_box
 from core.models.viewpoint import AZIMUTHS
 from core.photos.view_bank import SIDE, ViewBank, normalised_luminance, unpack_bits
 
@@ -18,7 +19,7 @@ _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
 """of a difference in size (logarithm) and in place (object sizes), against the overlap"""
 _LUMINANCE_WEIGHT = 0.1
 """of the correlation of luminance, against the overlap: textures are unknown yet, so it settles ties only"""
-_VIEWPOINT_WEIGHT = 0.06
+_VIEWPOINT_RANK_WEIGHT = 0.06
 """of the logarithm of a direction's probability, against the overlap"""
 _NEIGHBOURS = 20
 """best matching views that say where an object should lie"""
@@ -77,7 +78,7 @@ def rank_cameras(
         scores = scores - _SIZE_WEIGHT * (bank.sizes / size).log().abs() - _PLACE_WEIGHT * offset / size
     best, which = scores.flatten(0, 1).max(0)
     if viewpoint is not None:
-        best = best + _VIEWPOINT_WEIGHT * viewpoint.log()
+        best = best + _VIEWPOINT_RANK_WEIGHT * viewpoint.log()
     chosen = _spaced_out(best, count)
     template, prototype = which[chosen] // len(bank.sizes), which[chosen] % len(bank.sizes)
     scale = sizes[template] / bank.sizes[prototype, chosen]
@@ -101,7 +102,7 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
 
     Below 0.02 in 476 of 480 images of the training kind, and above in all of the same moved by a tenth.
     """
-    template = _template(image._replace(unseen=None), _box(image.mask))
+    template = _template(image._replace(unseen=None), bounding_box(image.mask))
     scores = _match(bank.silhouettes, bank.luminance, bank.contrast, [template])
     best = scores.flatten().topk(_NEIGHBOURS).indices
     expected = (bank.offsets * (template.size / bank.sizes)[..., None]).flatten(0, 1)[best]
@@ -110,7 +111,7 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
 
 def expected_scales(bank: ViewBank, image: ObjectImage) -> Float[Tensor, "views"]:
     """From every direction, the logarithm of how much larger an image shows its object than objects are seen."""
-    left, top, right, bottom = _box(image.mask)
+    left, top, right, bottom = bounding_box(image.mask)
     return math.log(max(right - left, bottom - top) / image.focal) - bank.sizes.log().median(0).values
 
 
@@ -130,7 +131,7 @@ class _Template(NamedTuple):
 def _templates(image: ObjectImage) -> list[_Template]:
     """The image as it is; where an edge cuts the object off, also as it is if more or less lies beyond it."""
     unseen = torch.zeros_like(image.mask) if image.unseen is None else image.unseen
-    left, top, right, bottom = _box(image.mask)
+    left, top, right, bottom = bounding_box(image.mask)
     edges = unseen[:, 0].all(), unseen[0].all(), unseen[:, -1].all(), unseen[-1].all()
     sides = [_TRUNCATION if edge else _TRUNCATION[:1] for edge in edges]
     across, down = right - left, bottom - top
@@ -158,12 +159,6 @@ def _template(image: ObjectImage, box: tuple[float, ...]) -> _Template:
     middle = torch.tensor([left + right - width, top + bottom - height]) / (2 * image.focal)
     luminance = normalised_luminance(luminance / cover.clamp_min(1e-3), cover)
     return _Template(cover, luminance, seen[0, 0], size / image.focal, middle)
-
-
-def _box(mask: Tensor) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the object in px; right and bottom lie just behind it."""
-    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _match(

@@ -17,11 +17,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.models.cells import contains
 from core.models.codes import Codes
 from core.models.field import Field, encode
 from core.models.layers import linear_relu, pad_rows, relu_
 from core.models.model import Model
-from core.models.occupied_cells import contains
 from core.models.precision import matmul_dtype
 
 _CHUNK_POINTS = 16384

@@ -1,8 +1,8 @@
 """The Jacobian of rendered rays: how every pixel changes with every parameter of a hypothesis.
 
 A ray depends on no other ray, so one backward pass through the field gives the derivatives of all rays in one channel
-at once: red, green, blue and opacity go back together. While they are still per sample they are taken to the estimated
-parameters; then they are summed over each ray. Autograd would keep the four passes apart.
+at once: red, green, blue, opacity and depth go back together. While they are still per sample they are taken to the
+estimated parameters; then they are summed over each ray. Autograd would keep the passes apart.
 """
 
 from collections.abc import Iterator, Sequence
@@ -36,15 +36,14 @@ class BiasJacobians(NamedTuple):
 
 
 class RenderedJacobian(NamedTuple):
-    """Rays, and how each of their channels (red, green, blue, opacity) changes."""
+    """The channels of rays (red, green, blue, opacity and perhaps depth), and how each of them changes."""
 
-    colour: Float[Tensor, "objects views rays 3"]
-    opacity: Float[Tensor, "objects views rays"]
-    origin: Float[Tensor, "objects views rays 4 3"]
+    channels: Float[Tensor, "objects views rays channels"]
+    origin: Float[Tensor, "objects views rays channels 3"]
     """derivatives along the ray's origin"""
-    direction: Float[Tensor, "objects views rays 4 3"]
+    direction: Float[Tensor, "objects views rays channels 3"]
     """derivatives along the ray's direction, through the samples' positions and the viewing direction"""
-    codes: Float[Tensor, "objects views rays 4 numbers"]
+    codes: Float[Tensor, "objects views rays channels numbers"]
     """derivatives along the parameters of the shape, then of the texture"""
 
 
@@ -58,9 +57,10 @@ def render_with_jacobian(
     texture_bias: Float[Tensor, "objects more_blocks width"],
     bias_jacobians: BiasJacobians,
     cells: Bool[Tensor, "#objects x y z"] | None = None,
+    with_depth: bool = False,
 ) -> RenderedJacobian:
     """What :func:`core.rendering.importance.render_top_samples` renders, with its Jacobian; shaped (objects, views,
-    rays) likewise.
+    rays) likewise. The depth, which is one channel more to take back, only on request.
     """
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths).flatten(1, 3)
@@ -78,13 +78,16 @@ def render_with_jacobian(
         )
         activations.append(forward)
     composited = _composite(colours, sample_weights, transmittance, top)
+    if with_depth:
+        composited = _with_depth(composited, sample_weights, depths, top)
     density_derivative = _softplus_derivative(model, density.flatten(1).gather(1, top))
     # An interval without end is opaque whatever its density.
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
-    by_density = composited.by_depth * lengths.where(lengths < 1e9, 0.0)
+    by_density = composited.by_thickness * lengths.where(lengths < 1e9, 0.0)
     depth = depths.flatten(1).gather(1, top)
     numbers = bias_jacobians.shape.shape[-1] + bias_jacobians.texture.shape[-1]
-    summed = torch.zeros(transmittance.numel(), 4 * (6 + numbers), device=top.device)
+    channels = composited.channels.shape[-1]
+    summed = torch.zeros(transmittance.numel(), channels * (6 + numbers), device=top.device)
     row = ray + objects * transmittance[0].numel()
     for some, forward in zip(chunks, activations, strict=True):
         entered = BiasJacobians(bias_jacobians.shape[some[0]], bias_jacobians.texture[some[0]])
@@ -92,17 +95,16 @@ def render_with_jacobian(
             model, forward, composited.by_colour[some], by_density[some], density_derivative[some], depth[some], entered
         )
         summed.index_add_(0, row[some].flatten(), derivatives.flatten(0, 1).flatten(1))
-    summed = summed.reshape(*transmittance.shape, 4, -1)
-    return RenderedJacobian(composited.colour, composited.opacity, *summed.split((3, 3, numbers), -1))
+    summed = summed.reshape(*transmittance.shape, channels, -1)
+    return RenderedJacobian(composited.channels, *summed.split((3, 3, numbers), -1))
 
 
 class _Composited(NamedTuple):
     """Rays composed of their samples; how they change with the colours and optical depths of those that are kept."""
 
-    colour: Float[Tensor, "objects views rays 3"]
-    opacity: Float[Tensor, "objects views rays"]
+    channels: Float[Tensor, "objects views rays channels"]
     by_colour: Float[Tensor, "objects kept 3"]
-    by_depth: Float[Tensor, "objects kept 4"]
+    by_thickness: Float[Tensor, "objects kept channels"]
 
 
 def _composite(colours: Tensor, sample_weights: Tensor, transmittance: Tensor, top: Tensor) -> _Composited:
@@ -124,9 +126,20 @@ def _composite(colours: Tensor, sample_weights: Tensor, transmittance: Tensor, t
     at = top[..., None].expand(-1, -1, 3)
     behind = colour.gather(1, index[..., :3]) - given.gather(1, at)
     dimmed = remaining.gather(1, ray[..., None])
-    by_depth = torch.cat((passing * colours - behind, dimmed), -1)
+    by_thickness = torch.cat((passing * colours - behind, dimmed), -1)
     by_colour = (weight * ((1 - remaining) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
-    return _Composited(colour.reshape(*transmittance.shape, 3), 1 - transmittance, by_colour, by_depth)
+    channels = torch.cat((colour.reshape(*transmittance.shape, 3), 1 - transmittance[..., None]), -1)
+    return _Composited(channels, by_colour, by_thickness)
+
+
+def _with_depth(composited: _Composited, sample_weights: Tensor, depths: Tensor, top: Tensor) -> _Composited:
+    """The same with the depth as a channel more: it changes with the optical depths of samples as a colour would."""
+    given = (sample_weights * depths).cumsum(-1)
+    behind = (given[..., -1:] - given).flatten(1).gather(1, top)
+    passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)
+    changes = passing * depths.flatten(1).gather(1, top) - behind
+    channels = torch.cat((composited.channels, given[..., -1:]), -1)
+    return _Composited(channels, composited.by_colour, torch.cat((composited.by_thickness, changes[..., None]), -1))
 
 
 def _softplus_derivative(model: Model, density: Tensor) -> Tensor:
@@ -196,18 +209,18 @@ def _backward(
     density_derivative: Tensor,
     depth: Tensor,
     bias_jacobians: BiasJacobians,
-) -> Float[Tensor, "objects samples 4 numbers"]:
-    """Derivatives of the four channels of each sample's ray along origin, direction and codes.
+) -> Float[Tensor, "objects samples channels numbers"]:
+    """Derivatives of the channels of each sample's ray along origin, direction and codes.
 
     Args:
         by_colour: (objects, samples, 3), of a channel along the sample's own.
-        by_density: (objects, samples, 4).
+        by_density: (objects, samples, channels).
         density_derivative: (objects, samples), of the density along its logit.
         depth: (objects, samples), distance from the ray's origin.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    # Texture does not reach the opacity: its channel comes in where the density does.
+    # Texture does not reach opacity and depth: their channels come in where the density does.
     gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
     gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
     gradient, texture = _backward_blocks(
@@ -219,7 +232,7 @@ def _backward(
     gradient = by_logit
     gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
     by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
-    by_direction = pad(by_direction, (0, 0, 0, 1)).addcmul_(by_position, depth[..., None, None])
+    by_direction = pad(by_direction, (0, 0, 0, by_density.shape[-1] - 3)).addcmul_(by_position, depth[..., None, None])
     derivatives = torch.zeros(*by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=depth.device)
     parts = by_position, by_direction, shape, texture
     # torch.cat is slower where formats differ.

@@ -7,8 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from core.export.keyframes import View
+from core.fitting.category_check import describe_category, likeliest_category
 from core.fitting.fit import FitStep, Hypothesis
-from core.fitting.plausibility import describe_category, likeliest_category
 from core.geometry.camera import Camera
 from core.photos.plain_background import NoBackgroundError
 from core.rendering.progressive import Frame, RenderJob, RenderSettings

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from core.export.mesh import export_mesh
 from core.export.video import write_video
+from core.fitting.category_check import guess_category
 from core.fitting.fit import FitJob, FitStep, fit
-from core.fitting.plausibility import guess_category
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model

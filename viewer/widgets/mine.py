@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.fitting.confidence import DOUBTFUL
+from core.fitting.confidence import in_words
 from core.models.scene import Scene
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
@@ -10,11 +10,8 @@ from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
 from viewer.widgets.controls import NameField
 
-_SURE: Colour = (0.35, 0.75, 0.5)
-_LIKELY: Colour = (0.85, 0.8, 0.35)
+_COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
 _UNKNOWN: Colour = (0.6, 0.63, 0.66)
-_SURE_FROM = 0.9
-"""Nearly all cameras of more confidence were right."""
 
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
@@ -29,11 +26,7 @@ def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> N
 
 def colour_of(found: EditableObject) -> Colour:
     """Of the confidence: green is sure, yellow likely, orange doubtful, grey not known."""
-    if found.confidence is None:
-        return _UNKNOWN
-    if found.confidence < DOUBTFUL:
-        return WARM
-    return _SURE if found.confidence > _SURE_FROM else _LIKELY
+    return _UNKNOWN if found.confidence is None else _COLOURS[in_words(found.confidence)]
 
 
 def about(found: EditableObject) -> str:

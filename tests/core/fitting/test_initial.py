@@ -109,7 +109,7 @@ def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model
     assert len(batch) == len(second.unique(dim=0)) == 6
     assert len(first.unique(dim=0)) == 1
     assert not batch.parameters.zoom.any()
-    assert not batch.parameters.picture.any()
+    assert not batch.parameters.crop_transform.any()
 
 
 def test_unknown_cameras_take_turns_in_focal_lengths_a_pair_at_a_time(tiny: Model, given: list[Camera]):

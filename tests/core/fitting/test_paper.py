@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import torch
 
-from core.fitting.fit import PRESETS, FitJob, FitStep, fit
+from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.hypotheses import Hypothesis
+from core.fitting.paper import fit
 from core.metrics import rotation_error
 from core.models.model import Model
 from core.photos.photo import Photo

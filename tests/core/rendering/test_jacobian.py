@@ -43,7 +43,7 @@ def entries(model: Model, numbers: int) -> BiasJacobians:
 
 def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
     rays, enter = bundle(model, OBJECTS, RAYS), entries(model, 3)
-    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter)
+    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter, with_depth=True)
 
 
 @pytest.mark.parametrize("white_from_network", [False, True])
@@ -53,9 +53,8 @@ def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_f
     origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
     shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))
     seen = render_rays(model, replace(rays, origins=origins, directions=directions), SAMPLES, shape, texture)
-    torch.testing.assert_close(found.colour, seen.colour, rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(found.opacity, seen.opacity, rtol=1e-4, atol=1e-5)
-    channels = (*seen.colour.unbind(-1), seen.opacity)
+    channels = (*seen.colour.unbind(-1), seen.opacity, seen.depth * seen.opacity)
+    torch.testing.assert_close(found.channels, torch.stack(channels, -1), rtol=1e-4, atol=1e-5)
     for index, channel in enumerate(channels):
         origin, direction, by_shape, by_texture = torch.autograd.grad(
             channel.sum(), (origins, directions, shape, texture), retain_graph=True, materialize_grads=True
@@ -73,7 +72,7 @@ def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_f
 def test_few_samples_tell_most(model: Model) -> None:
     _, _, whole = traced(model)
     _, _, some = traced(model, 4)
-    for name in ("colour", "origin", "codes"):
+    for name in ("channels", "origin", "codes"):
         one, other = getattr(whole, name).flatten(), getattr(some, name).flatten()
         assert float(torch.cosine_similarity(one, other, dim=0)) > 0.95
 
@@ -91,5 +90,5 @@ def test_rays_that_miss_are_white_and_still() -> None:
     rays = bundle(model, OBJECTS, RAYS)
     away = replace(rays, far=rays.near)
     found = render_with_jacobian(model, away, SAMPLES, 4, *biases(model), entries(model, 3))
-    assert bool((found.colour == 1).all())
+    assert bool((found.channels == torch.tensor([1, 1, 1, 0])).all())
     assert all(not bool(part.any()) for part in found[1:])

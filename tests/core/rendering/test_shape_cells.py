@@ -29,8 +29,8 @@ def test_a_render_within_the_cells_of_its_shape_looks_the_same(name: str, seed: 
     )
     with torch.no_grad():
         whole, inside = (render_top_samples(model, rays, 48, 12, shape, texture, some) for some in (None, cells))
-    for one, other in zip(whole, inside, strict=True):
-        assert psnr_from_mse(float((one - other).square().mean())) > 40
+    for channels in (slice(0, 3), slice(3, 4)):
+        assert psnr_from_mse(float((whole - inside)[..., channels].square().mean())) > 40
 
 
 def test_where_the_network_paints_the_background_there_are_none():
