@@ -67,9 +67,8 @@ class Problem:
         observations = tuple(Observation.of(photo, model) for photo in photos)
         cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in photos)
         viewpoints = tuple(_viewpoint(model, photo) if components.viewpoint_classifier else None for photo in photos)
-        scoring, validation, _ = (
-            sample_pixels(observations, count, generator)
-            for count in (SCORING_RAYS, _VALIDATION_RAYS, _VALIDATION_RAYS)
+        scoring, validation = (
+            sample_pixels(observations, count, generator) for count in (SCORING_RAYS, _VALIDATION_RAYS)
         )
         return cls(model, settings, components, photos, observations, cameras, viewpoints, scoring, validation)
 
