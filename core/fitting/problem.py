@@ -94,7 +94,7 @@ class Problem:
         return self.model.codes.shape_space, self.model.codes.texture_space
 
     def objective(self, robust_scale: float) -> Objective:
-        """What hypotheses are judged by."""
+        """The objective of hypotheses, with this scale of the robust loss."""
         scale = torch.tensor([CAMERA_PRIOR_SCALE]).repeat(len(self.photos), 1)
         for prior, photo in zip(scale, self.photos, strict=True):
             if photo.cropped:
