@@ -68,7 +68,7 @@ def gauss_newton_step(
     model: Model,
     batch: HypothesisBatch,
     pixels: PixelBatch,
-    jitter: Tensor,
+    jitter: Float[Tensor, "views all_rays"],
     stage: Stage,
     objective: Objective,
     free: Bool[Tensor, "views 8"],
@@ -118,7 +118,7 @@ def normal_equations(
     model: Model,
     parameters: Parameters,
     pixels: PixelBatch,
-    jitter: Tensor | None,
+    jitter: Float[Tensor, "views all_rays"] | None,
     stage: Stage,
     objective: Objective,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
@@ -166,7 +166,7 @@ def _render(
     model: Model,
     parameters: Parameters,
     pixels: PixelBatch,
-    jitter: Tensor | None,
+    jitter: Float[Tensor, "views all_rays"] | None,
     stage: Stage,
     cells: Bool[Tensor, "hypotheses x y z"] | None,
     with_depth: bool,
@@ -193,7 +193,9 @@ def _render(
     return RenderedPixels(pixels.mean_of_rays(seen.channels.cpu())), pixels.mean_of_rays(jacobian)
 
 
-def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
+def camera_jacobian(
+    parameters: Parameters, rays: Rays
+) -> tuple[tuple[Float[Tensor, "hypotheses views _ 3"], Float[Tensor, "hypotheses views rays 3"]], ...]:
     """How rays' origins and directions change with each parameter of their camera; (hypotheses, views, rays, 3)."""
     origins, directions = rays.origins, rays.directions
     right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
@@ -225,10 +227,10 @@ def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Boo
     return torch.cat((free.flatten(), torch.ones(codes, dtype=torch.bool)))
 
 
-def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor, "views 8"]) -> Tensor:
-    """The step (hypotheses, parameters) to the minimum of the damped quadratic, but not beyond what it can know; zero
-    where it is not finite.
-    """
+def _solve_damped(
+    equations: NormalEquations, damping: float, free: Bool[Tensor, "views 8"]
+) -> Float[Tensor, "hypotheses parameters"]:
+    """The step to the minimum of the damped quadratic, but not beyond what it can know; zero where it is not finite."""
     movable = _free_mask(equations, free)
     identity = torch.eye(len(movable))
     diagonal = equations.hessian.diagonal(dim1=1, dim2=2)
@@ -244,6 +246,8 @@ def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor,
     return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
 
 
-def _apply_step(parameters: Parameters, step: Tensor, free: Bool[Tensor, "views 8"]) -> Parameters:
+def _apply_step(
+    parameters: Parameters, step: Float[Tensor, "hypotheses parameters"], free: Bool[Tensor, "views 8"]
+) -> Parameters:
     """The parameters after a step, within what cameras can be."""
     return clamp_parameters(from_vector(to_vector(parameters) + step, parameters), free.any(1))

@@ -143,7 +143,11 @@ def from_vector(vector: Float[Tensor, "any parameters"], sizes: Parameters) -> P
 
 
 def hypothesis_rays(
-    model: Model, parameters: Parameters, pixels: PixelBatch, samples: int = 1, jitter: Tensor | None = None
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    samples: int = 1,
+    jitter: Float[Tensor, "views all_rays"] | None = None,
 ) -> Rays:
     """The rays of some pixels, (hypotheses, views, all rays), on the model's device.
 

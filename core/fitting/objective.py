@@ -163,7 +163,7 @@ def evaluate_objective(
     pixels: PixelBatch,
     samples: int,
     objective: Objective,
-    jitter: Tensor | None = None,
+    jitter: Float[Tensor, "views all_rays"] | None = None,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> ObjectiveValue:
     """The objective of every hypothesis over some pixels: Eq. 5 with robust errors, a mask and priors; differentiable.
@@ -180,7 +180,12 @@ def evaluate_objective(
 
 
 def paper_objective(
-    model: Model, parameters: Parameters, pixels: PixelBatch, samples: int, code_prior: float, jitter: Tensor | None
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    samples: int,
+    code_prior: float,
+    jitter: Float[Tensor, "views all_rays"] | None,
 ) -> ObjectiveValue:
     """Eq. 5 as it stands, differentiable: the error over the whole image and the codes' squared norms.
 
@@ -222,7 +227,7 @@ def camera_residuals(
 def viewpoint_weights(
     parameters: Parameters, probabilities: Sequence[Float[Tensor, "directions"] | None]
 ) -> Float[Tensor, "hypotheses"]:
-    """What the losses of hypotheses are multiplied by: at least 1, the more the less likely their viewpoints are.
+    """Factors for the losses of hypotheses: at least 1, the more the less likely their viewpoints are.
 
     Args:
         probabilities: of every view, as :func:`core.models.viewpoint.predict_viewpoint` has them, or None.
@@ -252,7 +257,7 @@ def _render(
     codes: tuple[Tensor, Tensor],
     pixels: PixelBatch,
     samples: int,
-    jitter: Tensor | None,
+    jitter: Float[Tensor, "views all_rays"] | None,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> RenderedPixels:
     rays = hypothesis_rays(model, parameters, pixels, samples, jitter)

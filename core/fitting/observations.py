@@ -52,7 +52,7 @@ class PixelBatch(NamedTuple):
         return (self.pixels[:, :, None] + self.footprints).flatten(1, 2)
 
     def mean_of_rays(self, values: Float[Tensor, "hypotheses views all_rays ..."]) -> Tensor:
-        """What pixels see, shaped (hypotheses, views, rays, ...), from what their rays see."""
+        """The values of pixels, (hypotheses, views, rays, ...), from those of their rays."""
         each = self.footprints.shape[2]
         return values if each == 1 else values.unflatten(2, (-1, each)).mean(3)
 

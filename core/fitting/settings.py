@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What a fit may spend; every field is an axis of the charts. Raises ``ValueError`` for what no fit can use."""
+    """The budget of a fit; every field is an axis of the charts. Raises ``ValueError`` where no fit can use it."""
 
     hypotheses: int = 28
     """cameras to begin from, for every photo whose camera is unknown, as far as the view bank has so many; also the

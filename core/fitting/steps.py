@@ -105,7 +105,7 @@ class SearchState(NamedTuple):
     restart_follows: bool = False
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
-        """What the stream tells of it."""
+        """The step of the stream that shows this state."""
         leading = self.result.winner if self.result else self.batch.best
         hypotheses = self._ranked()
         first, runner_up = hypotheses[0], self.result and self.result.runner_up

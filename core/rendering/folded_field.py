@@ -164,19 +164,29 @@ def batch_colour(
     return torch.cat(found).reshape(points.shape)
 
 
-def _features(weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> Tensor:
+def _features(
+    weights: FieldWeights, y: Float[Tensor, "points width"], biases: Sequence[Float[Tensor, "width"]]
+) -> Float[Tensor, "points width"]:
     for weight, bias in zip(weights.shape_blocks, biases, strict=True):
         y = linear_relu(y, weight, bias)
     return y
 
 
-def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+def _density(
+    field: Field, weights: FieldWeights, y: Float[Tensor, "points width"], biases: Sequence[Float[Tensor, "width"]]
+) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
     y = _features(weights, y, biases)
     logit = functional.linear(y, *weights.density)[:, 0].float()
     return field.config.density_scale * functional.softplus(logit), y
 
 
-def _colour(field: Field, weights: FieldWeights, y: Tensor, direction_bias: Tensor, biases: Sequence[Tensor]) -> Tensor:
+def _colour(
+    field: Field,
+    weights: FieldWeights,
+    y: Float[Tensor, "points width"],
+    direction_bias: Float[Tensor, "#points width"],
+    biases: Sequence[Float[Tensor, "width"]],
+) -> Float[Tensor, "points 3"]:
     y = relu_(functional.linear(y, weights.features).add_(direction_bias))
     for weight, bias in zip(weights.texture_blocks, biases, strict=True):
         y = linear_relu(y, weight, bias)

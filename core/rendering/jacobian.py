@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 from torch.nn.functional import pad
@@ -107,7 +107,12 @@ class _Composited(NamedTuple):
     by_thickness: Float[Tensor, "objects kept channels"]
 
 
-def _composite(colours: Tensor, sample_weights: Tensor, transmittance: Tensor, top: Tensor) -> _Composited:
+def _composite(
+    colours: Float[Tensor, "objects kept 3"],
+    sample_weights: Float[Tensor, "objects views rays samples"],
+    transmittance: Float[Tensor, "objects views rays"],
+    top: Int[Tensor, "objects kept"],
+) -> _Composited:
     samples = sample_weights.shape[-1]
     objects, count = len(transmittance), transmittance[0].numel()
     ray = top // samples
@@ -132,7 +137,12 @@ def _composite(colours: Tensor, sample_weights: Tensor, transmittance: Tensor, t
     return _Composited(channels, by_colour, by_thickness)
 
 
-def _with_depth(composited: _Composited, sample_weights: Tensor, depths: Tensor, top: Tensor) -> _Composited:
+def _with_depth(
+    composited: _Composited,
+    sample_weights: Float[Tensor, "objects views rays samples"],
+    depths: Float[Tensor, "objects views rays samples"],
+    top: Int[Tensor, "objects kept"],
+) -> _Composited:
     """The same with the depth as a channel more: it changes with the optical depths of samples as a colour would."""
     given = (sample_weights * depths).cumsum(-1)
     behind = (given[..., -1:] - given).flatten(1).gather(1, top)
@@ -142,30 +152,34 @@ def _with_depth(composited: _Composited, sample_weights: Tensor, depths: Tensor,
     return _Composited(channels, composited.by_colour, torch.cat((composited.by_thickness, changes[..., None]), -1))
 
 
-def _softplus_derivative(model: Model, density: Tensor) -> Tensor:
+def _softplus_derivative(model: Model, density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
     """The derivative of density along its logit, a sigmoid, from the density itself."""
     scale = model.field.config.density_scale
     return scale * -torch.expm1(-density / scale)
 
 
 class _Activations(NamedTuple):
-    """What the backward pass needs of some samples' forward pass, shaped (objects, samples, width)."""
+    """The part of some samples' forward pass that the backward pass needs."""
 
-    position_derivative: Tensor
+    position_derivative: Float[Tensor, "objects samples encoded"]
     """derivative of the encoded position along the axes, as :func:`core.models.field.encode` orders it"""
-    direction_derivative: Tensor
+    direction_derivative: Float[Tensor, "objects samples more_encoded"]
     """the same of the direction"""
-    shape: tuple[Tensor, ...]
+    shape: tuple[Float[Tensor, "objects samples width"], ...]
     """activations after each layer of the shape part"""
-    texture: tuple[Tensor, ...]
+    texture: tuple[Float[Tensor, "objects samples _"], ...]
     """and of the texture part"""
-    rgb_derivative: Tensor
+    rgb_derivative: Float[Tensor, "objects samples 3"]
     """derivative of rgb along the last layer's output"""
 
 
 def _forward(
-    model: Model, points: Tensor, directions: Tensor, shape_bias: Tensor, texture_bias: Tensor
-) -> tuple[_Activations, Tensor]:
+    model: Model,
+    points: Float[Tensor, "objects samples 3"],
+    directions: Float[Tensor, "objects samples 3"],
+    shape_bias: Float[Tensor, "objects blocks width"],
+    texture_bias: Float[Tensor, "objects more_blocks width"],
+) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
     """The activations of some samples, and their colours."""
     config, weights = model.field.config, field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
@@ -194,7 +208,7 @@ def _forward(
     return _Activations(position_derivative, direction_derivative, tuple(shape), tuple(texture), rgb_derivative), colour
 
 
-def _encoding_derivative(encoded: Tensor, frequencies: int) -> Tensor:
+def _encoding_derivative(encoded: Float[Tensor, "*batch encoded"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
     """The derivative of each encoded value along its axis."""
     scales = (2.0 ** torch.arange(frequencies, device=encoded.device)).repeat_interleave(3)
     values, sines, cosines = encoded.split((3, 3 * frequencies, 3 * frequencies), -1)
@@ -204,19 +218,18 @@ def _encoding_derivative(encoded: Tensor, frequencies: int) -> Tensor:
 def _backward(
     model: Model,
     activations: _Activations,
-    by_colour: Tensor,
-    by_density: Tensor,
-    density_derivative: Tensor,
-    depth: Tensor,
+    by_colour: Float[Tensor, "objects samples 3"],
+    by_density: Float[Tensor, "objects samples channels"],
+    density_derivative: Float[Tensor, "objects samples"],
+    depth: Float[Tensor, "objects samples"],
     bias_jacobians: BiasJacobians,
 ) -> Float[Tensor, "objects samples channels numbers"]:
     """Derivatives of the channels of each sample's ray along origin, direction and codes.
 
     Args:
-        by_colour: (objects, samples, 3), of a channel along the sample's own.
-        by_density: (objects, samples, channels).
-        density_derivative: (objects, samples), of the density along its logit.
-        depth: (objects, samples), distance from the ray's origin.
+        by_colour: of a channel along the sample's own.
+        density_derivative: of the density along its logit.
+        depth: scene units from the ray's origin.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
@@ -242,8 +255,11 @@ def _backward(
 
 
 def _backward_blocks(
-    gradient: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], bias_jacobians: Tensor
-) -> tuple[Tensor, Tensor]:
+    gradient: Float[Tensor, "objects samples channels width"],
+    activations: Sequence[Float[Tensor, "objects samples width"]],
+    blocks: Sequence[Float[Tensor, "width width"]],
+    bias_jacobians: Float[Tensor, "objects blocks width numbers"],
+) -> tuple[Float[Tensor, "objects samples channels width"], Float[Tensor, "objects samples channels numbers"]]:
     """Gradients taken back through blocks and the ReLU before them, and those along the blocks' parameters."""
     numbers = torch.zeros((), dtype=gradient.dtype, device=gradient.device)
     for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(bias_jacobians.unbind(1)), strict=True):
@@ -253,7 +269,9 @@ def _backward_blocks(
     return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, gradient.shape[1:3])
 
 
-def _along_axes(gradient: Tensor, encoded: Tensor) -> Tensor:
+def _along_axes(
+    gradient: Float[Tensor, "objects samples channels encoded"], encoded: Float[Tensor, "objects samples encoded"]
+) -> Float[Tensor, "objects samples channels 3"]:
     """From the encoded values to the three axes."""
     axes = torch.eye(3, device=gradient.device).repeat(gradient.shape[-1] // 3, 1)
     return (gradient.float() * encoded[:, :, None]) @ axes

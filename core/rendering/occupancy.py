@@ -195,7 +195,7 @@ def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> F
     """Densities at all corners, 0 where training objects have nothing and this shape has not either."""
     found = torch.zeros(len(known.corner), device=known.corner.device)
 
-    def evaluate(rows: slice) -> Tensor:
+    def evaluate(rows: slice) -> Float[Tensor, "rows"]:
         parts = known.activations[rows].split(_BLOCK)
         return torch.cat([folded.density(part)[0] for part in parts])
 
