@@ -12,7 +12,7 @@ from torch.nn import functional
 from core.models.codes import Codes
 from core.models.layers import pad_rows
 from core.models.model import Model
-from core.models.occupied_cells import contains
+from core.models.cells import contains
 from core.rendering.folded_field import FoldedField
 
 _CELLS = 40
