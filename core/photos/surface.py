@@ -9,10 +9,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.models.cells import contains
 from core.models.codes import Codes
 from core.models.layers import pad_rows
 from core.models.model import Model
-from core.models.cells import contains
 from core.rendering.folded_field import FoldedField
 
 _CELLS = 40
