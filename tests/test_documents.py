@@ -21,6 +21,7 @@ DOCUMENTS = (
     "core/README.md",
     "viewer/README.md",
     "assets/charts/README.md",
+    "assets/charts/tried.md",
     "assets/models/README.md",
     "assets/CREDITS.md",
 )
