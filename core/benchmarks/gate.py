@@ -21,7 +21,8 @@ import torch
 
 from core.benchmarks.csv_files import read_records
 from core.benchmarks.held_out_views import evenly_spaced_objects, render_on_white
-from core.fitting.fit import PRESETS, FitJob, fit
+from core.fitting.fit import PRESETS, FitJob
+from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, FitSettings
 from core.models.library import sample_images
 from core.models.model import Model
@@ -102,7 +103,7 @@ def _second_time(
 
 def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
     """Of fixed work: it does not stop early."""
-    for _ in fit(model, FitJob((photo,), settings, components=replace(ALL_COMPONENTS, early_stopping=False))):
+    for _ in fit_as_set(model, FitJob((photo,), settings, components=replace(ALL_COMPONENTS, early_stopping=False))):
         pass
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.models.cells import contains
+from core.models.cells import contains, divide, with_neighbours
 from core.models.codes import Codes
 from core.models.layers import pad_rows
 from core.models.model import Model
@@ -46,10 +46,10 @@ def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"
         # Where a block and its neighbours are all empty, its cells are not evaluated.
         dense = torch.zeros_like(grid.blocks)
         dense[grid.blocks] = _density(field, grid.block_activations) * grid.cell > _MIN_THICKNESS
-        near = _dilate(dense).repeat_interleave(2, 0).repeat_interleave(2, 1).repeat_interleave(2, 2)
+        near = divide(with_neighbours(dense), 2)
         inside = torch.zeros_like(near)
         inside[near] = _density(field, grid.activations[near.flatten()]) * grid.cell > _INSIDE
-        points = grid.points[inside & _dilate(~inside)]
+        points = grid.points[inside & with_neighbours(~inside)]
         padded = pad_rows(points)
         features = field.density(field.first_layer(padded))[1]
         colours = field.colour(features, field.direction_bias(-functional.normalize(padded, dim=-1)))
@@ -80,8 +80,3 @@ def _centres(counts: list[int], step: float, device: torch.device) -> Float[Tens
 def _density(field: FoldedField, activations: Float[Tensor, "some width"]) -> Float[Tensor, "some"]:
     parts = activations.split(_CHUNK)
     return torch.cat([field.density(pad_rows(part))[0][: len(part)] for part in parts])
-
-
-def _dilate(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
-    """With all cells beside them."""
-    return functional.max_pool3d(cells.float()[None], 3, 1, 1)[0] > 0.5

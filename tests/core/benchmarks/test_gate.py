@@ -1,9 +1,11 @@
+from itertools import islice
 from pathlib import Path
 
 import pytest
 
 from core.benchmarks.csv_files import to_row, write_csv
-from core.benchmarks.gate import Ratio, busy_processes, compare, read_baseline
+from core.benchmarks.gate import Ratio, busy_processes, compare, measure, read_baseline
+from core.models.model import Model
 
 BASELINE = Path(__file__).parents[3] / "assets/charts/gate.csv"
 USUAL = (Ratio("a fit against steps", 3.0), Ratio("a bank against a search", 0.05))
@@ -36,6 +38,12 @@ def test_a_baseline_is_read_as_it_was_written(tmp_path: Path):
 def test_the_committed_baseline_has_every_part():
     names = [one.name for one in read_baseline(BASELINE)]
     assert len(names) == len(set(names)) == 4
+
+
+def test_what_is_measured_in_this_process_is_of_the_baseline(tiny: Model):
+    found = list(islice(measure(tiny), 2))
+    assert [one.name for one in found] == [one.name for one in read_baseline(BASELINE)[:2]]
+    assert all(one.value > 0 for one in found)
 
 
 def test_busy_processes_end_with_the_block_also_after_an_error():
