@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import moderngl
@@ -67,7 +68,7 @@ class App:
         self._leave_a_core = leave_a_core
         if folder:
             self.context.preferences = Preferences.load(folder)
-            session.view.quality = QUALITIES[self.context.preferences.quality]
+            session.view = replace(session.view, quality=QUALITIES[self.context.preferences.quality])
             session.mine, self.context.clipboard = Mine(folder / "mine"), Clipboard(folder / "pasted")
             self.context.autosave = Autosave(session, folder)
         self._saved_preferences = self.context.preferences

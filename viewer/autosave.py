@@ -44,7 +44,7 @@ class Autosave:
         """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
         self.times = tuple(path.stat().st_mtime for path in self.left)
         """s since the epoch, when each was written"""
-        session.keep_aside = self._keep_aside
+        session.archive.connect(self._archive)
         self.model = self._go_on()
         """the name of the model that was open last; empty on the first launch"""
 
@@ -111,7 +111,7 @@ class Autosave:
         self._session.go_on_with(project)
         return project.model
 
-    def _keep_aside(self, project: Project) -> None:
+    def _archive(self, project: Project) -> None:
         self._write(project, self._place_aside())
         for path in self.earlier[_EARLIER:]:
             path.unlink(missing_ok=True)

@@ -10,16 +10,17 @@ from core.models.library import shipped_models
 from core.models.model import Model
 from core.models.scene import open_scene, scene_model
 from viewer.activities.fit_stream import FitOptions
-from viewer.activities.viewport import ViewSettings
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.services.messages import Messages
 from viewer.services.mine import Mine
+from viewer.services.signal import Signal
 from viewer.services.worker import Job, Worker
 from viewer.values.fit_history import PhotoSource
 from viewer.values.objects import EditableObject
 from viewer.values.project import Project
 from viewer.values.saved_session import SavedSession
+from viewer.values.view_request import ViewSettings
 from viewer.workspace import Workspace
 
 
@@ -28,7 +29,7 @@ class Session:
 
     def __init__(self, worker: Worker, backend: Backend | None = None, seed: int | None = None) -> None:
         self.messages = Messages()
-        self.jobs = Jobs(worker, backend or Backend(), self.messages.notify, self.messages.report)
+        self.jobs = Jobs(worker, backend or Backend(), self.messages)
         self.view, self.fit_options = ViewSettings(), FitOptions()
         self.workspace: Workspace | None = None
         """None until the first model is open"""
@@ -38,8 +39,8 @@ class Session:
         """the name of the model on its way"""
         self.mine = Mine()
         """the objects that last from launch to launch"""
-        self.keep_aside: Callable[[Project], None] = lambda project: None
-        """called with what is about to be replaced, or cannot be continued with"""
+        self.archive = Signal[Project]()
+        """emitted with what is about to be replaced, or cannot be continued with"""
         self._deferred: list[Callable[[], None]] = []
         """what waits for the model on its way"""
         self._elsewhere: tuple[tuple[tuple[PhotoSource, ...], str], ...] = ()
@@ -184,10 +185,11 @@ class Session:
     def _begin(self, name: str, model: Model) -> None:
         """Give a model a workspace, and go on with what was made with it."""
         if self.workspace:
+            self.view = self.workspace.viewport.settings
             self.workspace.close()
         self.model_name = name
         self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.mine)
-        self.workspace.fitting.other_category = self._fit_with_its_model
+        self.workspace.fitting.other_category.connect(self._fit_with_its_model)
         self.workspace.start()
         if left := self._left.pop(name, None):
             self._restore(left)
@@ -202,7 +204,7 @@ class Session:
                     self.messages.report("Cannot open the project", error)
                     return False
         if (before := self.project()).sessions:
-            self.keep_aside(before)
+            self.archive.emit(before)
         self.go_on_with(project)
         return True
 
@@ -263,5 +265,5 @@ class Session:
         try:
             self._workspace().restore(saved)
         except ValueError as error:
-            self.keep_aside(Project(saved.model, (saved,)))
+            self.archive.emit(Project(saved.model, (saved,)))
             self.messages.report(f"Cannot go on with what was made with {saved.model}", error)

@@ -10,7 +10,7 @@ from viewer.activities.grid import Grid
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.thumbnails import Thumbnails
-from viewer.activities.viewport import Viewport, ViewSettings
+from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.mine import Mine
@@ -18,6 +18,7 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.saved_session import SavedSession
+from viewer.values.view_request import ViewSettings
 
 _VIEW_BANK_SHARE = 0.2
 """of the worker's time, for what the first fit will need"""
@@ -36,9 +37,9 @@ class Workspace:
         self._from_mine = frozenset(map(self.editor.objects.add, mine.open(model)))
         """names of objects that were there from the beginning"""
         self._kept = self.editor.objects.version
-        self._unclear: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
+        self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
         """photos whose object is to be pointed out after the one that is"""
-        self._asking: tuple[PhotoSource, ...] = ()
+        self._prompting: tuple[PhotoSource, ...] = ()
         """whose object is being pointed out, as it was not found"""
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, model)
@@ -46,7 +47,7 @@ class Workspace:
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, fit)
         self.segmenting = Segmenting(jobs, model, self.fitting.fit)
-        self.fitting.no_background = self._point_out
+        self.fitting.no_background.connect(self._ask_for_box)
         self.exporting = Exporting(jobs, self.editor, self.grid)
 
     def start(self) -> None:
@@ -60,9 +61,9 @@ class Workspace:
         self.viewport.tick()
         self.player.tick()
         self.thumbnails.tick()
-        if self._unclear and not self.segmenting.active:
-            first, *others = self._unclear
-            self._unclear, self._asking = tuple(others), first[0]
+        if self._awaiting_box and not self.segmenting.active:
+            first, *others = self._awaiting_box
+            self._awaiting_box, self._prompting = tuple(others), first[0]
             self.segmenting.open(*first)
         if self._kept != self.editor.objects.version or self._directions is not self.editor.state.directions:
             self._keep_mine()
@@ -87,7 +88,7 @@ class Workspace:
             tuple(one for one in objects.ever_added if one.name in used or one.name not in self._from_mine),
             tuple(objects.removed),
             self.grid.names,
-            FitHistory() if fitting.running and not fitting.result else fitting.history,
+            FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
             fitting.candidates.saved(),
             pending,
         )
@@ -96,7 +97,7 @@ class Workspace:
     def parts(self) -> tuple[object, ...]:
         """What :meth:`saved` is made of: as long as these are the same, so is that."""
         objects, fitting = self.editor.objects, self.fitting
-        fit = fitting.request, fitting.queue, fitting.result, fitting.history.photos
+        fit = fitting.request, fitting.queue, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
         return (self.editor.history, objects.removed, self.grid.names, *fit, steps, *self._not_found, *added)
@@ -112,32 +113,31 @@ class Workspace:
         """Give an added object another name, wherever it is mentioned."""
         new = self.editor.rename(name, to)
         self.grid.rename(name, new)
-        self.fitting.rename(name, new)
+        self.fitting.results.rename(name, new)
 
     def remove(self, name: str) -> None:
         """Take an added object out of all lists; what is shown stays."""
         self.editor.objects.remove(name)
         self.grid.remove(name)
-        if self.fitting.ready and self.fitting.ready.name == name:
-            self.fitting.dismiss_ready()
+        self.fitting.results.unseen.pop(name, None)
 
     def see_from(self, view: str) -> None:
         """One of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
         if view == "home":
             self.viewport.reset_view()
         elif view == "photo" and self.fitting.history.last:
-            self.editor.set_camera(self.fitting.camera)
+            self.editor.set_camera(self.fitting.view.camera)
         elif view in orbit.VIEWS:
-            self.editor.set_camera(orbit.seen_from(self.fitting.following.camera, view))
+            self.editor.set_camera(orbit.seen_from(self.viewport.camera, view))
 
     @property
     def orthographic(self) -> bool:
         """The view has no perspective."""
-        return orbit.is_orthographic(self.fitting.following.camera, self.model)
+        return orbit.is_orthographic(self.viewport.camera, self.model)
 
     def set_orthographic(self, orthographic: bool) -> None:
         """See the object without perspective, or with the model's own."""
-        camera = self.fitting.following.camera
+        camera = self.viewport.camera
         self.editor.set_camera(orbit.with_perspective(camera, self.model, not orthographic))
 
     def segment_photo(self) -> None:
@@ -147,12 +147,12 @@ class Workspace:
     @property
     def _not_found(self) -> tuple[tuple[PhotoSource, ...], ...]:
         """Photos whose object is still to be pointed out."""
-        asked = self.segmenting.active and self._asking and self.segmenting.sources == self._asking
-        return (*((self._asking,) if asked else ()), *(sources for sources, _ in self._unclear))
+        asked = self.segmenting.active and self._prompting and self.segmenting.sources == self._prompting
+        return (*((self._prompting,) if asked else ()), *(sources for sources, _ in self._awaiting_box))
 
-    def _point_out(self, sources: tuple[PhotoSource, ...], index: int) -> None:
+    def _ask_for_box(self, sources: tuple[PhotoSource, ...], index: int) -> None:
         """In this photo the object was not found: a person is asked, for one photo at a time."""
-        self._unclear = (*self._unclear, (sources, index))
+        self._awaiting_box = (*self._awaiting_box, (sources, index))
 
     def _keep_mine(self) -> None:
         """What was fitted or named is there at the next launch."""
@@ -162,4 +162,4 @@ class Workspace:
             self._mine.sync(self.model, [one for one in objects.added if one.photo])
             self._mine.keep_directions(self.model, self._directions)
         except (ValueError, OSError) as error:
-            self._jobs.report("Cannot keep what was made", error)
+            self._jobs.messages.report("Cannot keep what was made", error)

@@ -191,7 +191,7 @@ def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
     finish(session, lambda: not opened(session).fitting.running)
     assert opened(session).editor.objects.names[0] == "block"
     assert len(opened(session).editor.history.past) == 1
-    assert opened(session).fitting.ready is not None
+    assert "block" in opened(session).fitting.results.unseen
 
 
 _RUN = """

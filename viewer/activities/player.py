@@ -111,7 +111,7 @@ class Player:
         self.seconds = passed % length if self.timeline.loop else min(passed, length)
         self._show()
         if self._viewport.is_baked(self._editor.scene.codes):
-            self._viewport.turn("timeline")
+            self._viewport.show_baked("timeline")
         elif newest := self._newest_frame():
             self._viewport.display(*newest, "timeline")
         if passed >= length and not self.timeline.loop:

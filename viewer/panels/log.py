@@ -3,7 +3,7 @@
 from imgui_bundle import imgui
 
 from viewer.context import PanelContext
-from viewer.services.messages import Kind
+from viewer.services.messages import MessageKind
 from viewer.widgets.text import caption
 
 
@@ -21,7 +21,7 @@ class LogPanel:
         if not log:
             imgui.text_disabled("Nothing has been said yet")
         for message in reversed(log):
-            colour = context.palette.error if message.kind is Kind.ERROR else context.palette.text
+            colour = context.palette.error if message.kind is MessageKind.PROBLEM else context.palette.text
             imgui.push_style_color(imgui.Col_.text, (*colour, 1.0))
             imgui.text_wrapped(f"{message.written:%H:%M:%S}  {message.text}")
             imgui.pop_style_color()

@@ -53,8 +53,8 @@ class PerformancePanel:
 
 
 def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
-    budget, device = context.viewport.settings.budget, context.editor.model.device
-    baked = context.viewport.baked if context.bakes else None
+    budget, device = context.viewport.budget, context.editor.model.device
+    baked = context.viewport.baked if context.viewport.settings.baked else None
     evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
     return [
         ("Samples a ray", f"{frame.samples}{evaluated}"),

@@ -104,8 +104,8 @@ def _draw_queue(fitting: Fitting) -> None:
         imgui.same_line()
         if button("Clear###clear queue", "Forget the photos that wait"):
             fitting.clear_queue()
-    if fitting.result:
-        imgui.text_disabled(f"{fitting.result.name} can be used already")
+    if fitting.results.checking:
+        imgui.text_disabled(f"{fitting.results.checking.name} can be used already")
 
 
 def _draw_start(context: PanelContext, fitting: Fitting) -> None:
@@ -138,7 +138,7 @@ def _draw_more(context: PanelContext, fitting: Fitting) -> None:
     flow(_CAMERA)
     label = "Jump to the camera that the photo was found to be taken from"
     if button(f"{_CAMERA}###photo camera", label, enabled=bool(fitting.history.steps)):
-        context.editor.set_camera(fitting.camera)
+        context.editor.set_camera(fitting.view.camera)
     flow(_REFIT)
     if button(f"{_REFIT}###refit", "Rebuild from the same photo once more: ways to begin"):
         imgui.open_popup("refit")
@@ -146,7 +146,7 @@ def _draw_more(context: PanelContext, fitting: Fitting) -> None:
         _draw_ways(fitting)
         imgui.end_popup()
     _draw_confidence(context, fitting)
-    if (other := fitting.other_camera) is not None:
+    if (other := fitting.view.other_camera) is not None:
         flow("Try other viewpoint")
         if button("Try other viewpoint###other viewpoint", _RUNNER_UP_HELP):
             context.editor.set_camera(other)
@@ -198,7 +198,7 @@ def _draw_photos(fitting: Fitting) -> None:
             imgui.same_line()
         imgui.begin_disabled(number >= len(history.photos))
         if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
-            fitting.show_photo(number)
+            fitting.view.show_photo(number)
         imgui.end_disabled()
         tooltip(source.path.name + (", its camera known" if source.pose else ""))
 

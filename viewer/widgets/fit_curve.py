@@ -65,7 +65,7 @@ class FitCurve:
         nearest = int(np.abs(seconds - (least + across * (most - least))).argmin())
         if imgui.is_item_active():
             if nearest != fitting.history.selected:
-                fitting.scrub(nearest, gesture="scrub")
+                fitting.view.scrub(nearest, gesture="scrub")
         else:
             tooltip(_SCRUB_HELP)
         if imgui.is_item_deactivated():
@@ -86,7 +86,7 @@ def _draw_step(fitting: Fitting) -> None:
         return
     label = f"{step.seconds:.1f} s    {step.psnr:.1f} dB"
     if button(f"{icons_fontawesome_4.ICON_FA_FAST_FORWARD}###newest", "Back to the newest step"):
-        fitting.scrub(None)
+        fitting.view.scrub(None)
     imgui.same_line()
     if button("Keep###keep step", "Add this step to the objects"):
         fitting.keep()

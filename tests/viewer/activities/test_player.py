@@ -101,7 +101,7 @@ def test_it_fits_a_view_that_changes_its_size(
 ) -> None:
     player.play()
     finish(session)
-    workspace.viewport.resize(300, 100)
+    workspace.viewport.change(panel=(300, 100))
     player.tick()
     finish(session)
     player.tick()

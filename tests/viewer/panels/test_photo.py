@@ -130,7 +130,7 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
         window.click("Photo/###refit")
         window.click("**/###resume from view")
         window.wait(lambda: not fitting.running)
-        assert fitting.camera == turned
+        assert fitting.view.camera == turned
         window.click("Photo/##preset")
         window.click("**/draft")
         window.click("Photo/Estimate focal length")
@@ -141,7 +141,7 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
         window.wait(lambda: not fitting.running)
         assert fitting.options.preset == "draft"
         assert len(fitting.history.steps) == 10
-        assert fitting.camera != turned
+        assert fitting.view.camera != turned
 
     drive(act)
 
@@ -219,7 +219,7 @@ def test_several_photos_are_fitted_together_with_known_poses(
         assert [source.pose is not None for source in fitting.history.sources] == [False, True]
         window.click("Photo/###photo 2")
         window.wait()
-        assert fitting.camera.azimuth == pytest.approx(2.0)
+        assert fitting.view.camera.azimuth == pytest.approx(2.0)
         window.click("Photo/###add photo")
         window.type(str(tmp_path / "block c.png"))
         window.wait(lambda: len(fitting.history.photos) == 3 and not fitting.running)

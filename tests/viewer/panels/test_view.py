@@ -235,17 +235,17 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
         window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
         exact = window.capture_view(border=80)
         window.app.each_frame = viewport.render  # as a hand that never rests
-        window.wait(lambda: viewport.turning is not None)
+        window.wait(lambda: viewport.baked_frame is not None)
         turned = window.capture_view(border=80)
-        assert viewport.turning is not None
+        assert viewport.baked_frame is not None
         assert 0 < np.sqrt(np.square(turned - exact).mean()) < 6
         assert np.abs(exact - exact[0, 0]).max() > 50
         window.app.each_frame = lambda: None
-        window.wait(lambda: viewport.turning is None and viewport.sharp)
+        window.wait(lambda: viewport.baked_frame is None and viewport.sharp)
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.v)  # depth: nothing is baked of that
         window.drag("View/orbit", 30)
-        assert viewport.turning is None
+        assert viewport.baked_frame is None
         assert window.session.messages.errors == []
 
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))

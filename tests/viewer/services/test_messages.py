@@ -3,22 +3,24 @@ from dataclasses import replace
 
 import pytest
 
-from viewer.services.messages import UNFORESEEN, Kind, Messages, error_text
+from viewer.services.messages import UNFORESEEN, MessageKind, Messages, error_text
 from viewer.session import Session
 
 
 def test_errors_stay_and_are_reported_once(session: Session) -> None:
     for number in (1, 2, 2, 3, 4, 5, 6):
-        session.messages.notify(f"wrong {number}", Kind.ERROR)
+        session.messages.notify(f"wrong {number}", MessageKind.PROBLEM)
         session.messages.notify(f"news {number}")
     assert session.messages.errors == [f"wrong {number}" for number in range(1, 7)]
-    assert [one.text for one in session.messages.all if one.kind is Kind.INFO] == [f"news {n}" for n in (3, 4, 5, 6)]
+    assert [one.text for one in session.messages.all if one.kind is MessageKind.DONE] == [
+        f"news {n}" for n in (3, 4, 5, 6)
+    ]
 
 
 def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
     messages = Messages()
     for number in range(4):
-        messages.notify(f"wrong {number}", Kind.ERROR)
+        messages.notify(f"wrong {number}", MessageKind.PROBLEM)
     assert [message.text for message in messages.shown] == ["wrong 2", "wrong 3"]
     messages.all = [replace(message, born=message.born - 60) for message in messages.all]
     assert messages.shown == []
