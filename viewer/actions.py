@@ -126,7 +126,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     ),
     "Timeline": (
         Action(
-            *("add_key", "Keyframe", "K", "what is shown becomes a keyframe, or replaces the one at this time"),
+            *("add_key", "Keyframe", "K", "what is shown becomes a keyframe; after the last one where one is there"),
             lambda context: context.player.add_key(),
             _ready,
         ),
@@ -267,11 +267,16 @@ ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in 
 
 
 def run_keys(context: PanelContext, in_view: bool = False) -> None:
-    """Run the actions whose keys are pressed; to be called once a frame, for those of the view inside of it."""
+    """Run the actions whose keys are pressed; to be called once a frame, for those of the view inside of it.
+
+    While a name is asked for, or about to be, what is typed is no key: no letter of it may change the object.
+    """
     if imgui.get_io().want_text_input:
         return
+    typing = context.files.asking or context.share_open
     for action in ACTIONS.values():
-        pressed = action.in_view_only == in_view and any(map(imgui.is_key_chord_pressed, chords(action.keys)))
+        keys = ", ".join(key for key in action.keys.split(", ") if "Ctrl" in key) if typing else action.keys
+        pressed = action.in_view_only == in_view and any(map(imgui.is_key_chord_pressed, chords(keys)))
         if pressed and _is_allowed(action, context) and action.enabled(context):
             action.run(context)
 

@@ -12,7 +12,7 @@ from core.models.library import shipped_models
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
-from viewer.panels import all_panels, help, menu, messages, recovery, running_fit
+from viewer.panels import all_panels, help, menu, messages, running_fit
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
 from viewer.screen import theme, window
@@ -262,7 +262,6 @@ class App:
         self._guard("The help failed", lambda: help.draw(context))
         if context.ready and self._guard("The Share dialog failed", lambda: self._share.draw(context)):
             context.share_open = False
-        self._guard("The last session cannot be offered", lambda: recovery.draw(context))
         if context.ready:
             self._guard("The search cannot be shown", lambda: running_fit.draw(context))
         self._guard("Cannot take this file", context.files.draw)

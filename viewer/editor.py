@@ -205,14 +205,16 @@ class Editor:
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: SavedSession) -> None:
-        """Go on with a saved session, its undo included; named directions of now stay. Raises ``ValueError`` where that
-        cannot be, and then changes nothing.
+        """Go on with a saved session, its undo included, and with the named directions of now. What has been made here
+        stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and changes nothing then.
         """
         saved.check(self.model)
         names = self.objects.add_missing(saved.objects)
         known = {one.name for one in saved.objects}
         self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
-        self._go(saved.history.renamed(names).with_directions(self.state.directions))
+        history = saved.history.renamed(names).with_directions(self.state.directions)
+        fresh = not (self.history.past or self.history.future)
+        self._go(history if fresh else self.history.after(history))
 
     # Undo
 

@@ -45,8 +45,8 @@ class Session:
         """what waits for the model on its way"""
         self._elsewhere: tuple[tuple[tuple[PhotoSource, ...], str], ...] = ()
         """photos of another category, and that, which wait until the model can be changed"""
-        self._left: dict[str, SavedSession] = {}
-        """by the name of their model, sessions that were left for another model"""
+        self._left: tuple[SavedSession, ...] = ()
+        """sessions that go on when their model is opened next"""
         self.project_path: Path | None = None
         """where the project was saved, or opened from"""
         self._replacing: tuple[Project, Callable[[], None]] | None = None
@@ -64,8 +64,8 @@ class Session:
         self.jobs.worker.deliver()
         if self.workspace:
             self.workspace.tick()
-            if self._elsewhere and self._rests(self.workspace):
-                self._fit_elsewhere()
+            if self._elsewhere and self._is_idle(self.workspace):
+                self._fit_with_other_model()
 
     def open_model(self, name: str) -> None:
         """Load a model, by shipped name or path. The open one stays until it is there; what was made with the model
@@ -106,20 +106,38 @@ class Session:
 
     def project(self) -> Project:
         """All that was made, with every model."""
-        sessions = dict(self._left)
-        if self.workspace and (saved := self.workspace.saved(self.model_name)):
-            sessions[self.model_name] = saved
-        return Project(self.model_name, tuple(sessions.values()), self.project_path)
+        saved = self.workspace.saved(self.model_name) if self.workspace else None
+        return Project(self.model_name, (*self._left, *((saved,) if saved else ())), self.project_path)
 
     @property
     def parts(self) -> tuple[object, ...]:
         """What :meth:`project` is made of: as long as these are the same, so is that."""
-        return (self.project_path, *self._left.values(), *(self.workspace.parts if self.workspace else ()))
+        return (self.project_path, *self._left, *(self.workspace.parts if self.workspace else ()))
 
-    def go_on_with(self, project: Project) -> None:
-        """What the next models that are opened begin with."""
-        self.project_path = project.path
-        self._left = {saved.model: saved for saved in project.sessions}
+    def adopt(self, project: Project) -> None:
+        """Resume the saved session of each model when it is next opened."""
+        self.project_path, self._left = project.path, project.sessions
+
+    def add(self, project: Project) -> None:
+        """Put a project beside all that was made: its states before those of now, its objects among the others; its
+        model is opened where nothing was made with this one. Raises ``ValueError`` where this model cannot go on with
+        it, and changes nothing then.
+        """
+        for saved in project.sessions:
+            if saved.model == self.model_name:
+                saved.check(self._workspace().model)
+        fresh = self._workspace().saved(self.model_name) is None
+        self._left = (*self._left, *project.sessions)
+        for saved in self._take(self.model_name):
+            self._restore(saved)
+        if fresh and project.model != self.model_name:
+            self.open_model(project.model)
+
+    def _take(self, model: str) -> tuple[SavedSession, ...]:
+        """Of what waits for its model, the sessions of this one, which wait no more."""
+        taken = tuple(saved for saved in self._left if saved.model == model)
+        self._left = tuple(saved for saved in self._left if saved.model != model)
+        return taken
 
     def save_project(self, path: Path) -> None:
         """Write all that was made into one file."""
@@ -173,9 +191,9 @@ class Session:
         replacing, self._replacing, self.loading = self._replacing, None, ""
         if not replacing:
             if self.workspace and (left := self.workspace.saved(self.model_name)):
-                self._left[self.model_name] = left
+                self._left = (*self._left, left)
             self._begin(name, model)
-        elif self._make_way(replacing[0], model):
+        elif self._archive_current(replacing[0], model):
             self._begin(name, model)
             replacing[1]()
         deferred, self._deferred = self._deferred, []
@@ -191,10 +209,10 @@ class Session:
         self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.mine)
         self.workspace.fitting.other_category.connect(self._fit_with_its_model)
         self.workspace.start()
-        if left := self._left.pop(name, None):
+        for left in self._take(name):
             self._restore(left)
 
-    def _make_way(self, project: Project, model: Model) -> bool:
+    def _archive_current(self, project: Project, model: Model) -> bool:
         """Keep aside what a project replaces; not if its session cannot be continued with."""
         for saved in project.sessions:
             if saved.model == project.model:
@@ -205,7 +223,7 @@ class Session:
                     return False
         if (before := self.project()).sessions:
             self.archive.emit(before)
-        self.go_on_with(project)
+        self.adopt(project)
         return True
 
     def _open_scene(self, path: Path) -> None:
@@ -244,12 +262,12 @@ class Session:
         self.messages.notify(f"{sources[0].path.name} looks like {category}, not {here}: that model opens for it")
         self._elsewhere = (*self._elsewhere, (sources, category))
 
-    def _rests(self, workspace: Workspace) -> bool:
+    def _is_idle(self, workspace: Workspace) -> bool:
         """Nothing is under way that another model would end."""
         busy = workspace.fitting.running, workspace.segmenting.active, workspace.exporting.running
         return not (self.loading or self._replacing or any(busy))
 
-    def _fit_elsewhere(self) -> None:
+    def _fit_with_other_model(self) -> None:
         category = self._elsewhere[0][1]
         photos = [sources for sources, wanted in self._elsewhere if wanted == category]
         self._elsewhere = tuple(one for one in self._elsewhere if one[1] != category)

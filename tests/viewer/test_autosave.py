@@ -51,7 +51,7 @@ def edit(session: Session, photo: Path) -> None:
     workspace.player.seek(1.5)
     editor.show_object("object 2")
     workspace.player.add_key()
-    workspace.player.set_turns(-2)
+    workspace.player.change(turns=-2)
 
 
 def older_text(editor: Editor, model: str) -> str:

@@ -6,6 +6,9 @@ from viewer.editor import Editor
 from viewer.values.fit_history import Ready
 from viewer.values.objects import EditableObject
 
+_ROUNDED = 0.6 / 255
+"""less than a level of 8 bits"""
+
 
 class FitResults:
     """A result never takes over what a person edits; it waits to be shown then."""
@@ -18,12 +21,20 @@ class FitResults:
         """by their names the objects that wait to be shown, and the cameras of their photos"""
         editor.scene_changed.connect(self._forget_seen)
 
-    def add(self, found: EditableObject, camera: Camera) -> Ready:
-        """Take a result in, whose photo was taken from a camera (at the size of the model's images)."""
+    def add(self, found: EditableObject, camera: Camera, restored: bool = False) -> Ready:
+        """Take a result in.
+
+        Args:
+            camera: of its photo, at the size of the model's images.
+            restored: it takes the place of an object of the same photo, which a run that ended badly has made.
+        """
         if self._viewport.following:
             seen_from = self._editor.scene.camera if self._viewport.turned else camera
             return Ready(self._editor.add_and_show(found, seen_from), camera)
-        name = self._editor.objects.add(found)
+        objects = self._editor.objects
+        if same := restored and next((one.name for one in objects.added if _is_same_photo(one, found)), ""):
+            objects.replace(same, found)
+        name = same or objects.add(found)
         self.unseen[name] = camera
         return Ready(name, camera)
 
@@ -53,3 +64,10 @@ class FitResults:
         codes, objects = self._editor.scene.codes, self._editor.objects
         for name in [name for name in self.unseen if objects[name].codes == codes or name in objects.removed]:
             del self.unseen[name]
+
+
+def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
+    """Both are of one photo, which a file keeps in 8 bits."""
+    if one.photo is None or other.photo is None or one.photo.pixels.shape != other.photo.pixels.shape:
+        return False
+    return bool((one.photo.pixels - other.photo.pixels).abs().max() < _ROUNDED)

@@ -37,7 +37,7 @@ def fit_stream(
     backend: Backend, model: Model, request: FitRequest, settings: FitSettings
 ) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
     """The photos that have not been read, what the first shows, then the steps."""
-    history, resume_from = request
+    history, resume_from = request.history, request.resume_from
     if resume_from is None:
         with suppress(ValueError):  # without a view bank, the steps that need one raise
             yield from backend.view_bank(model)

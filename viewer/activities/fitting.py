@@ -67,10 +67,11 @@ class Fitting:
         self._drop()
 
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
-        """Bring back the last fit, and go on with what is not over."""
-        self.view.show(history)
-        self.view.finish()
-        self.queue = pending
+        """Bring back the last fit, unless there is one already, and go on with what is not over."""
+        if not self.history.sources:
+            self.view.show(history)
+            self.view.finish()
+        self.queue = (*self.queue, *(request._replace(restored=True) for request in pending))
         self._next()
 
     # What is fitted
@@ -196,7 +197,7 @@ class Fitting:
 
     def _run(self, request: FitRequest, follow: bool = True) -> None:
         self._before = before, tiles = self.history, self.candidates.tiles
-        history, resume_from = request
+        history, resume_from = request.history, request.resume_from
         self._drop()
         self.candidates.reset(tiles if resume_from else ())
         self.view.show(history)
@@ -264,7 +265,8 @@ class Fitting:
             verdict = f"a better one was found, {last.psnr:.1f} dB" if better else "the first result stays"
             self._tell(f"{checking.name} was checked from other sides: {verdict}", checking)
         else:
-            found = self.results.add(self._fitted(last), self.view.camera_of(last))
+            restored = self.request is not None and self.request.restored
+            found = self.results.add(self._fitted(last), self.view.camera_of(last), restored)
             self._tell(f"{how} in {last.seconds:.0f} s: {found.name}, {last.psnr:.1f} dB", found)
         self.request = self.results.checking = None
         self._viewport.unfollow()

@@ -14,6 +14,7 @@ from viewer.widgets.comparison import Comparison
 from viewer.widgets.controls import action_button, button, choose, flow, tooltip
 from viewer.widgets.fit_curve import FitCurve
 from viewer.widgets.text import heading
+from viewer.widgets.welcome import Samples
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
 _ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS
@@ -43,7 +44,7 @@ class PhotoPanel:
     waiting = "Rebuilding comes with the model"
 
     def __init__(self) -> None:
-        self._comparison = Comparison()
+        self._comparison, self._samples = Comparison(), Samples()
         self._curve = FitCurve()
 
     def draw(self, context: PanelContext) -> None:
@@ -58,6 +59,8 @@ class PhotoPanel:
             imgui.spacing()
             what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
+            if not fitting.running:
+                self._samples.draw(context)
         else:
             if not fitting.running:
                 _draw_more(context, fitting)
@@ -146,10 +149,10 @@ def _draw_more(context: PanelContext, fitting: Fitting) -> None:
         _draw_ways(fitting)
         imgui.end_popup()
     _draw_confidence(context, fitting)
-    if (other := fitting.view.other_camera) is not None:
-        flow("Try other viewpoint")
-        if button("Try other viewpoint###other viewpoint", _RUNNER_UP_HELP):
-            context.editor.set_camera(other)
+    other = fitting.view.other_camera
+    flow("Try other viewpoint")
+    if button("Try other viewpoint###other viewpoint", _RUNNER_UP_HELP, enabled=other is not None) and other:
+        context.editor.set_camera(other)
 
 
 def _draw_ways(fitting: Fitting) -> None:
@@ -167,9 +170,12 @@ def _draw_ways(fitting: Fitting) -> None:
 
 
 def _draw_confidence(context: PanelContext, fitting: Fitting) -> None:
-    """How sure the camera is."""
+    """How sure the camera is; the line stays while a step without that is shown."""
     step = fitting.history.step
     if step is None or step.confidence is None or step.uncertainty is None:
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled("Camera: not rated")
+        tooltip("Only the end of a search is")
         return
     words = in_words(step.confidence)
     label = f"Camera: {words}"

@@ -13,6 +13,11 @@ from viewer.widgets.controls import action_button, button, flow, tooltip
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
 _FILM = icons_fontawesome_4.ICON_FA_FILM
+_SWITCHES = (
+    ("Smooth", "smooth", "Through the keys without corners (Catmull-Rom), or straight from one to the next"),
+    ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
+)
+"""label, name in the timeline, tooltip"""
 _LENGTH = 4.5
 """em"""
 _LOOPS = 1.5
@@ -43,10 +48,13 @@ class TimelinePanel:
         here, gap = player.key, hello_imgui.em_size(0.3)
         action_button(context, "play", _PAUSE if player.playing else _PLAY, width=2.4)
         imgui.same_line(0, gap)
-        action_button(context, "add_key", f"{_ADD}  {'Key' if here is None else 'Replace'}", width=6)
+        action_button(context, "add_key", f"{_ADD}  Key")
+        flow("Replace")
+        if button("Replace###replace key", "What is shown takes the place of this keyframe", enabled=here is not None):
+            player.replace_key(here or 0)
         flow(_REMOVE)
         if button(f"{_REMOVE}###remove key", "Take the keyframe at this time out", enabled=here is not None):
-            player.remove_key(here if here is not None else 0)
+            player.remove_key(here or 0)
         flow("length", _LENGTH)
         self._draw_numbers(context, player)
         flow(f"{_FILM}  Share…")
@@ -68,18 +76,14 @@ class TimelinePanel:
             "##turns", timeline.turns, 0.05, -3, 3, "%d turns", imgui.SliderFlags_.always_clamp
         )
         if changed and turns != timeline.turns:
-            player.set_turns(turns)
+            player.change(turns=turns)
         tooltip("Full turns of the camera around the object in the whole timeline, besides what the keyframes do. Drag")
-        flow("Smooth" + 6 * " ")
-        changed, smooth = imgui.checkbox("Smooth", timeline.smooth)
-        if changed:
-            player.set_smooth(smooth)
-        tooltip("Through the keys without corners (Catmull-Rom), or straight from one to the next")
-        flow("Loop" + 6 * " ")
-        changed, loop = imgui.checkbox("Loop", timeline.loop)
-        if changed:
-            player.set_loop(loop)
-        tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
+        for label, name, text in _SWITCHES:
+            flow(label + 6 * " ")
+            changed, on = imgui.checkbox(label, getattr(timeline, name))
+            if changed:
+                player.change(**{name: on})
+            tooltip(text)
         flow("Camera path" + 6 * " ")
         changed, path = imgui.checkbox("Camera path", context.preferences.camera_path)
         if changed:

@@ -67,12 +67,24 @@ def test_a_key_at_the_end_of_a_loop_is_the_one_it_stands_on(player: Player) -> N
     player.seek(player.timeline.length)
     player.add_key()
     assert player.key == 2
-    player.add_key()
+    player.replace_key(2)
     assert len(player.timeline.keys) == 3
 
 
+def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> None:
+    first, length = player.timeline.keys, player.timeline.length
+    player.seek(length)
+    for count in range(3, 8):
+        editor.sample_all()
+        player.add_key()
+        assert len(player.timeline.keys) == count
+        assert player.timeline.keys[-1].view.codes == editor.scene.codes
+    assert player.timeline.keys[:2] == first
+    assert player.seconds == player.timeline.keys[-1].seconds < player.timeline.length
+
+
 def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> None:
-    player.set_loop(False)
+    player.change(loop=False)
     player.play()
     clock.now += 9.0
     player.tick()
