@@ -39,7 +39,7 @@ class Autosave:
         self._written: tuple[object, ...] = ()
         """what the file holds"""
         self._when = clock()
-        found = [path for path in folder.glob("session-*") if path.suffix in (SUFFIX, ".json") and not _runs(path)]
+        found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
         self.left: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
         """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
         self.times = tuple(path.stat().st_mtime for path in self.left)

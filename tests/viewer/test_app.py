@@ -350,23 +350,3 @@ def test_bad_files_are_reported_and_change_nothing(
         window.context.drop([])
 
     drive(act)
-
-
-def test_a_layout_of_an_older_version_still_holds(drive: Drive, tmp_path: Path) -> None:
-    folder, renamed = tmp_path / "config", {"Shape × texture grid": "Sheet", "Performance": "Speed", "Sliders": "Codes"}
-
-    def place(window: Driver) -> tuple[float, float]:
-        window.show("Shape × texture grid")
-        corner = window.ctx.window_info("//Shape × texture grid").window.pos
-        return corner.x, corner.y
-
-    places: list[tuple[float, float]] = []
-    drive(lambda window: places.append(place(window)), folder=folder)
-    layout = (folder / "window.ini").read_text("utf-8")
-    for new, old in renamed.items():
-        assert f"[Window][{new}]" in layout
-        layout = layout.replace(f"[Window][{new}]", f"[Window][{old}]")
-    (folder / "window.ini").write_text(layout, "utf-8")
-    drive(lambda window: places.append(place(window)), folder=folder)
-    assert places[0] == places[1]
-    assert "[Window][Sheet]" not in (folder / "window.ini").read_text("utf-8")
