@@ -59,10 +59,8 @@ class Project:
 
     @classmethod
     def load(cls, path: Path) -> "Project":
-        """Read it, also where an older version wrote it. Raises ``ValueError`` where it is no whole project."""
+        """Read it. Raises ``ValueError`` where it is no whole project."""
         try:
-            if not zipfile.is_zipfile(path):
-                return cls._from_older(path.read_text())
             with zipfile.ZipFile(path) as file:
                 return cls._from_zip(file)
         except OSError as error:
@@ -83,11 +81,6 @@ class Project:
         parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about["timelines"])
         sessions = tuple(SavedSession.decoded(one, parts) for one in about["sessions"])
         return cls(str(about["model"]), sessions, Path(about["path"]) if about.get("path") else None)
-
-    @classmethod
-    def _from_older(cls, text: str) -> "Project":
-        session = SavedSession.from_older(text)
-        return cls(session.model, (session,))
 
 
 def is_project(path: Path) -> bool:
