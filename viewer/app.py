@@ -21,7 +21,7 @@ from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, is_there
 from viewer.services.clipboard import Clipboard
 from viewer.services.messages import error_text
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.session import Session
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
@@ -69,7 +69,7 @@ class App:
         if folder:
             self.context.preferences = Preferences.load(folder)
             session.view = replace(session.view, quality=QUALITIES[self.context.preferences.quality])
-            session.mine, self.context.clipboard = Mine(folder / "mine"), Clipboard(folder / "pasted")
+            session.user_objects, self.context.clipboard = UserObjects(folder / "mine"), Clipboard(folder / "pasted")
             self.context.autosave = Autosave(session, folder)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None

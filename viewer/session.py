@@ -13,8 +13,8 @@ from viewer.activities.fit_stream import FitOptions
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.services.messages import Messages
-from viewer.services.mine import Mine
 from viewer.services.signal import Signal
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
 from viewer.values.fit_history import PhotoSource
 from viewer.values.objects import EditableObject
@@ -37,7 +37,7 @@ class Session:
         """of the model that is open"""
         self.loading = ""
         """the name of the model on its way"""
-        self.mine = Mine()
+        self.user_objects = UserObjects()
         """the objects that last from launch to launch"""
         self.archive = Signal[Project]()
         """emitted with what is about to be replaced, or cannot be continued with"""
@@ -206,7 +206,7 @@ class Session:
             self.view = self.workspace.viewport.settings
             self.workspace.close()
         self.model_name = name
-        self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.mine)
+        self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.user_objects)
         self.workspace.fitting.other_category.connect(self._fit_with_its_model)
         self.workspace.start()
         for left in self._take(name):

@@ -13,7 +13,7 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
@@ -28,13 +28,19 @@ class Workspace:
     """Composition only: makes the parts and connects them."""
 
     def __init__(
-        self, model: Model, jobs: Jobs, generator: torch.Generator, view: ViewSettings, fit: FitOptions, mine: Mine
+        self,
+        model: Model,
+        jobs: Jobs,
+        generator: torch.Generator,
+        view: ViewSettings,
+        fit: FitOptions,
+        user_objects: UserObjects,
     ) -> None:
-        self.model, self._jobs, self._mine = model, jobs, mine
-        self._directions = mine.directions(model)
+        self.model, self._jobs, self._user_objects = model, jobs, user_objects
+        self._directions = user_objects.directions(model)
         """those that are kept"""
         self.editor = Editor(model, generator, self._directions)
-        self._from_mine = frozenset(map(self.editor.objects.add, mine.open(model)))
+        self._initially_there = frozenset(map(self.editor.objects.add, user_objects.open(model)))
         """names of objects that were there from the beginning"""
         self._kept = self.editor.objects.version
         self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
@@ -66,7 +72,7 @@ class Workspace:
             self._awaiting_box, self._prompting = tuple(others), first[0]
             self.segmenting.open(*first)
         if self._kept != self.editor.objects.version or self._directions is not self.editor.state.directions:
-            self._keep_mine()
+            self._keep_user_objects()
 
     def close(self) -> None:
         """End what is under way."""
@@ -85,7 +91,7 @@ class Workspace:
         return SavedSession(
             name,
             history.without_gesture(),
-            tuple(one for one in objects.ever_added if one.name in used or one.name not in self._from_mine),
+            tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
             tuple(objects.removed),
             self.grid.names,
             FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
@@ -154,12 +160,12 @@ class Workspace:
         """In this photo the object was not found: a person is asked, for one photo at a time."""
         self._awaiting_box = (*self._awaiting_box, (sources, index))
 
-    def _keep_mine(self) -> None:
+    def _keep_user_objects(self) -> None:
         """What was fitted or named is there at the next launch."""
         objects = self.editor.objects
         self._kept, self._directions = objects.version, self.editor.state.directions
         try:
-            self._mine.sync(self.model, [one for one in objects.added if one.photo])
-            self._mine.keep_directions(self.model, self._directions)
+            self._user_objects.sync(self.model, [one for one in objects.added if one.photo])
+            self._user_objects.keep_directions(self.model, self._directions)
         except (ValueError, OSError) as error:
             self._jobs.messages.report("Cannot keep what was made", error)

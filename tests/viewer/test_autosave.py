@@ -13,7 +13,7 @@ from tests.viewer.stand_ins import endless_fit
 from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.project import Project
@@ -53,7 +53,7 @@ def edit(session: Session, photo: Path) -> None:
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
     """A launch."""
     session = Session(worker, backend, seed=1)
-    session.mine = Mine(folder / "mine")
+    session.user_objects = UserObjects(folder / "mine")
     autosave = Autosave(session, folder, clock)
     session.open_model(autosave.model or "chairs")
     deliver(session, lambda: session.workspace is not None)

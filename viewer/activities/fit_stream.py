@@ -10,7 +10,7 @@ from core.models.model import Model
 from viewer.services.backend import Backend
 from viewer.values.fit_history import FitRequest, FittedPhoto
 
-CHOICES = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
+WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
 """Presets to choose from; the paper's own recipe is a baseline for the command line."""
 _RESUMED_SHARE = 3
 """A fit that is resumed has one of so many steps of the preset: there is no search."""

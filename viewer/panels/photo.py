@@ -6,7 +6,7 @@ from imgui_bundle import icons_fontawesome_4, imgui
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.photos.decode import IMAGE_SUFFIXES
-from viewer.activities.fit_stream import CHOICES
+from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.activities.fitting import Fitting
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
@@ -130,7 +130,9 @@ def _draw_start(context: PanelContext, fitting: Fitting) -> None:
 
 def _draw_preset(fitting: Fitting) -> None:
     """How the next fit is made."""
-    fitting.options.preset = choose("preset", fitting.options.preset, {name: name for name in CHOICES}, _PRESET_HELP)
+    fitting.options.preset = choose(
+        "preset", fitting.options.preset, {name: name for name in WINDOW_PRESETS}, _PRESET_HELP
+    )
     flow("Estimate focal length        ")
     fitting.options.estimate_focal = imgui.checkbox("Estimate focal length", fitting.options.estimate_focal)[1]
     tooltip("For photos from nearer or further away than the model's training images")

@@ -12,7 +12,7 @@ from viewer.widgets.controls import action_button, button, flow, tooltip
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
-_FILM = icons_fontawesome_4.ICON_FA_FILM
+_VIDEO = icons_fontawesome_4.ICON_FA_FILM
 _SWITCHES = (
     ("Smooth", "smooth", "Through the keys without corners (Catmull-Rom), or straight from one to the next"),
     ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
@@ -57,9 +57,11 @@ class TimelinePanel:
             player.remove_key(here or 0)
         flow("length", _LENGTH)
         self._draw_numbers(context, player)
-        flow(f"{_FILM}  Share…")
-        if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
-            context.share("film")
+        flow(f"{_VIDEO}  Share…")
+        if button(
+            f"{_VIDEO}  Share…###share video", "Write the timeline as a video", enabled=bool(player.timeline.keys)
+        ):
+            context.share("video")
 
     def _draw_numbers(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline

@@ -146,7 +146,7 @@ def test_a_model_opened_meanwhile_has_an_empty_timeline(session: Session, player
 def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Path) -> None:
     workspace.player.play()
     workspace.player.seek(1.0)
-    workspace.exporting.share(tmp_path / "a.gif", ShareSettings("film"))
+    workspace.exporting.share(tmp_path / "a.gif", ShareSettings("video"))
     assert not workspace.player.playing
     assert not workspace.exporting.running
 
@@ -154,7 +154,7 @@ def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Pa
 def test_what_cannot_be_written_is_reported(
     session: Session, workspace: Workspace, player: Player, tmp_path: Path
 ) -> None:
-    webp = ShareSettings("film", video=".webp", background="transparent")
+    webp = ShareSettings("video", video=".webp", background="transparent")
     workspace.exporting.share(tmp_path / "a.mp4", webp)
     finish(session)
     assert "transparent" in session.messages.errors[0]

@@ -21,7 +21,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         session, workspace, editor = window.session, window.workspace, window.workspace.editor
         made = workspace.player
         window.show("Timeline")
-        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share film", "time"))
+        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share video", "time"))
         assert line.min.y > buttons.max.y
         window.click("Timeline/###add_key")
         first = editor.scene
@@ -63,7 +63,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.set("Timeline/##length", 1.0)
         window.ctx.yield_(2)
         assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
-        window.click("Timeline/###share film")
+        window.click("Timeline/###share video")
         for name, label in (("##video", "webp"), ("##rate", "12 a second"), ("##background", "Transparent")):
             window.click(f"Share/{name}")
             window.click(f"**/{label}")

@@ -48,7 +48,7 @@ def about(found: EditableObject) -> str:
     return f"\nRebuilt from a photo{sure}"
 
 
-class MineMenu:
+class UserObjectMenu:
     """Rename, remove, export."""
 
     def __init__(self) -> None:
