@@ -47,18 +47,9 @@ def _always(context: PanelContext) -> bool:
     return True
 
 
-def _see(number: int, view: str, words: str) -> Action:
-    def enabled(context: PanelContext) -> bool:
-        return context.ready and (view != "photo" or context.fitting.history.last is not None)
-
-    return Action(
-        f"see_{view}",
-        words,
-        str(number),
-        "from where the last photo was found to be taken" if view == "photo" else f"see the object from the {view}",
-        lambda context: context.workspace.see_from(view),
-        enabled,
-    )
+def _see(number: int, view: str) -> Action:
+    text = f"see the object from the {view}"
+    return Action(f"see_{view}", view.capitalize(), str(number), text, lambda c: c.workspace.see_from(view))
 
 
 TABLE: dict[str, tuple[Action | Gesture, ...]] = {
@@ -72,10 +63,12 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             lambda c: c.viewport.reset_view(),
             in_view_only=True,
         ),
-        _see(1, "front", "Front"),
-        _see(2, "side", "Side"),
-        _see(3, "top", "Top"),
-        _see(4, "photo", "Photo"),
+        *(_see(number, view) for number, view in enumerate(("front", "side", "top"), 1)),
+        Action(
+            *("see_photo", "Photo", "4", "from where the last photo was found to be taken"),
+            lambda c: c.workspace.see_from("photo"),
+            lambda c: c.ready and c.fitting.history.last is not None,
+        ),
         Action(
             *("orthographic", "Orthographic", "5", "without perspective, or with it again; as large as before"),
             lambda c: c.workspace.set_orthographic(not c.workspace.orthographic),
@@ -245,7 +238,7 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
     typing = context.files.asking or context.share_open
     for action in ACTIONS.values():
         keys = ", ".join(key for key in action.keys.split(", ") if "Ctrl" in key) if typing else action.keys
-        pressed = action.in_view_only == in_view and any(map(imgui.is_key_chord_pressed, chords(keys)))
+        pressed = action.in_view_only == in_view and any(map(is_pressed, chords(keys)))
         if pressed and _is_allowed(action, context) and action.enabled(context):
             action.run(context)
 
@@ -255,6 +248,17 @@ def _is_allowed(action: Action, context: PanelContext) -> bool:
     if context.ready and context.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
     return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+
+
+def is_pressed(chord: int) -> bool:
+    """Whether a chord is pressed in this frame, or repeated.
+
+    A modifier that is let go in the frame in which its key goes down counts: between two slow frames both may happen.
+    imgui has no order of events within a frame, and would take ``Ctrl+R`` for ``R``.
+    """
+    held = sum(int(one) for one in _EVERY_MODIFIER if imgui.is_key_down(one) or imgui.is_key_released(one))
+    mods = chord & sum(map(int, _EVERY_MODIFIER))
+    return held == mods and imgui.is_key_pressed(imgui.Key(chord - mods))
 
 
 def chords(keys: str) -> list[int]:
@@ -282,6 +286,7 @@ def _key(name: str) -> list[tuple[imgui.Key, ...]]:
     return [(getattr(key, name.lower()),)]
 
 
+_EVERY_MODIFIER = imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt, imgui.Key.mod_super
 _MODIFIERS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift}
 _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
     "plus": [(imgui.Key.equal,), (imgui.Key.mod_shift, imgui.Key.equal), (imgui.Key.keypad_add,)],

@@ -167,8 +167,8 @@ class App:
 
     def _draw_panel(self, panel: Panel) -> None:
         """Draw a panel; one that fails says so, and the others work on."""
-        if panel.waiting and not self.context.ready:
-            imgui.text_disabled(panel.waiting)
+        if panel.needs_model and not self.context.ready:
+            imgui.text_disabled("It comes with the model")
             return
         if panel.title in self._failed:
             imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")

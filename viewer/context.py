@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 from imgui_bundle import ImVec2, imgui
 
@@ -252,17 +252,17 @@ class PanelContext:
             self.preferences = self.preferences.with_recent(path)
 
 
-@runtime_checkable
-class Panel(Protocol):
+class Panel:
     """A dockable window, one subject each."""
 
     title: str
     dock: str
     """View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)"""
-    folded: bool
+    folded = False
     """not shown until it is chosen in the menu Panels"""
-    waiting: str
-    """what it says until a model is open; empty: it draws itself from the start"""
+    needs_model = True
+    """drawn only while a model is open"""
 
     def draw(self, context: PanelContext) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""
+        raise NotImplementedError

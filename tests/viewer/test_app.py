@@ -331,6 +331,22 @@ def test_no_dialog_is_cut_off_where_the_window_is_small(
     drive(act, replace(backend, fit=endless_fit), size=(900, 600), folder=tmp_path / "config")
 
 
+def test_a_chord_that_is_let_go_within_a_slow_frame_is_no_letter(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        key, io = imgui.Key, imgui.get_io()
+        editor = window.workspace.editor
+        window.ctx.run_flags |= imgui.test_engine.TestRunFlags_.enable_raw_inputs.value
+        for letter in (key.e, key.r):
+            for frame in (((key.mod_ctrl, True),), ((letter, True), (key.mod_ctrl, False)), ((letter, False),)):
+                for event in frame:
+                    io.add_key_event(*event)
+                window.ctx.yield_()
+        assert window.context.share_open
+        assert not editor.history.past  # R alone is another object
+
+    drive(act)
+
+
 def test_letters_typed_while_a_dialog_is_open_change_no_object(drive: Drive) -> None:
     def act(window: Driver) -> None:
         editor, key = window.workspace.editor, imgui.Key

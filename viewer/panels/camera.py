@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.values import orbit
 from viewer.widgets.controls import action_button, flow, tooltip
 
@@ -14,13 +14,12 @@ _NUMBER = 9
 """em, a number to drag"""
 
 
-class CameraPanel:
+class CameraPanel(Panel):
     """Azimuth, elevation and distance to drag or to type, and a button for each usual view."""
 
     title = "Camera"
     dock = "Drawer"
     folded = True
-    waiting = "The camera comes with the model"
 
     def draw(self, context: PanelContext) -> None:
         """The buttons above the numbers."""

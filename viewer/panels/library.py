@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.objects import ObjectLibrary
 from viewer.values.part import PARTS
@@ -16,13 +16,11 @@ _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
 _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
 
 
-class LibraryPanel:
+class LibraryPanel(Panel):
     """Click an object to show it (it is A), drag it to a slot, or right click it to choose."""
 
     title = "Library"
     dock = "Left"
-    folded = False
-    waiting = "The objects come with the model"
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()

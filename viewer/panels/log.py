@@ -2,18 +2,18 @@
 
 from imgui_bundle import imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.services.messages import MessageKind
 from viewer.widgets.text import caption
 
 
-class LogPanel:
+class LogPanel(Panel):
     """The newest at the top."""
 
     title = "Log"
     dock = "Drawer"
     folded = True
-    waiting = ""
+    needs_model = False
 
     def draw(self, context: PanelContext) -> None:
         """A line for each, and under it what is for developers alone."""

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.part import PARTS, Part
 from viewer.values.variety import readable
@@ -17,13 +17,11 @@ _PAD_WORDS = "Across: shape. Up: texture."
 _PAD_HELP = "Drag: to the right the shape goes from A to B, upwards the texture does"
 
 
-class MixPanel:
+class MixPanel(Panel):
     """Two slots to take a shape and a texture from, and a pad and two sliders that mix them with B's."""
 
     title = "Mix"
     dock = "Right"
-    folded = False
-    waiting = "The objects come with the model"
 
     def draw(self, context: PanelContext) -> None:
         """The slots, the pad, the sliders."""

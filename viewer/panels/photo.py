@@ -8,7 +8,7 @@ from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.activities.fitting import Fitting
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.widgets.comparison import Comparison
 from viewer.widgets.controls import action_button, button, choose, flow, tooltip
@@ -35,13 +35,11 @@ _SURE = 0.9
 """Nearly all cameras of more confidence were right."""
 
 
-class PhotoPanel:
+class PhotoPanel(Panel):
     """Live while a fit runs; afterwards it shows how the last one went."""
 
     title = "Photo"
     dock = "Right"
-    folded = False
-    waiting = "Rebuilding comes with the model"
 
     def __init__(self) -> None:
         self._comparison, self._samples = Comparison(), Samples()

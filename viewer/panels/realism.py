@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import Colour
 from viewer.values.part import PARTS, Part
 from viewer.values.variety import readable
@@ -26,13 +26,12 @@ _HELP = (
 )
 
 
-class RealismPanel:
+class RealismPanel(Panel):
     """For each code a meter, which is the slider that scales it, and the trained object that is nearest."""
 
     title = "Realism"
     dock = "Right"
     folded = True
-    waiting = "The meters come with the model"
 
     def draw(self, context: PanelContext) -> None:
         """Shape and texture side by side."""

@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.photos.photo import Crop
 from core.photos.segmentation import Hints, Stroke
-from viewer.actions import chord
+from viewer.actions import chord, is_pressed
 from viewer.activities.segmenting import Segmenting
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, packed
@@ -149,7 +149,7 @@ class SegmentingDialog:
         self._draw_threshold(segmenting)
         if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last box or stroke back (Ctrl+Z)"):
             segmenting.undo()
-        if imgui.is_key_chord_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
+        if is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
         imgui.same_line()
         if button(

@@ -7,7 +7,7 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
@@ -34,13 +34,11 @@ _HELP = "In standard deviations σ; 0 is the mean. Ctrl+click to type, right cli
 _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
 
 
-class SlidersPanel:
+class SlidersPanel(Panel):
     """The named directions, and a column of principal ones for each part. A slider changes its strength only."""
 
     title = "Sliders"
     dock = "Right"
-    folded = False
-    waiting = "The sliders come with the model"
 
     def __init__(self) -> None:
         self._all = False

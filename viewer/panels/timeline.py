@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.export.keyframes import Keyframe
 from viewer.activities.player import Player
 from viewer.activities.thumbnails import SIZE
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import mixed, packed
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, button, flow, tooltip
@@ -25,13 +25,12 @@ _LOOPS = 1.5
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
 
-class TimelinePanel:
+class TimelinePanel(Panel):
     """Buttons above a line of time with the keys on it."""
 
     title = "Timeline"
     dock = "Drawer"
     folded = True
-    waiting = "The timeline comes with the model"
 
     def __init__(self) -> None:
         self._loop_error: tuple[object, float] = None, 0.0

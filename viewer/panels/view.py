@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.rendering.progressive import Frame
 from viewer.actions import ACTIONS, run_keys
 from viewer.activities.viewport import Viewport
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
 from viewer.values import orbit
 from viewer.values.preferences import TURNING
@@ -40,13 +40,12 @@ _NARROW, _SMALL = 26.0, 11.0
 """em: in a narrower view the mode is among the options"""
 
 
-class ViewPanel:
+class ViewPanel(Panel):
     """The scene, with a badge that says whether it is a preview or the finished render."""
 
     title = "View"
     dock = "View"
-    folded = False
-    waiting = ""
+    needs_model = False
 
     def __init__(self) -> None:
         self._nudged = 0.0

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from viewer.services.messages import UNFORESEEN, MessageKind, Messages, error_text
+from viewer.services.messages import UNFORESEEN, Button, MessageKind, Messages, error_text
 from viewer.session import Session
 
 
@@ -25,6 +25,32 @@ def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
     messages.all = [replace(message, born=message.born - 60) for message in messages.all]
     assert messages.shown == []
     assert len(messages.errors) == len(messages.log) == 4
+
+
+@pytest.mark.parametrize(
+    ("more", "seconds"),
+    [
+        ({}, 5),
+        ({"kind": MessageKind.NOTE}, 10),
+        ({"kind": MessageKind.PROBLEM}, 15),
+        ({"buttons": (Button("Show", lambda: None),)}, 10),
+        ({"lasts": True}, 3600),
+    ],
+)
+def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
+    messages = Messages()
+    messages.notify("news", **more)
+    (message,) = messages.shown
+    assert not replace(message, born=message.born - seconds + 1).faded
+    assert replace(message, born=message.born - seconds - 1).faded or message.lasts
+
+
+def test_an_offer_outlasts_later_news() -> None:
+    messages = Messages()
+    messages.notify("restore it?", lasts=True)
+    for number in range(9):
+        messages.notify(f"news {number}")
+    assert messages.shown[0].text == "restore it?"
 
 
 @pytest.mark.parametrize(
