@@ -112,7 +112,8 @@ class Workspace:
         """Go on with a saved session. Raises ``ValueError`` where that cannot be, and changes nothing then."""
         self.editor.restore(saved)
         self.grid.add(*(name for name in saved.grid if name in self.editor.objects))
-        self.fitting.candidates.restore(saved.tiles)
+        if not self.fitting.history.sources:
+            self.fitting.candidates.restore(saved.tiles)
         self.fitting.restore(saved.fit, saved.pending)
 
     def rename(self, name: str, to: str) -> None:

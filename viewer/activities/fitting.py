@@ -265,17 +265,20 @@ class Fitting:
             verdict = f"a better one was found, {last.psnr:.1f} dB" if better else "the first result stays"
             self._tell(f"{checking.name} was checked from other sides: {verdict}", checking)
         else:
-            restored = self.request is not None and self.request.restored
-            found = self.results.add(self._fitted(last), self.view.camera_of(last), restored)
+            found = self._add(last)
             self._tell(f"{how} in {last.seconds:.0f} s: {found.name}, {last.psnr:.1f} dB", found)
         self.request = self.results.checking = None
         self._viewport.unfollow()
 
     def _hand_over(self, first: FitStep) -> None:
         """The first search has a result: it can be used while the second one checks it."""
-        found = self.results.checking = self.results.add(self._fitted(first), self.view.camera_of(first))
+        found = self.results.checking = self._add(first)
         self._viewport.unfollow()
         self._tell(f"{found.name} can be used: {first.psnr:.1f} dB; it is being checked from other sides", found)
+
+    def _add(self, step: FitStep) -> Ready:
+        restored = self.request is not None and self.request.restored
+        return self.results.add(self._fitted(step), self.view.camera_of(step), restored)
 
     def _tell(self, text: str, found: Ready) -> None:
         """About a result, with a button that shows it where something else is being edited."""
