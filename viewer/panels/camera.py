@@ -7,7 +7,7 @@ from imgui_bundle import hello_imgui, imgui
 
 from viewer.context import Panel, PanelContext
 from viewer.values import orbit
-from viewer.widgets.controls import action_button, flow, tooltip
+from viewer.widgets.controls import action_button, end_gesture, flow, tooltip
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
 _NUMBER = 9
@@ -59,7 +59,6 @@ def _number(
     imgui.set_next_item_width(hello_imgui.em_size(_NUMBER))
     clamp = imgui.SliderFlags_.always_clamp
     changed, to = imgui.drag_float(f"##{name}", value, speed, *limits, f"{name.capitalize()}  {form}", clamp)
-    if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+    end_gesture(context)
     tooltip(f"{text}. Drag, or Ctrl+click to type")
     return to if changed else None

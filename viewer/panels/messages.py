@@ -57,8 +57,9 @@ def _draw(context: PanelContext, message: Message, number: int) -> None:
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
     imgui.text_unformatted(textwrap.shorten(message.text, 400))
     imgui.pop_text_wrap_pos()
-    for one in message.buttons:
-        imgui.same_line()
+    for place, one in enumerate(message.buttons):
+        if place:
+            imgui.same_line()
         if imgui.small_button(f"{one.label}###{one.label.lower()} {number}"):
             context.session.messages.dismiss(message)
             one.press()

@@ -7,7 +7,7 @@ from viewer.screen.theme import Colour
 from viewer.values.part import PARTS, Part
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import flow, labelled_slider, tooltip
+from viewer.widgets.controls import end_gesture, flow, labelled_slider, tooltip
 from viewer.widgets.text import caption
 
 _REACH = 3.0
@@ -55,8 +55,7 @@ class RealismPanel(Panel):
         imgui.pop_style_color()
         if moved and abs(to - distance) > 1e-4:
             editor.scale_to_distance(part, to, gesture=f"distance {part}")
-        if imgui.is_item_deactivated():
-            editor.end_gesture()
+        end_gesture(context)
         tooltip(_HELP.format(part=part))
 
     def _draw_nearest(self, context: PanelContext, part: Part) -> None:

@@ -13,7 +13,7 @@ from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, choose, flow, tooltip
+from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, tooltip
 from viewer.widgets.directions import FILTER, DirectionMenu, NewDirection, in_words
 from viewer.widgets.text import push_small
 
@@ -148,8 +148,7 @@ class SlidersPanel(Panel):
         moved, to = imgui.slider_float(f"##{key}", value, -_REACH, _REACH, "")
         if moved and abs(to - value) > 1e-6:
             editor.move_along(direction, to, gesture=key)
-        if imgui.is_item_deactivated():
-            editor.end_gesture()
+        end_gesture(context)
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             editor.move_along(direction, 0.0)
         if imgui.begin_item_tooltip():

@@ -8,7 +8,7 @@ from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import mixed, packed
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, flow, tooltip
+from viewer.widgets.controls import action_button, button, end_gesture, flow, tooltip
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
@@ -68,8 +68,7 @@ class TimelinePanel(Panel):
         changed, length = imgui.drag_float("##length", timeline.length, 0.05, 0.2, 600.0, "%.1f s")
         if changed:
             player.stretch(length)
-        if imgui.is_item_deactivated():
-            context.editor.end_gesture()
+        end_gesture(context)
         tooltip("How long the timeline is. Drag, or Ctrl+click to type")
         flow(10 * "0")
         imgui.set_next_item_width(hello_imgui.em_size(5))
@@ -112,8 +111,7 @@ def _draw_line(context: PanelContext, player: Player) -> None:
     imgui.invisible_button("time", (room.x, ruler))
     if imgui.is_item_active():
         player.seek((imgui.get_mouse_pos().x - left) / width * timeline.length)
-    if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+    end_gesture(context)
     tooltip("Click or drag to move the playhead; right click to paste a keyframe")
     if imgui.begin_popup_context_item("paste here"):
         if imgui.menu_item_simple("Paste at the playhead", enabled=player.copied is not None):
@@ -143,8 +141,7 @@ def _draw_key(
     across = imgui.get_io().mouse_delta.x
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):
         player.move_key(index, player.timeline.keys[index].seconds + across / width * player.timeline.length)
-    if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+    end_gesture(context)
     tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it in time, right click to choose")
     if imgui.begin_popup_context_item():
         if imgui.menu_item_simple("Replace with what is shown"):

@@ -14,7 +14,7 @@ from viewer.values.preferences import TURNING
 from viewer.values.quality import QUALITIES
 from viewer.values.view_modes import MODES, in_mode
 from viewer.widgets.camera_path import CameraPath
-from viewer.widgets.controls import action_button, button, choose, tooltip
+from viewer.widgets.controls import action_button, button, choose, end_gesture, tooltip
 from viewer.widgets.welcome import Welcome
 
 _KEY_TURN = 0.12
@@ -125,8 +125,7 @@ class ViewPanel(Panel):
                 context.set_preference(newcomer=False)
             else:
                 context.viewport.pan_by(across, down)
-        if imgui.is_item_deactivated():
-            editor.end_gesture()
+        end_gesture(context)
         if imgui.is_item_hovered():
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
                 context.viewport.reset_view()

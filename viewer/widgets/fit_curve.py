@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui, implot
 from viewer.activities.fitting import Fitting
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, packed
-from viewer.widgets.controls import button, tooltip
+from viewer.widgets.controls import button, end_gesture, tooltip
 
 _SCRUB_HELP = "Drag to see any step of the search, here and in the view; undo brings you back"
 _HEIGHT = 5.5
@@ -63,8 +63,7 @@ class FitCurve:
                 fitting.view.scrub(nearest, gesture="scrub")
         else:
             tooltip(_SCRUB_HELP)
-        if imgui.is_item_deactivated():
-            context.editor.end_gesture()
+        end_gesture(context)
         imgui.set_cursor_screen_pos(after)
         imgui.dummy((0, 0))
         if (at := fitting.history.selected) is not None:
