@@ -84,7 +84,7 @@ class ViewPanel(Panel):
             self._draw_hint(corner, size)
         if begins:
             self._welcome.draw(context, corner, size)
-        else:
+        if not begins or context.editor.history.past:
             _draw_badge(viewport, viewport.frame, corner, size)
             self._path.draw(context, corner, size)
 

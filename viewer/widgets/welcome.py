@@ -20,6 +20,8 @@ _NARROW = 14.0
 """em: in a narrower card there is no room for a heading"""
 _PADDING = 0.8
 """em"""
+_SMALL, _SMALL_SAMPLE = 11.0, 3.0
+"""em: the card and a thumbnail once the object has been turned"""
 _SAMPLE = 0.13
 """of the view's height: the largest thumbnail of a sample"""
 
@@ -39,26 +41,34 @@ class Welcome:
         return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Into the bottom of a rectangle (px) of the window."""
+        """Into the bottom of a rectangle (px) of the window; the photos alone, once the object has been turned."""
         em = hello_imgui.em_size()
-        width = min(_WIDEST * em, size.x - 2 * _MARGIN * em)
+        small = bool(context.editor.history.past)
+        width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
+        padding = (0.4 if small else _PADDING) * em
         imgui.set_cursor_screen_pos(ImVec2(corner.x + (size.x - width) / 2, self._top(corner, size, em)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (padding, padding))
         flags = imgui.ChildFlags_
         shape = flags.auto_resize_y | flags.always_use_window_padding
-        if imgui.begin_child("welcome", (width, 0), shape):
-            narrow = width < _NARROW * em
-            imgui.text_wrapped(_SENTENCE) if narrow else heading(context, _SENTENCE)
-            label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
-            imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
-            action_button(context, "fit_image", label, -1, context.palette.accent)
-            imgui.pop_style_var()
-            self._samples.draw(context, _SAMPLE * size.y)
+        # The arrow keys turn the object; they are not to walk through the card as well.
+        if imgui.begin_child("welcome", (width, 0), shape, imgui.WindowFlags_.no_nav):
+            if not small:
+                self._draw_open(context, narrow=width < _NARROW * em)
+            self._samples.draw(context, _SMALL_SAMPLE * em if small else _SAMPLE * size.y)
         imgui.end_child()
         self._height = imgui.get_item_rect_size().y
         imgui.pop_style_var()
         imgui.pop_style_color()
+
+    @staticmethod
+    def _draw_open(context: PanelContext, narrow: bool) -> None:
+        imgui.text_wrapped(_SENTENCE) if narrow else heading(context, _SENTENCE)
+        label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
+        em = hello_imgui.em_size()
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
+        action_button(context, "fit_image", label, -1, context.palette.accent)
+        imgui.pop_style_var()
 
     _height = 0.0
     """px, in the last frame"""

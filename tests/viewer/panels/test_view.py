@@ -53,6 +53,8 @@ def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeyp
         window.drag("View/orbit", 40)
         window.ctx.yield_(2)
         assert window.exists("View/**/sample cushion")  # to turn the object makes nothing
+        assert not window.exists("View/**/###fit_image")
+        assert window.exists("View/badge")
         window.show("Photo")
         assert window.exists("Photo/sample cushion")
         window.press(imgui.Key.r)
