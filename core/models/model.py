@@ -23,17 +23,9 @@ from core.models.occupied_cells import find_occupied_cells, pack, unpack
 from core.models.viewpoint import ViewpointClassifier
 
 FORMAT = "codenerf-1"
-_OLD_KEYS = {
-    "painted_ground": "white_from_network",
-    "broken": "collapsed",
-    "point_octaves": "position_frequencies",
-    "direction_octaves": "direction_frequencies",
-    "design": "architecture",
-}
-"""Of older files, which are still read."""
 _CELLS = "occupied_cells"
-_CLASSIFIER_PREFIXES = ("viewpoint.", "glance.")
-"""Of the viewpoint classifier's tensors; the second in older files."""
+_CLASSIFIER = "viewpoint."
+"""prefix of the viewpoint classifier's tensors"""
 _SPACES, _SPACE_PARTS = ("shape_space", "texture_space"), ("mean", "directions", "std")
 """Tensors of the code spaces, in files that keep a gallery instead of all codes."""
 
@@ -170,7 +162,7 @@ class Model:
         if about is None:
             raise ValueError(f"{path} is not a model file of this program")
         try:
-            return cls._from_parts(_with_new_keys(json.loads(about)), tensors)
+            return cls._from_parts(json.loads(about), tensors)
         except (KeyError, TypeError, RuntimeError, ValueError) as error:
             raise ValueError(f"{path} does not hold a whole model: {error}") from None
 
@@ -192,16 +184,9 @@ class Model:
         return cls(field, codes, **about, viewpoint_classifier=classifier, stored_cells=cells)
 
 
-def _with_new_keys(about: dict) -> dict:
-    """The metadata of a model file, also of one that was written before keys were renamed."""
-    renamed = {_OLD_KEYS.get(key, key): value for key, value in about.items()}
-    config = {_OLD_KEYS.get(key, key): value for key, value in renamed["config"].items()}
-    return renamed | {"config": config}
-
-
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
     """The viewpoint classifier, its tensors taken out of those of a file; None where the file has none."""
-    state = {name.split(".", 1)[1]: name for name in tensors if name.startswith(_CLASSIFIER_PREFIXES)}
+    state = {name.removeprefix(_CLASSIFIER): name for name in tensors if name.startswith(_CLASSIFIER)}
     if not state:
         return None
     classifier = ViewpointClassifier()
@@ -228,7 +213,7 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
         for part in _SPACE_PARTS
     }
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
-    looking = {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
+    looking = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
     rendering = _rendering_tensors(model)
     rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
     return rendering | spaces | looking | cells

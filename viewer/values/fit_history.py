@@ -117,6 +117,8 @@ class FitRequest(NamedTuple):
 
     history: FitHistory
     resume_from: Hypothesis | None = None
+    restored: bool = False
+    """of a run that ended in it, maybe after its result had joined the objects"""
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:

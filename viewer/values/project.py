@@ -30,6 +30,16 @@ class Project:
     path: Path | None = None
     """where a person saved it last, if it is what is kept from launch to launch"""
 
+    @property
+    def summary(self) -> str:
+        """How many steps, objects and photos under way it holds; empty where it holds none."""
+        counts = {
+            "steps": sum(len(one.history.past) + len(one.history.future) for one in self.sessions),
+            "objects": sum(len({each.name for each in one.objects} - {*one.removed}) for one in self.sessions),
+            "photos under way": sum(len(one.pending) for one in self.sessions),
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
     def save(self, path: Path) -> None:
         """Write it, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
         parts = Parts()
@@ -49,10 +59,8 @@ class Project:
 
     @classmethod
     def load(cls, path: Path) -> "Project":
-        """Read it, also where an older version wrote it. Raises ``ValueError`` where it is no whole project."""
+        """Read it. Raises ``ValueError`` where it is no whole project."""
         try:
-            if not zipfile.is_zipfile(path):
-                return cls._from_older(path.read_text())
             with zipfile.ZipFile(path) as file:
                 return cls._from_zip(file)
         except OSError as error:
@@ -73,11 +81,6 @@ class Project:
         parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about["timelines"])
         sessions = tuple(SavedSession.decoded(one, parts) for one in about["sessions"])
         return cls(str(about["model"]), sessions, Path(about["path"]) if about.get("path") else None)
-
-    @classmethod
-    def _from_older(cls, text: str) -> "Project":
-        session = SavedSession.from_older(text)
-        return cls(session.model, (session,))
 
 
 def is_project(path: Path) -> bool:

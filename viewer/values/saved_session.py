@@ -1,21 +1,13 @@
 """All that a person made with a model, as values that can be written down, and how they become JSON and back."""
 
-import base64
-import json
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-import torch
-
-from core.export.keyframes import Keyframe, Timeline, View
 from core.fitting.fit import Hypothesis
-from core.geometry.camera import Camera
-from core.models.codes import Codes
 from core.models.model import Model
-from core.models.scene import Scene
-from viewer.values.encoding import Parts, decode, decode_photo, encode
+from viewer.values.encoding import Parts, decode, encode
 from viewer.values.fit_history import FitHistory, FitRequest
-from viewer.values.history import History, Mix, Pair, State
+from viewer.values.history import History
 from viewer.values.objects import EditableObject, ObjectLibrary
 
 UNREADABLE = KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError
@@ -74,15 +66,6 @@ class SavedSession:
         """What :meth:`encoded` was made of. Raises one of :data:`UNREADABLE`."""
         return decode(cls, about, parts)
 
-    @classmethod
-    def from_older(cls, text: str) -> "SavedSession":
-        """What versions before projects wrote, as JSON alone. Raises ``ValueError`` where it is no session."""
-        try:
-            about = json.loads(text)
-            return _from_older(about, str(about["opened"] if "opened" in about else about["model"]))
-        except UNREADABLE as error:
-            raise ValueError(f"not a whole session ({error})") from None
-
 
 def _without_renders(fit: FitHistory) -> FitHistory:
     """Renders are made again. Of each step but the last, the leading hypothesis is enough to resume from."""
@@ -92,24 +75,3 @@ def _without_renders(fit: FitHistory) -> FitHistory:
 
 def _request(request: FitRequest) -> FitRequest:
     return request._replace(history=_without_renders(request.history))
-
-
-def _from_older(about: dict, model: str) -> SavedSession:
-    mix, timeline = about["mix"], dict(about["timeline"])
-    keys = tuple(Keyframe(float(seconds), _view(found)) for seconds, found in timeline.pop("keys"))
-    objects = tuple(
-        EditableObject(one["name"], _view(one["scene"]).codes, one["photo"] and _photo(one["photo"]))
-        for one in (about["things"] if "things" in about else about["objects"])
-    )
-    scene = Scene(about["scene"]["model"], *_view(about["scene"]))
-    mixed = Mix(Pair(*mix["a"]), mix["b"], float(mix["shape"]), float(mix["texture"]))
-    return SavedSession(model, History(State(scene, mixed, Timeline(keys, **timeline))), objects)
-
-
-def _view(about: dict) -> View:
-    codes = Codes(torch.tensor(about["shape"]).float(), torch.tensor(about["texture"]).float())
-    return View(codes, Camera(**about["camera"]))
-
-
-def _photo(text: str) -> Any:
-    return decode_photo(base64.b64decode(text))

@@ -1,6 +1,5 @@
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -87,33 +86,6 @@ def test_what_is_no_model_file_is_named(tmp_path):
 def test_cameras_look_as_the_training_images_did(model: Model):
     camera = model.camera(0.1, 0.2)
     assert (camera.distance, camera.focal, camera.width) == (2.0, 32.8, 32)
-
-
-def test_files_with_the_old_keys_are_still_read(model: Model, tmp_path: Path):
-    """As they were written before keys were renamed; the shipped models are such files."""
-    book = replace(model.codes, collapsed=frozenset({1}))
-    new = replace(model, codes=book, white_from_network=True, viewpoint_classifier=ViewpointClassifier())
-    path = tmp_path / "m.safetensors"
-    new.save(path)
-    with safe_open(path, framework="pt") as file:
-        about = file.metadata()["model"]
-        tensors = {name.replace("viewpoint.", "glance."): file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    for old, key in (
-        ("painted_ground", "white_from_network"),
-        ("broken", "collapsed"),
-        ("point_octaves", "position_frequencies"),
-        ("direction_octaves", "direction_frequencies"),
-        ("design", "architecture"),
-    ):
-        assert f'"{key}"' in about
-        about = about.replace(f'"{key}"', f'"{old}"')
-    save_file(tensors, path, metadata={"format": "codenerf-1", "model": about})
-    again = Model.load(path)
-    assert again.fingerprint == new.fingerprint
-    assert again.field.config == new.field.config
-    assert again.codes.collapsed == {1}
-    assert again.white_from_network
-    assert again.viewpoint_classifier is not None
 
 
 @pytest.mark.parametrize("name", shipped_models())

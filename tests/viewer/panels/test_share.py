@@ -123,7 +123,7 @@ def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Pat
 
 def test_a_film_needs_keyframes(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        window.context.share("film")
+        window.context.share("video")
         window.wait()
         assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
         assert window.session.messages.errors == []

@@ -52,6 +52,11 @@ def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeyp
         window.ctx.item_click("//Choose a file###ask/Cancel")
         window.drag("View/orbit", 40)
         window.ctx.yield_(2)
+        assert window.exists("View/**/sample cushion")  # to turn the object makes nothing
+        window.show("Photo")
+        assert window.exists("Photo/sample cushion")
+        window.press(imgui.Key.r)
+        window.ctx.yield_(2)
         assert not window.exists("View/**/sample cushion")
         assert window.exists("View/badge")
 
@@ -222,17 +227,17 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
         window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
         exact = window.capture_view(border=80)
         window.app.each_frame = viewport.render  # as a hand that never rests
-        window.wait(lambda: viewport.turning is not None)
+        window.wait(lambda: viewport.baked_frame is not None)
         turned = window.capture_view(border=80)
-        assert viewport.turning is not None
+        assert viewport.baked_frame is not None
         assert 0 < np.sqrt(np.square(turned - exact).mean()) < 6
         assert np.abs(exact - exact[0, 0]).max() > 50
         window.app.each_frame = lambda: None
-        window.wait(lambda: viewport.turning is None and viewport.sharp)
+        window.wait(lambda: viewport.baked_frame is None and viewport.sharp)
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.v)  # depth: nothing is baked of that
         window.drag("View/orbit", 30)
-        assert viewport.turning is None
+        assert viewport.baked_frame is None
         assert window.session.messages.errors == []
 
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))

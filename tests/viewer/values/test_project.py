@@ -29,7 +29,7 @@ def saved(session: Session, editor: Editor, workspace: Workspace, photo: Path) -
     workspace.player.seek(1.5)
     editor.show_object("object 2")
     workspace.player.add_key()
-    workspace.player.set_turns(-2)
+    workspace.player.change(turns=-2)
     editor.undo()
     workspace.grid.add("block", "object 1")
     found = workspace.saved("chairs")

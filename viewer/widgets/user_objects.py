@@ -15,11 +15,15 @@ _UNKNOWN: Colour = (0.6, 0.63, 0.66)
 
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is."""
-    found, em = context.editor.objects[name], hello_imgui.em_size()
+    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is; in another corner of
+    one that has not been shown yet.
+    """
+    found, em, draw = context.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
+    if name in context.fitting.results.unseen:
+        centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
+        draw.add_circle_filled(centre, 0.42 * em, packed(context.palette.accent))
     if found.photo:
         centre = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * em
-        draw = imgui.get_window_draw_list()
         draw.add_circle_filled(centre, 0.42 * em, packed((0.07, 0.08, 0.09)))
         draw.add_circle_filled(centre, 0.3 * em, packed(colour_of(found)))
 
@@ -37,7 +41,7 @@ def about(found: EditableObject) -> str:
     return f"\nRebuilt from a photo{sure}"
 
 
-class MineMenu:
+class UserObjectMenu:
     """Rename, remove, export."""
 
     def __init__(self) -> None:

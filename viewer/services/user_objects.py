@@ -29,7 +29,7 @@ class _Stored(NamedTuple):
     about: EditableObject
 
 
-class Mine:
+class UserObjects:
     """The file of an object is a scene with a photo beside it, so it opens as any other scene."""
 
     def __init__(self, folder: Path | None = None) -> None:
