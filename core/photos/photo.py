@@ -13,6 +13,7 @@ from PIL import Image
 from torch import Tensor
 
 from core.geometry.camera import Camera
+from core.geometry.pose_files import read_pose
 from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
@@ -97,7 +98,7 @@ def load_photo(
     Raises ``ValueError``, one line naming the file, for anything that is no image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
-    matrix = None if pose is None else _read_pose(pose)
+    matrix = None if pose is None else read_pose(pose)
     cut = read_cut_out(path, hints)
     with _naming(path):
         return prepare_photo(cut, model, matrix, crop)
@@ -160,23 +161,6 @@ def prepare_photo(
         raise ValueError("the object is moved out of its image")
     focal = cut.focal and cut.focal * size / (2 * half)
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
-
-
-def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
-    try:
-        numbers = [float(word) for word in path.read_text().split()]
-    except FileNotFoundError:
-        raise ValueError(f"no such pose: {path}") from None
-    except (OSError, ValueError):
-        raise ValueError(f"{path}: cannot be read as a pose (16 numbers)") from None
-    if len(numbers) != 16:
-        raise ValueError(f"{path}: a pose has 16 numbers, got {len(numbers)}")
-    try:
-        matrix = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
-        Camera.from_pose(matrix, 1.0, 1, 1)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return matrix
 
 
 # Cropping
