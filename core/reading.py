@@ -14,8 +14,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
+from io import BytesIO
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from PIL import Image, PngImagePlugin
 
@@ -251,7 +252,7 @@ def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
 
 
 @contextmanager
-def open_image(file: Path | IO[bytes], side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
+def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
     """An image of which the header has been read, and which is not too large to be decoded.
 
     Args:
@@ -272,7 +273,7 @@ def open_image(file: Path | IO[bytes], side: int | None = None, most: int = MAX_
         yield image
 
 
-def _opened(file: Path | IO[bytes]) -> Image.Image:
+def _opened(file: Path | BytesIO) -> Image.Image:
     limit = Image.MAX_IMAGE_PIXELS
     try:
         Image.MAX_IMAGE_PIXELS = None  # Pillow's own limit knows nothing of drafts and modes
@@ -283,7 +284,7 @@ def _opened(file: Path | IO[bytes]) -> Image.Image:
         Image.MAX_IMAGE_PIXELS = limit
 
 
-def _is_heif(file: Path | IO[bytes]) -> bool:
+def _is_heif(file: Path | BytesIO) -> bool:
     """By content, whatever the name says; then Pillow is made to know the format."""
     if isinstance(file, Path):
         with file.open("rb") as opened:

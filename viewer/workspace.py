@@ -159,7 +159,7 @@ class Workspace:
         objects = self.editor.objects
         self._kept, self._directions = objects.version, self.editor.state.directions
         try:
-            self._mine.sync(self.model, [one for one in objects.added if one.photo])
+            self._mine.sync(self.model, [one for one in objects.added if one.fitted])
             self._mine.keep_directions(self.model, self._directions)
         except (ValueError, OSError) as error:
             self._jobs.report("Cannot keep what was made", error)

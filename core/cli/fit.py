@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from core.cli.progress import require_writable
+from core.files import require_writable
 from core.fitting import fit as fits
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -44,7 +44,7 @@ def fit(chosen: argparse.Namespace) -> None:
     each = zip(chosen.images, poses, hints, strict=True)
     try:
         model = load_model(chosen.model or probable_model(chosen.images[0], hints[0]), chosen.device)
-        photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
+        photos = tuple(load_photo(image, model, pose, hint, pose_axes=chosen.pose_axes) for image, pose, hint in each)
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
     if warning := describe_category(guess_category(photos[0].pixels, photos[0].mask), model.category):

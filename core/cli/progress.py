@@ -1,7 +1,6 @@
-"""What commands share: a progress bar, and a check of where the result goes."""
+"""The progress bar of commands."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -15,14 +14,3 @@ def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
     with tqdm(total=total, unit=unit, initial=1, disable=None) as bar:
         for _ in stream:
             bar.update()
-
-
-def require_writable(path: Path) -> None:
-    """Check before the work that its result can be written.
-
-    Raises ``ValueError`` where the path is a folder or its folder does not exist.
-    """
-    if path.is_dir():
-        raise ValueError(f"cannot write {path}: it is a folder")
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"cannot write {path}: there is no folder {path.parent}")

@@ -22,7 +22,7 @@ FRONT_AZIMUTH = math.pi / 2
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """glTF has y up and the front at +z. Its own inverse's transpose: a row vector times it goes from the world to glTF."""
 MAX_SIDE = 16_384
-"""px of an image's width and height, as most OpenGL has it"""
+"""px of a square image's width and height, as most OpenGL has it; another has as many pixels at the most"""
 _OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -51,8 +51,8 @@ class Camera:
             raise ValueError(f"camera elevation must lie within 90 degrees, got {math.degrees(self.elevation):.2f}")
         if self.distance <= 0 or self.focal <= 0:
             raise ValueError(f"camera distance and focal must be positive, got {self.distance} and {self.focal}")
-        if not (1 <= self.width <= MAX_SIDE and 1 <= self.height <= MAX_SIDE):
-            raise ValueError(f"camera size must be 1 to {MAX_SIDE} px, got {self.width}x{self.height}")
+        if min(self.width, self.height) < 1 or self.width * self.height > MAX_SIDE**2:
+            raise ValueError(f"camera size must be 1 to {MAX_SIDE} px a side, got {self.width}x{self.height}")
 
     def resized(self, width: int, height: int) -> "Camera":
         """The same view at another size: the vertical field of view stays."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from core.files import atomic_file
@@ -24,8 +24,8 @@ class CategoryClassifier(CropClassifier):
     def save(self, path: Path) -> None:
         """Write weights, in half precision, and categories as one safetensors file."""
         state = {name: tensor.half().contiguous() for name, tensor in self.state_dict().items()}
-        with atomic_file(path) as partial:
-            save_file(state, partial, metadata={"categories": json.dumps(self.categories)})
+        with atomic_file(path, CategoryClassifier.load) as partial:
+            partial.write_bytes(save(state, metadata={"categories": json.dumps(self.categories)}))
 
     @classmethod
     def load(cls, path: Path) -> "CategoryClassifier":

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from core.files import atomic_file
@@ -164,8 +164,8 @@ class Model:
             "gallery_of": self.gallery_of,
             "extends": self.extends,
         }
-        with atomic_file(path) as partial:
-            save_file(_all_tensors(self), partial, metadata={"format": FORMAT, "model": json.dumps(about)})
+        with atomic_file(path, Model.load) as partial:
+            partial.write_bytes(save(_all_tensors(self), metadata={"format": FORMAT, "model": json.dumps(about)}))
 
     @classmethod
     def load(cls, path: Path) -> "Model":

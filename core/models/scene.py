@@ -17,7 +17,7 @@ from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.reading import optional, parse_json, read_text, reading, typed
+from core.reading import optional, parse_json, read_json, read_text, reading, typed
 
 IMAGE_FORMATS = (".png", ".jpg", ".webp")
 """The endings to offer: images that nearly every program opens."""
@@ -37,7 +37,7 @@ class Scene:
 
     def save(self, path: Path) -> None:
         """Write the scene as JSON, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
-        with atomic_file(path) as partial:
+        with atomic_file(path, lambda partial: typed(_About, read_json(partial))) as partial:
             partial.write_text(self.to_json() + "\n")
 
     def to_json(self) -> str:

@@ -81,7 +81,12 @@ class Crop:
 
 
 def load_photo(
-    path: Path, model: Model, pose: Path | None = None, hints: Hints | None = None, crop: Crop | None = None
+    path: Path,
+    model: Model,
+    pose: Path | None = None,
+    hints: Hints | None = None,
+    crop: Crop | None = None,
+    pose_axes: str = "opencv",
 ) -> Photo:
     """Read an image in any usual format, cut its object out and crop it for a model.
 
@@ -94,11 +99,12 @@ def load_photo(
         pose: a text file with the camera-to-world matrix of SRN (16 numbers); the image is then only resized.
         hints: where the object is, for an image without a plain background.
         crop: against the usual one.
+        pose_axes: of the pose, one of :data:`core.geometry.pose_files.POSE_AXES`.
 
     Raises ``ValueError``, one line naming the file, for anything that is no image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
-    matrix = None if pose is None else read_pose(pose)
+    matrix = None if pose is None else read_pose(pose, pose_axes)
     cut = read_cut_out(path, hints)
     with _naming(path):
         return prepare_photo(cut, model, matrix, crop)

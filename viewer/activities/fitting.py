@@ -391,7 +391,7 @@ class Fitting:
         return self.ready
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        return EditableObject(self.history.name, step.codes, self.history.photos[0].photo, step.confidence)
+        return EditableObject(self.history.name, step.codes, True, step.confidence)
 
     def _camera_of(self, step: FitStep) -> Camera:
         """Of the photo that is shown, at the size of the model's images."""

@@ -56,7 +56,7 @@ class PhotoPanel:
             _draw_start(context, fitting)
         if fitting.history.photo is None:
             imgui.spacing()
-            what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
+            what = f"Reading {fitting.history.sources[0].name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
         else:
             if not fitting.running:
@@ -200,7 +200,7 @@ def _draw_photos(fitting: Fitting) -> None:
         if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
             fitting.show_photo(number)
         imgui.end_disabled()
-        tooltip(source.path.name + (", its camera known" if source.pose else ""))
+        tooltip(source.name + (", its camera known" if source.pose else ""))
 
 
 def in_words(confidence: float) -> str:

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import torch
 
+from viewer.values.printable import printable
+
 _SECONDS, _ERROR_SECONDS = 5.0, 15.0
 """for which information stays on screen, and an error"""
 _MAX_OLDER, _MAX_ERRORS = 3, 2
@@ -71,6 +73,7 @@ class Messages:
 
     def notify(self, text: str, kind: Kind = Kind.INFO, detail: str = "") -> None:
         """Show a line, in place of the same one, if that is still there."""
+        text, detail = printable(text), printable(detail)
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
         infos = [message for message in left if message.kind is Kind.INFO]
         gone = [message for message in infos if message.faded or message not in infos[-_MAX_OLDER:]]

@@ -20,7 +20,7 @@ _SURE_FROM = 0.9
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
     """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is."""
     found, em = context.editor.objects[name], hello_imgui.em_size()
-    if found.photo:
+    if found.fitted:
         centre = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * em
         draw = imgui.get_window_draw_list()
         draw.add_circle_filled(centre, 0.42 * em, packed((0.07, 0.08, 0.09)))
@@ -38,7 +38,7 @@ def colour_of(found: EditableObject) -> Colour:
 
 def about(found: EditableObject) -> str:
     """A line for the tooltip of a fitted object; empty for any other."""
-    if not found.photo:
+    if not found.fitted:
         return ""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
     return f"\nRebuilt from a photo{sure}"
