@@ -175,7 +175,7 @@ class Workspace:
         objects = self.editor.objects
         self._kept, self._directions = objects.version, self.editor.state.directions
         try:
-            self._user_objects.sync(self.model, [one for one in objects.added if one.photo])
+            self._user_objects.sync(self.model, [one for one in objects.added if one.fitted])
             self._user_objects.keep_directions(self.model, self._directions)
         except (ValueError, OSError) as error:
             self._jobs.messages.report("Cannot keep what was made", error)

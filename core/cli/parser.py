@@ -140,6 +140,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
     command.add_argument(
+        "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="of --pose; opengl: as Blender has them"
+    )
+    command.add_argument(
         "--box",
         type=box,
         nargs="+",

@@ -286,4 +286,4 @@ class Fitting:
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        return EditableObject(self.history.name, step.codes, self.history.photos[0].photo, step.confidence)
+        return EditableObject(self.history.name, step.codes, True, step.confidence)

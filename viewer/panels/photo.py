@@ -53,7 +53,7 @@ class PhotoPanel(Panel):
             _draw_start(context, fitting)
         if fitting.history.photo is None:
             imgui.spacing()
-            what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
+            what = f"Reading {fitting.history.sources[0].name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
             if not fitting.running:
                 self._samples.draw(context)
@@ -204,7 +204,7 @@ def _draw_photos(fitting: Fitting) -> None:
         if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
             fitting.view.show_photo(number)
         imgui.end_disabled()
-        tooltip(source.path.name + (", its camera known" if source.pose else ""))
+        tooltip(source.name + (", its camera known" if source.pose else ""))
 
 
 def _invitation(context: PanelContext) -> str:

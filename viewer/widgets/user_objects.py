@@ -22,7 +22,7 @@ def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> N
     if name in context.fitting.results.unseen:
         centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
         draw.add_circle_filled(centre, 0.42 * em, packed(context.palette.accent))
-    if found.photo:
+    if found.fitted:
         centre = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * em
         draw.add_circle_filled(centre, 0.42 * em, packed((0.07, 0.08, 0.09)))
         draw.add_circle_filled(centre, 0.3 * em, packed(colour_of(found)))
@@ -35,7 +35,7 @@ def colour_of(found: EditableObject) -> Colour:
 
 def about(found: EditableObject) -> str:
     """A line for the tooltip of a fitted object; empty for any other."""
-    if not found.photo:
+    if not found.fitted:
         return ""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
     return f"\nRebuilt from a photo{sure}"
