@@ -45,7 +45,6 @@ class App:
         folder: Path | None = None,
         headless: bool = False,
         native_dialogs: bool | None = None,
-        leave_a_core: Callable[[], None] = lambda: None,
     ) -> None:
         """Nothing opens yet.
 
@@ -53,7 +52,6 @@ class App:
             folder: where layout and preferences are kept for the next time; None keeps nothing.
             headless: draw a window that nobody sees.
             native_dialogs: None: as the system has them.
-            leave_a_core: called where the processor draws the window.
         """
         window.prepare(headless)
         self.session = session
@@ -65,7 +63,6 @@ class App:
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless = size, folder, headless
-        self._leave_a_core = leave_a_core
         if folder:
             self.context.preferences = Preferences.load(folder)
             session.view = replace(session.view, quality=QUALITIES[self.context.preferences.quality])
@@ -196,8 +193,6 @@ class App:
     def _opened(self) -> None:
         self._gl = moderngl.get_context()
         self._software = window.in_software(self._gl)
-        if self._software:
-            self._leave_a_core()
         self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
         self.context.baked_canvas, self.context.fast_opengl = BakedCanvas(self._gl), is_fast(self._gl)
         # A mistake in a panel is logged by imgui, and does not end the program.

@@ -214,8 +214,10 @@ class PanelContext:
         self.files.ask(FileRequest("Save the project as", self._save_project, PROJECTS, True, f"project{SUFFIX}"))
 
     def _save_project(self, path: Path) -> None:
-        self.session.save_project(path)
-        self._remember(path)
+        if self.session.save_project(path):
+            self._remember(path)
+        else:
+            self.save_project_as()
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""

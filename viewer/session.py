@@ -1,7 +1,6 @@
 """A run of the program: the model that is open, and what stays when another is opened. No window here."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -18,6 +17,7 @@ from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
 from viewer.values.fit_history import PhotoSource
 from viewer.values.objects import EditableObject
+from viewer.values.printable import printable
 from viewer.values.project import Project
 from viewer.values.saved_session import SavedSession
 from viewer.values.view_request import ViewSettings
@@ -139,15 +139,16 @@ class Session:
         self._left = tuple(saved for saved in self._left if saved.model != model)
         return taken
 
-    def save_project(self, path: Path) -> None:
-        """Write all that was made into one file."""
+    def save_project(self, path: Path) -> bool:
+        """Write all that was made into one file, which names no folder of this machine; whether that could be done."""
         try:
-            replace(self.project(), path=None).save(path)  # a file that is handed on names no folder
-        except ValueError as error:
+            self.project().shared().save(path)
+        except Exception as error:
             self.messages.report("Cannot save the project", error)
-        else:
-            self.project_path = path
-            self.messages.notify(f"Saved {path.name}")
+            return False
+        self.project_path = path
+        self.messages.notify(f"Saved {path.name}")
+        return True
 
     def open_project(self, path: Path, keep_path: bool = True) -> None:
         """Put a project in the place of all that was made. What cannot be read changes nothing.
@@ -161,7 +162,7 @@ class Session:
             self.messages.notify(f"Opened {path.name}")
 
         try:
-            project = Project.load(path)
+            project = Project.load(path).beside(path.parent)
         except ValueError as error:
             self.messages.report("Cannot open the project", error)
         else:
@@ -189,24 +190,28 @@ class Session:
 
     def _opened(self, name: str, model: Model) -> None:
         replacing, self._replacing, self.loading = self._replacing, None, ""
-        if not replacing:
-            if self.workspace and (left := self.workspace.saved(self.model_name)):
-                self._left = (*self._left, left)
-            self._begin(name, model)
-        elif self._archive_current(replacing[0], model):
-            self._begin(name, model)
-            replacing[1]()
+        try:
+            if not replacing:
+                if self.workspace and (left := self.workspace.saved(self.model_name)):
+                    self._left = (*self._left, left)
+                self._begin(name, model)
+            elif self._archive_current(replacing[0], model):
+                self._begin(name, model)
+                replacing[1]()
+        except Exception as error:  # of a model that stands in no window
+            self.messages.report(f"Cannot open the model {name}", error)
         deferred, self._deferred = self._deferred, []
         for action in deferred:
             action()
 
     def _begin(self, name: str, model: Model) -> None:
-        """Give a model a workspace, and go on with what was made with it."""
+        """Give a model a workspace, once that stands in place of the old one, and go on with what was made with it."""
         if self.workspace:
             self.view = self.workspace.viewport.settings
+        begun = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.user_objects)
+        if self.workspace:
             self.workspace.close()
-        self.model_name = name
-        self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.user_objects)
+        self.model_name, self.workspace = name, begun
         self.workspace.fitting.other_category.connect(self._fit_with_its_model)
         self.workspace.start()
         for left in self._take(name):
@@ -233,7 +238,7 @@ class Session:
         except ValueError as error:
             self._open_with_another_model(path, error)
         else:
-            workspace.editor.add_and_show(EditableObject(path.stem, scene.codes), scene.camera)
+            workspace.editor.add_and_show(EditableObject(printable(path.stem), scene.codes), scene.camera)
             self.messages.notify(f"Opened {path.name}")
 
     def _open_with_another_model(self, path: Path, error: ValueError) -> None:

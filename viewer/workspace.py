@@ -21,7 +21,7 @@ from viewer.values.saved_session import SavedSession
 from viewer.values.view_request import ViewSettings
 
 _VIEW_BANK_SHARE = 0.2
-"""of the worker's time, for what the first fit will need"""
+"""of the worker's time: a fit that waits for it has all the rest"""
 
 
 class Workspace:
@@ -43,6 +43,7 @@ class Workspace:
         self._initially_there = frozenset(map(self.editor.objects.add, user_objects.open(model)))
         """names of objects that were there from the beginning"""
         self._kept = self.editor.objects.version
+        self._prepared = 0.0
         self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
         """photos whose object is to be pointed out after the one that is"""
         self._prompting: tuple[PhotoSource, ...] = ()
@@ -57,10 +58,18 @@ class Workspace:
         self.exporting = Exporting(jobs, self.editor, self.grid)
 
     def start(self) -> None:
-        """Render the first image, and prepare what a fit will need."""
+        """Render the first image, and make what fits wait for."""
         self.viewport.render()
         view_bank = self._jobs.backend.view_bank
-        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), lambda _: None, share=_VIEW_BANK_SHARE))
+        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), self._prepare, share=_VIEW_BANK_SHARE))
+
+    def _prepare(self, share: float) -> None:
+        self._prepared = share
+
+    @property
+    def preparing(self) -> float | None:
+        """Which share (0..1) of the view bank is made; None once it is there."""
+        return self._prepared if self._prepared < 1 and self._jobs.busy("view bank") else None
 
     def tick(self) -> None:
         """Once a frame: what advances with time."""
@@ -166,7 +175,7 @@ class Workspace:
         objects = self.editor.objects
         self._kept, self._directions = objects.version, self.editor.state.directions
         try:
-            self._user_objects.sync(self.model, [one for one in objects.added if one.photo])
+            self._user_objects.sync(self.model, [one for one in objects.added if one.fitted])
             self._user_objects.keep_directions(self.model, self._directions)
         except (ValueError, OSError) as error:
             self._jobs.messages.report("Cannot keep what was made", error)

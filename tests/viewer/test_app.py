@@ -123,11 +123,8 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
 
 
-@pytest.mark.parametrize("name", ["chairs", "cars"])
-def test_ending_the_program_in_a_fit_loses_nothing(
-    drive: Drive, backend: Backend, photo: Path, tmp_path: Path, name: str
-) -> None:
-    folder = tmp_path / "config"
+def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, backend: Backend, photo: Path, tmp_path: Path) -> None:
+    folder, name = tmp_path / "config", "cars"  # not the model that is open at first
 
     def first(window: Driver) -> None:
         window.click(f"##MainMenuBar/##MenuBar/###model {name}")
@@ -241,7 +238,7 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
     drive(act)
 
 
-@pytest.mark.parametrize("size", [(900, 600), (1280, 800), (3840, 2160)])
+@pytest.mark.parametrize("size", [(900, 600), (1900, 1000)])
 def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
     def act(window: Driver) -> None:
         editor = window.workspace.editor
@@ -265,10 +262,9 @@ def too_wide() -> dict[str, float]:
     return {name: px for name, px in found.items() if px}
 
 
-@pytest.mark.parametrize("text", [1.0, 2.0])
-def test_nothing_is_cut_off_at_the_right_where_the_window_is_small(drive: Drive, text: float) -> None:
+def test_nothing_is_cut_off_at_the_right_where_the_window_is_small_and_texts_are_large(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        window.context.set_preference(text=text)
+        window.context.set_preference(text=2.0)
         window.workspace.player.add_key()
         window.wait()
         for panel in window.app.panels:
@@ -278,9 +274,8 @@ def test_nothing_is_cut_off_at_the_right_where_the_window_is_small(drive: Drive,
     drive(act, size=(900, 600))
 
 
-@pytest.mark.parametrize("text", [1.0, 2.0])
-def test_no_dialog_is_cut_off_where_the_window_is_small(
-    drive: Drive, backend: Backend, photo: Path, tmp_path: Path, text: float
+def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
+    drive: Drive, backend: Backend, photo: Path, tmp_path: Path
 ) -> None:
     def act(window: Driver) -> None:
         def look() -> None:
@@ -288,7 +283,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small(
             assert not too_wide()
 
         context = window.context
-        context.set_preference(text=text)
+        context.set_preference(text=2.0)
         look()
         window.click("Messages/###discard 0")
         for kind in KINDS:

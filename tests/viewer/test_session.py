@@ -1,14 +1,17 @@
 import json
+import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.scene import Scene, save_image
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import endless_fit
+from tests.viewer.stand_ins import endless_fit, quick_fit
 from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.messages import MessageKind
@@ -92,6 +95,35 @@ def test_an_image_dropped_while_the_model_loads_is_fitted_then(worker: Worker, b
     session.open_model("chairs")
     finish(session, lambda: session.workspace is not None and not session.fitting_runs)
     assert opened(session).editor.objects.names[0] == "block"
+
+
+def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
+    worker: Worker, backend: Backend, photo: Path
+) -> None:
+    made, order = threading.Event(), list[str]()
+
+    def view_bank(model: Model) -> Iterator[float]:
+        yield 0.25
+        while not made.is_set():
+            yield 0.5
+        order.append("made")
+        yield 1.0
+
+    def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        order.append("fitted")
+        yield from quick_fit(model, job)
+
+    session = Session(worker, replace(backend, view_bank=view_bank, fit=fit))
+    session.open_model("chairs")
+    session.fit_photos(photo)
+    deliver(session, lambda: session.workspace is not None and session.workspace.preparing == 0.5)
+    assert session.fitting_runs
+    assert not order
+    made.set()
+    finish(session, lambda: not session.fitting_runs)
+    finish(session)
+    assert opened(session).preparing is None
+    assert "made" in order[: order.index("fitted")]
 
 
 def test_scenes_come_back_exactly(session: Session, editor: Editor, workspace: Workspace, tmp_path: Path) -> None:

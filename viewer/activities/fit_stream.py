@@ -1,7 +1,6 @@
 """What a fit in the window is asked for, and the stream of what it finds; it runs on the worker."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
@@ -38,9 +37,8 @@ def fit_stream(
 ) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
     """The photos that have not been read, what the first shows, then the steps."""
     history, resume_from = request.history, request.resume_from
-    if resume_from is None:
-        with suppress(ValueError):  # without a view bank, the steps that need one raise
-            yield from backend.view_bank(model)
+    for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it
+        yield None
     photos = [fitted.photo for fitted in history.photos]
     for source in history.sources[len(photos) :]:
         photos.append(backend.load_photo(source.path, model, *source[1:]))

@@ -4,8 +4,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from core.fitting.category_check import describe_category, likeliest_category
 from core.fitting.fit import FitStep, Hypothesis
-from core.fitting.plausibility import describe_category, likeliest_category
 from core.photos.plain_background import NoBackgroundError
 from viewer.activities.candidates import Candidates
 from viewer.activities.fit_results import FitResults
@@ -286,4 +286,4 @@ class Fitting:
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        return EditableObject(self.history.name, step.codes, self.history.photos[0].photo, step.confidence)
+        return EditableObject(self.history.name, step.codes, True, step.confidence)

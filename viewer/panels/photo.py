@@ -4,7 +4,7 @@ from functools import partial
 
 from imgui_bundle import icons_fontawesome_4, imgui
 
-from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
+from core.fitting.confidence import RIGHT_DEGREES, in_words
 from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.activities.fitting import Fitting
@@ -31,8 +31,6 @@ for a camera that was not found"""
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
 _TALLEST = 1.0
 """height of the comparison, relative to the panel's width"""
-_SURE = 0.9
-"""Nearly all cameras of more confidence were right."""
 
 
 class PhotoPanel(Panel):
@@ -55,7 +53,7 @@ class PhotoPanel(Panel):
             _draw_start(context, fitting)
         if fitting.history.photo is None:
             imgui.spacing()
-            what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
+            what = f"Reading {fitting.history.sources[0].name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
             if not fitting.running:
                 self._samples.draw(context)
@@ -206,14 +204,7 @@ def _draw_photos(fitting: Fitting) -> None:
         if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
             fitting.view.show_photo(number)
         imgui.end_disabled()
-        tooltip(source.path.name + (", its camera known" if source.pose else ""))
-
-
-def in_words(confidence: float) -> str:
-    """The confidence of a fitted camera (0..1), in a word."""
-    if confidence < DOUBTFUL:
-        return "doubtful"
-    return "sure" if confidence > _SURE else "likely"
+        tooltip(source.name + (", its camera known" if source.pose else ""))
 
 
 def _invitation(context: PanelContext) -> str:

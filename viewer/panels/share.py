@@ -17,6 +17,7 @@ from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
+from viewer.values.printable import printable
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
 from viewer.widgets.controls import action_button, button, choose, draw_progress, flow, tooltip
 
@@ -230,7 +231,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:
         imgui.align_text_to_frame_padding()
-        imgui.text(f"Saved to {saved.parent.name}/{saved.name}")
+        imgui.text(printable(f"Saved to {saved.parent.name}/{saved.name}"))
         tooltip(str(saved))
         flow("Show in folder")
         if button("Show in folder###show in folder", "Open the folder that the file is in"):

@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 
 import torch
 
+from viewer.values.printable import printable
+
 _MAX_OLDER, _MAX_ERRORS = 3, 2
 """lines of information that stay beside a new one until they fade, and errors shown at a time"""
 _LOGGED = 500
@@ -83,6 +85,9 @@ class Messages:
 
     def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
         """Show a line, in place of the same one, if that is still there; ``more`` are fields of a :class:`Message`."""
+        text = printable(text)
+        if "detail" in more:
+            more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
         passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.lasts]
         gone = [message for message in passing if message.faded or message not in passing[-_MAX_OLDER:]]

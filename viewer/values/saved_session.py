@@ -1,6 +1,8 @@
 """All that a person made with a model, as values that can be written down, and how they become JSON and back."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from core.fitting.fit import Hypothesis
@@ -9,9 +11,6 @@ from viewer.values.encoding import Parts, decode, encode
 from viewer.values.fit_history import FitHistory, FitRequest
 from viewer.values.history import History
 from viewer.values.objects import EditableObject, ObjectLibrary
-
-UNREADABLE = KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError
-"""What reading raises where text is no session."""
 
 
 class SavedTile(NamedTuple):
@@ -57,14 +56,39 @@ class SavedSession:
         if any(not state.mix.names <= known for state in self.history.states):
             raise ValueError("it mixes objects that are not here")
 
+    def moved(self, move: Callable[[Path], Path]) -> "SavedSession":
+        """With other paths of the photos and poses that have been read."""
+        pending = tuple(one._replace(history=_moved(one.history, move)) for one in self.pending)
+        return replace(self, fit=_moved(self.fit, move), pending=pending)
+
     def encoded(self, parts: Parts) -> Any:
         """As JSON; what it refers to joins the parts."""
         return encode(replace(self, fit=_without_renders(self.fit), pending=tuple(map(_request, self.pending))), parts)
 
     @classmethod
     def decoded(cls, about: Any, parts: Parts) -> "SavedSession":
-        """What :meth:`encoded` was made of. Raises one of :data:`UNREADABLE`."""
-        return decode(cls, about, parts)
+        """What :meth:`encoded` was made of. Raises ``ValueError`` where it is no session."""
+        found: SavedSession = decode(cls, about, parts)
+        for fit in (found.fit, *(request.history for request in found.pending)):
+            _check_cameras(fit)
+        return found
+
+
+def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
+    """What has not been read yet stays where it is."""
+    read = [one._replace(path=move(one.path), pose=one.pose and move(one.pose)) for one in fit.sources]
+    read = read[: len(fit.photos)]
+    photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))
+    return replace(fit, sources=(*read, *fit.sources[len(read) :]), photos=photos)
+
+
+def _check_cameras(fit: FitHistory) -> None:
+    """Raise ``ValueError`` where the cameras of a fit are not of its photos' sizes, at which they are rendered."""
+    sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
+    for step in fit.steps:
+        for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
+            if not {(camera.width, camera.height) for camera in cameras} <= sizes:
+                raise ValueError("the cameras have another size than the photos")
 
 
 def _without_renders(fit: FitHistory) -> FitHistory:

@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from PIL import Image
 
 from core.models.library import sample_images
+from core.reading import open_image
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
@@ -110,7 +111,7 @@ class Samples:
     def _of(self, path: Path) -> np.ndarray:
         """The photo, small, on white."""
         if path not in self._pixels:
-            with Image.open(path) as image:
+            with open_image(path) as image:
                 image.thumbnail((128, 128))
                 square = Image.new("RGBA", (max(image.size),) * 2, "white")
                 square.alpha_composite(image.convert("RGBA"), tuple((square.width - side) // 2 for side in image.size))

@@ -13,7 +13,6 @@ from core.models.model import Model
 from core.photos.photo import Photo
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit, quick_frames, quick_photo
-from viewer.panels.photo import in_words
 from viewer.services.backend import Backend
 
 
@@ -181,11 +180,6 @@ def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backe
         return (replace(step, runner_up=None, margin=None) for step in quick_fit(model, job))
 
     drive(act, replace(backend, fit=lone_fit))
-
-
-@pytest.mark.parametrize(("confidence", "words"), [(0.95, "sure"), (0.9, "likely"), (0.5, "likely"), (0.2, "doubtful")])
-def test_confidence_has_words(confidence: float, words: str) -> None:
-    assert in_words(confidence).split(",")[0] == words
 
 
 def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, photo: Path) -> None:

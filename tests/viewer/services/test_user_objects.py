@@ -2,11 +2,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from core.models.model import Model
 from core.models.scene import open_scene
-from core.photos.photo import Photo
 from tests.conftest import random_model
 from viewer.services.user_objects import UserObjects
 from viewer.values.direction import Direction
@@ -16,9 +14,7 @@ from viewer.values.part import PARTS
 
 @pytest.fixture
 def fitted(model: Model) -> EditableObject:
-    mask = torch.zeros(8, 8, dtype=torch.bool)
-    mask[2:5] = True
-    return EditableObject("Red chair (2)", model.codes[1], Photo(torch.rand(8, 8, 3), mask), 0.83)
+    return EditableObject("Red chair (2)", model.codes[1], True, 0.83)
 
 
 def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
@@ -28,7 +24,7 @@ def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted
     (found,) = UserObjects(tmp_path / "mine").open(model)
     assert (found.name, found.confidence) == ("Red chair (2)", 0.83)
     assert found.codes == fitted.codes
-    assert found.photo is not None
+    assert found.fitted
     (path,) = (tmp_path / "mine").iterdir()
     assert open_scene(path, model).codes == fitted.codes  # it opens as any scene
     assert UserObjects(tmp_path / "mine").open(random_model(seed=7)) == ()
