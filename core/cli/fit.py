@@ -14,17 +14,19 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from core.cli.progress import require_writable, wait_for_view_bank
+from core.cli.progress import wait_for_view_bank
+from core.files import require_writable
 from core.fitting.category_check import describe_category, guess_category, likeliest_category
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
+from core.geometry.pose_files import read_pose
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.decode import read_rgba, upright_size
-from core.photos.photo import Photo, naming, prepare_photo, read_pose
+from core.photos.photo import Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
 
@@ -49,7 +51,7 @@ def fit(chosen: argparse.Namespace) -> None:
     model = load_model(chosen.model or probable_model(cuts[0]), chosen.device)
     with clock("view_bank"):
         wait_for_view_bank(model)
-    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses))
+    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
     if warning := describe_category(guess_category(photos[0].pixels, photos[0].mask), model.category):
         print(f"python -m core: {warning}", file=sys.stderr)
     with clock("search"):
@@ -93,9 +95,9 @@ def _cut_out(path: Path, hints: Hints | None, clock: Stopwatch) -> CutOut:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
 
 
-def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None) -> Photo:
+def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) -> Photo:
     with naming(path):
-        return prepare_photo(cut, model, read_pose(pose) if pose else None)
+        return prepare_photo(cut, model, read_pose(pose, axes) if pose else None)
 
 
 def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:

@@ -30,13 +30,14 @@ from core.benchmarks.figures import fit_photo, write_figures
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.benchmarks.machine import describe_machine
 from core.cli.fit import probable_model
-from core.cli.progress import require_writable, wait_for_view_bank
+from core.cli.progress import wait_for_view_bank
 from core.datasets.splits import evenly_spaced
 from core.datasets.srn import ObjectEntry, index_objects, read_dataset
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
 from core.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
+from core.files import require_writable
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
 from core.photos.photo import load_photo, read_cut_out

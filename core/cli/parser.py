@@ -8,7 +8,6 @@ from typing import NoReturn
 
 from core.cli.argument_types import box, count, degrees, view_numbers
 from core.cli.bench_parser import add_bench
-from core.cli.legacy import current_words
 from core.cli.options import add_command, add_device, add_model, add_seed
 from core.datasets.categories import SPLITS, SRN_DISTANCES
 from core.fitting.settings import PRESETS
@@ -26,9 +25,9 @@ class _Parser(argparse.ArgumentParser):
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """The options of one command; ``run`` names the function that executes it, as ``module.function`` of core.cli.
 
-    Words that were renamed are understood. Exits with status 2 and one line on stderr where the words are wrong.
+    Exits with status 2 and one line on stderr where the words are wrong.
     """
-    return build_parser().parse_args(current_words(arguments))
+    return build_parser().parse_args(arguments)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -139,6 +138,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     _add_guessed_model(command)
     command.add_argument(
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
+    )
+    command.add_argument(
+        "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="of --pose; opengl: as Blender has them"
     )
     command.add_argument(
         "--box",

@@ -1,7 +1,6 @@
-"""What commands share: progress bars, and a check of where the result goes."""
+"""Progress bars of commands."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from tqdm import tqdm
 
@@ -22,14 +21,3 @@ def wait_for_view_bank(model: Model) -> None:
     with tqdm(desc="view bank", total=1.0, bar_format="{desc} {percentage:.0f} %", leave=False, disable=None) as bar:
         for share in build_view_bank(model):
             bar.update(share - bar.n)
-
-
-def require_writable(path: Path) -> None:
-    """Check before the work that its result can be written.
-
-    Raises ``ValueError`` where the path is a folder or its folder does not exist.
-    """
-    if path.is_dir():
-        raise ValueError(f"cannot write {path}: it is a folder")
-    if not path.absolute().parent.is_dir():
-        raise ValueError(f"cannot write {path}: there is no folder {path.parent}")

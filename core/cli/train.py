@@ -8,13 +8,14 @@ from dataclasses import replace
 import torch
 from tqdm import tqdm
 
-from core.cli.progress import require_writable, run_with_progress
+from core.cli.progress import run_with_progress
 from core.datasets.glb_objects import render_meshes, select_meshes
 from core.datasets.light import Light, daylight, sample_light
 from core.datasets.mesh_variants import pairs
 from core.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
 from core.datasets.srn import Dataset, read_dataset
 from core.datasets.srn_cameras import SPIRAL_VIEWS
+from core.files import require_writable
 from core.models.authors_checkpoint import load_authors
 from core.models.category import CategoryClassifier
 from core.models.field_config import FieldConfig

@@ -118,6 +118,9 @@ class CodeBook:
     """Shape and texture space of all training objects, where the book keeps only some of them (a gallery)."""
 
     def __post_init__(self) -> None:
+        spaces = [part for space in self.spaces or () for part in (space.mean, space.directions, space.std)]
+        if not all(bool(torch.isfinite(part).all()) for part in (self.shapes, self.textures, *spaces)):
+            raise ValueError("codes must be finite")
         if not self.collapsed <= set(range(len(self.objects))):
             raise ValueError(f"collapsed objects {sorted(self.collapsed)} of a book of {len(self.objects)}")
         for entry in self.objects:

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
+from core.geometry.pose_files import read_pose
 from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
@@ -81,7 +82,12 @@ class Crop:
 
 
 def load_photo(
-    path: Path, model: Model, pose: Path | None = None, hints: Hints | None = None, crop: Crop | None = None
+    path: Path,
+    model: Model,
+    pose: Path | None = None,
+    hints: Hints | None = None,
+    crop: Crop | None = None,
+    pose_axes: str = "opencv",
 ) -> Photo:
     """Read an image in any usual format, cut its object out and crop it for a model.
 
@@ -94,12 +100,13 @@ def load_photo(
         pose: a text file with the camera-to-world matrix of SRN (16 numbers); the image is then only resized.
         hints: where the object is, for an image without a plain background.
         crop: against the usual one.
+        pose_axes: of the pose, one of :data:`core.geometry.pose_files.POSE_AXES`.
 
     Without a pose the model's view bank must be there (:func:`core.photos.view_bank.build_view_bank`). Raises
     ``ValueError``, one line naming the file, where it is not and for anything that is no image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
-    matrix = None if pose is None else read_pose(pose)
+    matrix = None if pose is None else read_pose(pose, pose_axes)
     cut = read_cut_out(path, hints)
     with naming(path):
         return prepare_photo(cut, model, matrix, crop)
@@ -162,24 +169,6 @@ def prepare_photo(
         raise ValueError("the object is moved out of its image")
     focal = cut.focal and cut.focal * size / (2 * half)
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
-
-
-def read_pose(path: Path) -> Float[Tensor, "4 4"]:
-    """The camera-to-world matrix of SRN, 16 numbers in a text file. Raises ``ValueError`` naming the file."""
-    try:
-        numbers = [float(word) for word in path.read_text().split()]
-    except FileNotFoundError:
-        raise ValueError(f"no such pose: {path}") from None
-    except (OSError, ValueError):
-        raise ValueError(f"{path}: cannot be read as a pose (16 numbers)") from None
-    if len(numbers) != 16:
-        raise ValueError(f"{path}: a pose has 16 numbers, got {len(numbers)}")
-    try:
-        matrix = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
-        Camera.from_pose(matrix, 1.0, 1, 1)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return matrix
 
 
 # Cropping

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -61,7 +62,7 @@ def worker() -> Iterator[Worker]:
 def session(worker: Worker, backend: Backend) -> Session:
     """A session with its model open and everything rendered, without a window."""
     session = Session(worker, backend, seed=0)
-    session.view.quality = Quality(32, 96)
+    session.view = replace(session.view, quality=Quality(32, 96))
     session.open_model("chairs")
     finish(session)
     return session
@@ -128,7 +129,7 @@ def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFacto
         folder: Path | None = None,
     ) -> None:
         session = Session(Worker(), backend, seed=0)
-        session.view.quality = Quality(32, 96)
+        session.view = replace(session.view, quality=Quality(32, 96))
         app = App(session, size, folder, headless=True, native_dialogs=False)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:

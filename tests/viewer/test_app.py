@@ -68,7 +68,7 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
 
     def second(window: Driver) -> None:
         workspace, editor = window.workspace, window.workspace.editor
-        assert not window.ctx.window_info("//###Recovery").window
+        assert not window.context.autosave.recoverable
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert workspace.fitting.history.photo is not None
@@ -103,15 +103,15 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
         made.append(workspace.editor.history)
 
     def second(window: Driver) -> None:
-        window.click("###Recovery/###restore")
+        window.click("Messages/###restore 0")
         window.wait(lambda: not window.session.fitting_runs)
         window.wait()
         editor = window.workspace.editor
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert editor.objects.names[0] == "block"
-        assert not window.context.autosave.left
-        window.click("###Running fit/###show ready")
+        assert not window.context.autosave.recoverable
+        window.click(f"Messages/###show {len(window.session.messages.shown) - 1}")
         assert editor.state.mix.a.shape == "block"
         window.undo()
         assert editor.history.now == made[0].now
@@ -285,7 +285,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         context = window.context
         context.set_preference(text=2.0)
         look()
-        window.click("###Recovery/###discard")
+        window.click("Messages/###discard 0")
         for kind in KINDS:
             context.share(kind)
             look()
@@ -326,6 +326,37 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
     drive(act, replace(backend, fit=endless_fit), size=(900, 600), folder=tmp_path / "config")
 
 
+def test_a_chord_that_is_let_go_within_a_slow_frame_is_no_letter(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        key, io = imgui.Key, imgui.get_io()
+        editor = window.workspace.editor
+        window.ctx.run_flags |= imgui.test_engine.TestRunFlags_.enable_raw_inputs.value
+        for letter in (key.e, key.r):
+            for frame in (((key.mod_ctrl, True),), ((letter, True), (key.mod_ctrl, False)), ((letter, False),)):
+                for event in frame:
+                    io.add_key_event(*event)
+                window.ctx.yield_()
+        assert window.context.share_open
+        assert not editor.history.past  # R alone is another object
+
+    drive(act)
+
+
+def test_letters_typed_while_a_dialog_is_open_change_no_object(drive: Drive) -> None:
+    def act(window: Driver) -> None:
+        editor, key = window.workspace.editor, imgui.Key
+        before = editor.history
+        window.press(key.mod_ctrl, key.e)
+        window.press(key.r)
+        window.press(key.k)
+        assert editor.history is before
+        window.press(key.escape)
+        window.press(key.r)
+        assert editor.history is not before
+
+    drive(act)
+
+
 def test_bad_files_are_reported_and_change_nothing(
     drive: Drive, bad_files: dict[str, Path], tmp_path: Path, model: Model
 ) -> None:
@@ -345,23 +376,3 @@ def test_bad_files_are_reported_and_change_nothing(
         window.context.drop([])
 
     drive(act)
-
-
-def test_a_layout_of_an_older_version_still_holds(drive: Drive, tmp_path: Path) -> None:
-    folder, renamed = tmp_path / "config", {"Shape × texture grid": "Sheet", "Performance": "Speed", "Sliders": "Codes"}
-
-    def place(window: Driver) -> tuple[float, float]:
-        window.show("Shape × texture grid")
-        corner = window.ctx.window_info("//Shape × texture grid").window.pos
-        return corner.x, corner.y
-
-    places: list[tuple[float, float]] = []
-    drive(lambda window: places.append(place(window)), folder=folder)
-    layout = (folder / "window.ini").read_text("utf-8")
-    for new, old in renamed.items():
-        assert f"[Window][{new}]" in layout
-        layout = layout.replace(f"[Window][{new}]", f"[Window][{old}]")
-    (folder / "window.ini").write_text(layout, "utf-8")
-    drive(lambda window: places.append(place(window)), folder=folder)
-    assert places[0] == places[1]
-    assert "[Window][Sheet]" not in (folder / "window.ini").read_text("utf-8")

@@ -11,9 +11,10 @@ from core.models.model import Model
 from core.models.scene import Scene, save_image
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import quick_fit
+from tests.viewer.stand_ins import endless_fit, quick_fit
 from viewer.editor import Editor
 from viewer.services.backend import Backend
+from viewer.services.messages import MessageKind
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
@@ -261,9 +262,22 @@ def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
     assert opened(session).editor.history == before
 
 
-def test_a_photo_of_nothing_known_is_fitted_and_a_person_is_told(session: Session, photo: Path) -> None:
+def test_a_photo_of_nothing_known_is_fitted_unless_a_person_stops_it(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
     session.fit_photos(photo)
     finish(session, lambda: not session.fitting_runs)
     assert opened(session).editor.objects.names[0] == "block"
-    assert "block: this does not look like a chair" in [one.text for one in session.messages.all]
+    (note,) = [one for one in session.messages.all if one.text == "block: this does not look like a chair"]
+    assert note.kind is MessageKind.NOTE
+    before = opened(session).fitting.history
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    session.fit_photos(photo)
+    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    note.buttons[1].press()  # of a fit that is over: nothing happens
+    assert session.fitting_runs
+    stop = session.messages.all[-1].buttons[1]
+    assert stop.label == "Stop"
+    stop.press()
+    assert not session.fitting_runs
+    assert opened(session).fitting.history is before
+    assert opened(session).editor.objects.own == ["block"]

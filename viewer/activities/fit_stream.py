@@ -9,7 +9,7 @@ from core.models.model import Model
 from viewer.services.backend import Backend
 from viewer.values.fit_history import FitRequest, FittedPhoto
 
-CHOICES = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
+WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
 """Presets to choose from; the paper's own recipe is a baseline for the command line."""
 _RESUMED_SHARE = 3
 """A fit that is resumed has one of so many steps of the preset: there is no search."""
@@ -36,7 +36,7 @@ def fit_stream(
     backend: Backend, model: Model, request: FitRequest, settings: FitSettings
 ) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
     """The photos that have not been read, what the first shows, then the steps."""
-    history, resume_from = request
+    history, resume_from = request.history, request.resume_from
     for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it
         yield None
     photos = [fitted.photo for fitted in history.photos]

@@ -76,7 +76,7 @@ class Segmenting:
         def ended(error: Exception | None) -> None:
             if error:
                 self.close()
-                self._jobs.report("Cannot open this image", error)
+                self._jobs.messages.report("Cannot open this image", error)
 
         self._jobs.submit(Job("segmentation", lambda: (read_rgba(source.path),), read, ended))
 
@@ -137,7 +137,7 @@ class Segmenting:
             if isinstance(error, ValueError):
                 self.result, self.problem = None, error_text(error)
             elif error:
-                self._jobs.report("Cannot segment the photo", error)
+                self._jobs.messages.report("Cannot segment the photo", error)
 
         self._jobs.submit(Job("segmentation", stream, keep, ended, urgent=True))
 

@@ -17,6 +17,7 @@ from core.geometry.pixels import to_bytes
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
+from viewer.values.printable import printable
 
 MAX_STEPS = 800
 """kept; of more, every other one is forgotten"""
@@ -31,6 +32,11 @@ class PhotoSource(NamedTuple):
     hints: Hints | None = None
     """where the object is, where a person pointed it out"""
     crop: Crop | None = None
+
+    @property
+    def name(self) -> str:
+        """Of its file, as the window can draw it."""
+        return printable(self.path.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +78,7 @@ class FitHistory:
     @property
     def name(self) -> str:
         """Of the object: that of its first photo."""
-        return self.sources[0].path.stem if self.sources else ""
+        return printable(self.sources[0].path.stem) if self.sources else ""
 
     @property
     def photo(self) -> FittedPhoto | None:
@@ -117,6 +123,8 @@ class FitRequest(NamedTuple):
 
     history: FitHistory
     resume_from: Hypothesis | None = None
+    restored: bool = False
+    """of a run that ended in it, maybe after its result had joined the objects"""
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:

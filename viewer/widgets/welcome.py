@@ -1,5 +1,6 @@
 """The way in: a large button to open a photo, one sentence, and photos to try; there until something is made."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from PIL import Image
 
 from core.models.library import sample_images
+from core.reading import open_image
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
@@ -19,6 +21,8 @@ _NARROW = 14.0
 """em: in a narrower card there is no room for a heading"""
 _PADDING = 0.8
 """em"""
+_SMALL, _SMALL_SAMPLE = 11.0, 3.0
+"""em: the card and a thumbnail once the object has been turned"""
 _SAMPLE = 0.13
 """of the view's height: the largest thumbnail of a sample"""
 
@@ -27,37 +31,45 @@ class Welcome:
     """A card at the bottom of the view."""
 
     def __init__(self) -> None:
-        self._pixels: dict[Path, np.ndarray] = {}
+        self._samples = Samples()
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
-        """Whether nothing has been made, edited or begun yet."""
-        editor = context.editor
-        return not (
-            editor.history.past or editor.objects.added or context.fitting.running or context.fitting.history.photo
-        )
+        """Whether nothing has been made, edited or begun yet; to turn the object is no edit."""
+        editor, fitting = context.editor, context.fitting
+        first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
+        edited = timeline.keys or any(state.scene.codes is not first for state in editor.history.states)
+        return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Into the bottom of a rectangle (px) of the window."""
+        """Into the bottom of a rectangle (px) of the window; the photos alone, once the object has been turned."""
         em = hello_imgui.em_size()
-        width = min(_WIDEST * em, size.x - 2 * _MARGIN * em)
+        small = bool(context.editor.history.past)
+        width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
+        padding = (0.4 if small else _PADDING) * em
         imgui.set_cursor_screen_pos(ImVec2(corner.x + (size.x - width) / 2, self._top(corner, size, em)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (padding, padding))
         flags = imgui.ChildFlags_
         shape = flags.auto_resize_y | flags.always_use_window_padding
-        if imgui.begin_child("welcome", (width, 0), shape):
-            narrow = width < _NARROW * em
-            imgui.text_wrapped(_SENTENCE) if narrow else heading(context, _SENTENCE)
-            label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
-            imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
-            action_button(context, "fit_image", label, -1, context.palette.accent)
-            imgui.pop_style_var()
-            self._draw_samples(context, size.y)
+        # The arrow keys turn the object; they are not to walk through the card as well.
+        if imgui.begin_child("welcome", (width, 0), shape, imgui.WindowFlags_.no_nav):
+            if not small:
+                self._draw_open(context, narrow=width < _NARROW * em)
+            self._samples.draw(context, _SMALL_SAMPLE * em if small else _SAMPLE * size.y)
         imgui.end_child()
         self._height = imgui.get_item_rect_size().y
         imgui.pop_style_var()
         imgui.pop_style_color()
+
+    @staticmethod
+    def _draw_open(context: PanelContext, narrow: bool) -> None:
+        imgui.text_wrapped(_SENTENCE) if narrow else heading(context, _SENTENCE)
+        label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
+        em = hello_imgui.em_size()
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
+        action_button(context, "fit_image", label, -1, context.palette.accent)
+        imgui.pop_style_var()
 
     _height = 0.0
     """px, in the last frame"""
@@ -65,14 +77,21 @@ class Welcome:
     def _top(self, corner: ImVec2, size: ImVec2, em: float) -> float:
         return corner.y + max(0.0, size.y - self._height - _MARGIN * em)
 
-    def _draw_samples(self, context: PanelContext, height: float) -> None:
-        """As large as the height of the view allows, whose middle stays free."""
+
+class Samples:
+    """Photos to try, small; a click rebuilds one."""
+
+    def __init__(self) -> None:
+        self._pixels: dict[Path, np.ndarray] = {}
+
+    def draw(self, context: PanelContext, largest: float = math.inf) -> None:
+        """In a line, each so many px wide at the most."""
         em, gap = hello_imgui.em_size(), 0.6 * hello_imgui.em_size()
         paths = sample_images(context.editor.model.category)
         if not paths:
             return
         room = imgui.get_content_region_avail().x
-        side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), _SAMPLE * height)
+        side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), largest)
         if side == object_tiles.THUMBNAIL * em:
             caption(context, "Or try one of these:")
         for number, path in enumerate(paths):
@@ -92,7 +111,7 @@ class Welcome:
     def _of(self, path: Path) -> np.ndarray:
         """The photo, small, on white."""
         if path not in self._pixels:
-            with Image.open(path) as image:
+            with open_image(path) as image:
                 image.thumbnail((128, 128))
                 square = Image.new("RGBA", (max(image.size),) * 2, "white")
                 square.alpha_composite(image.convert("RGBA"), tuple((square.width - side) // 2 for side in image.size))

@@ -123,11 +123,14 @@ def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Pat
 
 def test_a_film_needs_keyframes(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        window.context.share("film")
+        window.context.share("video")
         window.wait()
         assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
         assert window.session.messages.errors == []
-        window.press(imgui.Key.k)
+        window.press(imgui.Key.k)  # what may be typed for a name changes nothing
+        assert not window.workspace.player.timeline.keys
+        window.workspace.player.add_key()
+        window.wait()
         window.click("Share/###save")
         assert window.context.files.asking
 

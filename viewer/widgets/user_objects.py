@@ -15,11 +15,15 @@ _UNKNOWN: Colour = (0.6, 0.63, 0.66)
 
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is."""
-    found, em = context.editor.objects[name], hello_imgui.em_size()
-    if found.photo:
+    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is; in another corner of
+    one that has not been shown yet.
+    """
+    found, em, draw = context.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
+    if name in context.fitting.results.unseen:
+        centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
+        draw.add_circle_filled(centre, 0.42 * em, packed(context.palette.accent))
+    if found.fitted:
         centre = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * em
-        draw = imgui.get_window_draw_list()
         draw.add_circle_filled(centre, 0.42 * em, packed((0.07, 0.08, 0.09)))
         draw.add_circle_filled(centre, 0.3 * em, packed(colour_of(found)))
 
@@ -31,13 +35,13 @@ def colour_of(found: EditableObject) -> Colour:
 
 def about(found: EditableObject) -> str:
     """A line for the tooltip of a fitted object; empty for any other."""
-    if not found.photo:
+    if not found.fitted:
         return ""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
     return f"\nRebuilt from a photo{sure}"
 
 
-class MineMenu:
+class UserObjectMenu:
     """Rename, remove, export."""
 
     def __init__(self) -> None:
