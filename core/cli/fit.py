@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from core.files import require_writable
+from core.files import require_writable, save_or_elsewhere
 from core.fitting import fit as fits
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -59,11 +59,11 @@ def fit(chosen: argparse.Namespace) -> None:
                 log.write(json.dumps(_to_dict(last) | {"origin": last.origin}) + "\n")
     if last is None:
         raise ValueError("the fit made no step")
-    if chosen.out:
-        Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
     print(json.dumps(_to_dict(last)), flush=True)
+    if chosen.out:
+        save_or_elsewhere(Scene(model.fingerprint, last.codes, last.cameras[0]).save, chosen.out)
 
 
 def probable_model(image: Path, hints: Hints | None = None) -> str:
