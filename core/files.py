@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, and numbers as JSON."""
+"""Files that are there whole or not at all, numbers as JSON, and the folder of what can be made again."""
 
 import json
 import math
@@ -10,6 +10,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
+VIEW_BANKS = "view-banks"
+"""folder of the cache folder"""
+_CACHE_VARIABLE = "CODENERF_CACHE"
+"""of the environment: another folder than the platform's"""
+
+
+def cache_folder() -> Path:
+    """The folder for what takes long to make and can be made again: ``CODENERF_CACHE``, else the platform's own."""
+    named = os.environ.get(_CACHE_VARIABLE)
+    return Path(named) if named else user_cache_path("codenerf-viewer", appauthor=False)
+
 
 @contextmanager
 def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> Iterator[Path]:
@@ -18,7 +31,8 @@ def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> It
     Args:
         check: reads what was written, before it takes the place of what was there.
 
-    Raises ``ValueError`` naming ``path`` where it cannot be written, and where ``check`` does.
+    Of processes that write the same file at once the last one wins, whole. Raises ``ValueError`` naming ``path`` where
+    it cannot be written, and where ``check`` does.
     """
     partial = _partial(path)
     try:
@@ -65,7 +79,7 @@ def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
 def _partial(path: Path) -> Path:
     """Beside a path, of the same ending; short, as a name has 255 bytes at the most."""
     ending = path.suffix if len(path.suffix) <= 16 else ""
-    return path.with_name(f".{zlib.crc32(os.fsencode(path.name)):08x}.partial{ending}")
+    return path.with_name(f".{zlib.crc32(os.fsencode(path.name)):08x}-{os.getpid()}.partial{ending}")
 
 
 def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:

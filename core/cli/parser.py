@@ -46,6 +46,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_convert(commands)
     _add_evaluate(commands)
     _add_figures(commands)
+    _add_cache(commands)
     add_bench(commands)
     return top
 
@@ -167,6 +168,11 @@ def _add_preset(command: argparse.ArgumentParser) -> None:
         default="normal",
         help="how much work; paper: the authors' method, from one initialisation",
     )
+
+
+def _add_cache(commands: argparse._SubParsersAction) -> None:
+    command = add_command(commands, "cache", "cache.cache", "list what is kept on disk to start faster: view banks")
+    command.add_argument("--clear", action="store_true", help="remove it; it is made again when it is needed")
 
 
 def _add_dataset(commands: argparse._SubParsersAction) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Shaped
 from safetensors.torch import save
 from torch import Tensor
 
@@ -86,7 +86,7 @@ class Model:
         return self.field.density_layer.weight.device
 
     @cached_property
-    def extent_tensor(self) -> Tensor:
+    def extent_tensor(self) -> Float[Tensor, "3"]:
         """``extent`` on the model's device."""
         return torch.tensor(self.extent, device=self.device)
 
@@ -101,7 +101,7 @@ class Model:
         return self.field.config.architecture != "codenerf"
 
     @cached_property
-    def occupied_cells(self) -> Tensor | None:
+    def occupied_cells(self) -> Bool[Tensor, "cells cells cells"] | None:
         """Which cells of the box its objects may occupy (:mod:`core.models.occupied_cells`), on the processor.
 
         None where the field is evaluated outside the box too, or is one that fits do not take. Model files hold it; of
@@ -241,7 +241,7 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
     return rendering | spaces | looking | cells
 
 
-def _halved(tensor: Tensor) -> Tensor:
+def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:
     """In half precision, if that has the same values."""
     half = tensor.half()
     return half if torch.equal(half.float(), tensor) else tensor

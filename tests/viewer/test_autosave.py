@@ -13,7 +13,7 @@ from tests.viewer.stand_ins import endless_fit
 from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.project import Project
@@ -47,13 +47,13 @@ def edit(session: Session, photo: Path) -> None:
     workspace.player.seek(1.5)
     editor.show_object("object 2")
     workspace.player.add_key()
-    workspace.player.set_turns(-2)
+    workspace.player.change(turns=-2)
 
 
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
     """A launch."""
     session = Session(worker, backend, seed=1)
-    session.mine = Mine(folder / "mine")
+    session.user_objects = UserObjects(folder / "mine")
     autosave = Autosave(session, folder, clock)
     session.open_model(autosave.model or "chairs")
     deliver(session, lambda: session.workspace is not None)
@@ -102,7 +102,7 @@ def test_the_next_launch_goes_on_with_every_model(
     autosave.close()
     session, autosave = begun(worker, backend, tmp_path, clock)
     assert session.model_name == "cars"
-    assert not autosave.left
+    assert not autosave.recoverable
     workspace = opened(session)
     assert workspace.editor.history == made[1]
     assert [one.psnr for one in workspace.fitting.history.steps] == [one.psnr for one in steps]
@@ -151,14 +151,14 @@ def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
     opened(session).close()
     session, autosave = begun(worker, backend, tmp_path, clock)
     assert not opened(session).editor.history.past
-    assert len(autosave.left) == 1
+    assert len(autosave.recoverable) == 1
     autosave.restore()
-    assert not autosave.left
+    assert not autosave.recoverable
     assert opened(session).fitting.running
     finish(session, lambda: not opened(session).fitting.running)
     assert opened(session).editor.objects.names[0] == "block"
     assert len(opened(session).editor.history.past) == 1
-    assert opened(session).fitting.ready is not None
+    assert "block" in opened(session).fitting.results.unseen
 
 
 _RUN = """
@@ -193,11 +193,10 @@ while True:  # written again and again, so that it is killed in the middle of th
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals on Windows")
-@pytest.mark.parametrize(("first", "fitted"), [("cars", "chairs"), ("chairs", "cars")])
 def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path, first: str, fitted: str
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
 ) -> None:
-    folder = tmp_path / "config"
+    folder, first, fitted = tmp_path / "config", "cars", "chairs"
     folder.mkdir()
     command = [sys.executable, "-c", _RUN, str(folder), str(photo), first, fitted]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as run:
@@ -205,7 +204,7 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
             assert run.stdout.readline() == b"written\n"
         run.kill()
     session, autosave = begun(worker, backend, folder, clock)
-    assert len(autosave.left) == 1
+    assert len(autosave.recoverable) == 1
     autosave.restore()
     deliver(session, lambda: session.model_name == fitted)
     assert session.messages.errors == []
@@ -216,6 +215,57 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
     session.open_model(first)
     finish(session)
     assert opened(session).editor.state.mix.a.shape == "object 2"
+
+
+def test_restoring_adds_to_what_was_made_meanwhile(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    edit(session, photo)
+    clock.now += 10.0
+    autosave.tick()
+    lost = opened(session).editor.history
+    (written,) = tmp_path.glob("session-*.codenerf")
+    written.rename(tmp_path / "session-999999999.codenerf")
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    opened(session).editor.show_object("object 5")
+    before = opened(session).editor.history
+    offer = session.messages.shown[-1]
+    assert f"{len(lost.past)} steps, 1 objects" in offer.text
+    offer.buttons[0].press()
+    history = opened(session).editor.history
+    assert history.now == before.now
+    assert history.past == (*lost.states, *before.past)
+    assert opened(session).editor.objects.own == ["block"]
+    assert not list(tmp_path.glob("session-999999999*"))
+
+
+def test_a_session_in_which_nothing_was_made_is_not_offered(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    Project("chairs", ()).save(tmp_path / "session-999999999.codenerf")
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert not autosave.recoverable
+    assert not session.messages.shown
+
+
+def test_a_photo_whose_fit_was_interrupted_makes_one_object(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
+    opened(session).fitting.start(photo)
+    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    clock.now += 10.0
+    autosave.tick()
+    (written,) = tmp_path.glob("session-*.codenerf")
+    written.rename(tmp_path / "session-999999999.codenerf")
+    opened(session).fitting.stop()  # its object is kept, the end of the fit is written no more
+    session.tick()
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert opened(session).editor.objects.own == ["block"]
+    autosave.restore()
+    finish(session, lambda: not opened(session).fitting.running)
+    assert opened(session).editor.objects.own == ["block"]
 
 
 def test_a_session_that_ends_the_program_is_not_begun_with_again(
@@ -306,7 +356,7 @@ def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) 
     for number in (ended.pid, os.getppid()):
         (tmp_path / f"session-{number}.codenerf").write_text("{}")
     autosave = Autosave(session, tmp_path)
-    assert [path.name for path in autosave.left] == [f"session-{ended.pid}.codenerf"]
+    assert [path.name for path in autosave.recoverable] == [f"session-{ended.pid}.codenerf"]
     autosave.discard()
     assert [path.name for path in tmp_path.iterdir()] == [f"session-{os.getppid()}.codenerf"]
 
@@ -316,11 +366,11 @@ def test_of_several_that_were_left_the_last_is_offered_first(session: Session, t
         (tmp_path / f"session-{name}.codenerf").write_text("{}")
         os.utime(tmp_path / f"session-{name}.codenerf", (age, age))
     autosave = Autosave(session, tmp_path)
-    assert autosave.times == (0, 1, 2)
+    assert [path.stat().st_mtime for path in autosave.recoverable] == [0, 1, 2]
     autosave.discard()
     autosave.discard()
     assert [path.name for path in tmp_path.iterdir()] == ["session-999999999-a.codenerf"]
-    assert autosave.left
+    assert autosave.recoverable
 
 
 @pytest.mark.parametrize("harm", ["{", "no key", "another model", "bad timeline", "no such object"])

@@ -109,6 +109,8 @@ def _draw_status(context: PanelContext) -> None:
     session = context.session
     parts = [f"Loading {session.loading} …"] if session.loading else []
     if context.ready:
+        if preparing := context.workspace.preparing:
+            parts.append(f"Preparing {preparing:.0%}")
         if context.fitting.running:
             parts.append(f"Rebuilding {context.fitting.history.progress:.0%}")
         if context.exporting.running:

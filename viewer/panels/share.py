@@ -1,4 +1,4 @@
-"""The Share dialog: turntable, film, picture or mesh, with a preview, into a file."""
+"""The Share dialog: turntable, video, picture or mesh, with a preview, into a file."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -24,13 +24,13 @@ from viewer.widgets.controls import action_button, button, choose, draw_progress
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
     "turntable": icons_fontawesome_4.ICON_FA_SYNC,
-    "film": icons_fontawesome_4.ICON_FA_FILM,
+    "video": icons_fontawesome_4.ICON_FA_FILM,
     "picture": icons_fontawesome_4.ICON_FA_CAMERA,
     "mesh": icons_fontawesome_4.ICON_FA_CUBE,
 }
 _ABOUT = {
     "turntable": "The object turning once round, as a video",
-    "film": "The timeline as a video",
+    "video": "The timeline as a video",
     "picture": "The object as an image. A png holds shape, texture and camera: drop it here to bring them back",
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
@@ -88,7 +88,7 @@ class ShareDialog:
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         frame = context.exporting.preview.frame
-        if settings.kind == "film" and not context.player.timeline.keys:
+        if settings.kind == "video" and not context.player.timeline.keys:
             frame = None
         if frame is None or context.images is None:
             imgui.dummy((side, side))
@@ -219,7 +219,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     """The button that saves, or how far that is; then where the file is."""
     exporting = context.exporting
     if not draw_progress(context, *KINDS):
-        ready = settings.kind != "film" or bool(context.player.timeline.keys)
+        ready = settings.kind != "video" or bool(context.player.timeline.keys)
         idle = ready and not exporting.running
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle):
             share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))

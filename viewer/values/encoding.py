@@ -14,6 +14,7 @@ from PIL import Image
 from torch import Tensor
 
 from core.export.keyframes import Timeline
+from core.geometry.pixels import to_bytes
 from core.photos.photo import Photo
 from core.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
@@ -82,7 +83,7 @@ def _reader(kind: Any, parts: Parts) -> Callable[[Any], Any] | None:
 
 def encode_photo(photo: Photo) -> bytes:
     """A photo as a PNG, its mask as opacity."""
-    pixels = (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+    pixels = to_bytes(photo.pixels)
     file = io.BytesIO()
     Image.fromarray(np.dstack((pixels, 255 * photo.mask.numpy().astype(np.uint8)))).save(file, "PNG")
     return file.getvalue()

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 from PIL import Image
 
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
@@ -50,7 +50,7 @@ class FittedPhoto:
     @classmethod
     def of(cls, source: PhotoSource, photo: Photo) -> FittedPhoto:
         """With its pixels as bytes."""
-        return cls(source, photo, (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+        return cls(source, photo, to_bytes(photo.pixels))
 
     def doubled_difference(self, render: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "height width 3"]:
         """Twice the absolute difference, at the photo's size; a render that is a preview is smaller."""
@@ -123,6 +123,8 @@ class FitRequest(NamedTuple):
 
     history: FitHistory
     resume_from: Hypothesis | None = None
+    restored: bool = False
+    """of a run that ended in it, maybe after its result had joined the objects"""
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:

@@ -30,6 +30,16 @@ class Project:
     path: Path | None = None
     """where a person saved it last, if it is what is kept from launch to launch"""
 
+    @property
+    def summary(self) -> str:
+        """How many steps, objects and photos under way it holds; empty where it holds none."""
+        counts = {
+            "steps": sum(len(one.history.past) + len(one.history.future) for one in self.sessions),
+            "objects": sum(len({each.name for each in one.objects} - {*one.removed}) for one in self.sessions),
+            "photos under way": sum(len(one.pending) for one in self.sessions),
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
     def shared(self) -> "Project":
         """To be handed on: without the folders of this machine, except those of photos that have not been read yet."""
         return Project(self.model, tuple(session.moved(lambda path: Path(path.name)) for session in self.sessions))

@@ -28,6 +28,12 @@ def tooltip(text: str) -> None:
     imgui.set_item_tooltip(text)
 
 
+def end_gesture(context: PanelContext) -> None:
+    """End the drag of the last item once it is let go, so that the next edit is a step of its own."""
+    if imgui.is_item_deactivated():
+        context.editor.end_gesture()
+
+
 def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colour: Colour | None = None) -> bool:
     """A button (width in em, 0 fits the label, -1 fills the line) with a tooltip."""
     if colour:

@@ -35,7 +35,7 @@ def saved(session: Session, editor: Editor, workspace: Workspace, photo: Path) -
     workspace.player.seek(1.5)
     editor.show_object("object 2")
     workspace.player.add_key()
-    workspace.player.set_turns(-2)
+    workspace.player.change(turns=-2)
     editor.undo()
     workspace.grid.add("block", "object 1")
     found = workspace.saved("chairs")
@@ -68,7 +68,7 @@ def test_all_comes_back_from_a_file(saved: SavedSession, workspace: Workspace, t
     assert last.codes == expected.codes
     assert len(last.hypotheses) == len(expected.hypotheses)
     assert [len(step.hypotheses) for step in found.fit.steps[:-1]] == [1] * 9
-    assert (last.hypotheses[0].picture == expected.hypotheses[0].picture).all()
+    assert (last.hypotheses[0].crop_transform == expected.hypotheses[0].crop_transform).all()
     assert [tile.eliminated_at for tile in found.tiles] == [tile.eliminated_at for tile in saved.tiles]
     assert found.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
     found.check(workspace.model)
@@ -179,7 +179,7 @@ def test_a_small_file_that_would_take_gigabytes_is_refused_at_once(saved: SavedS
     harms = (
         (lambda about: None, {"0": png(5_000)}, "the image is too large"),
         (repeat, {"0": png(1_900)}, "the image is too large"),
-        (enlarge, {}, "the cameras of a fit are of another size than its photos"),
+        (enlarge, {}, "the cameras have another size than the photos"),
         (lambda about: about.update(more="a" * 17_000_000), {}, "JSON has at most 16 MB"),
     )
     for change, photos, said in harms:

@@ -28,7 +28,7 @@ class _Stored(NamedTuple):
     about: EditableObject
 
 
-class Mine:
+class UserObjects:
     """The file of an object is a scene with a name, so it opens as any other scene."""
 
     def __init__(self, folder: Path | None = None) -> None:
