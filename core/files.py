@@ -4,6 +4,7 @@ import json
 import math
 import os
 import shutil
+import tempfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -60,6 +61,19 @@ def require_writable(path: Path) -> None:
         _partial(path).unlink()
     except OSError as error:
         raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
+    """Save what took long to make; where that cannot be, in the folder of temporary files.
+
+    Raises ``ValueError`` then, which names both places.
+    """
+    try:
+        save(path)
+    except ValueError as error:
+        other = Path(tempfile.mkdtemp(prefix="codenerf-")) / path.name
+        save(other)
+        raise ValueError(f"{error}; it is in {other} instead") from error
 
 
 def _partial(path: Path) -> Path:

@@ -74,6 +74,8 @@ class App:
         self._software, self._touched = False, 0.0
         self._themed: bool | None = None
         self._failed: dict[str, str] = {}
+        self._reported: dict[str, str] = {}
+        """by what failed in the last frame, why"""
         if headless:
             window.make_headless(self.params, self._finish_frame)
         self._dock()
@@ -169,22 +171,33 @@ class App:
             return
         if panel.title in self._failed:
             imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")
-            if imgui.button("Try again"):
+            added = self.context.editor.objects.added if self.context.ready else ()
+            if imgui.button("Try again") or (added and self._offers_to_remove(added[-1].name)):
                 del self._failed[panel.title]
             return
         if error := self._guard(f"The panel {panel.title} failed", lambda: panel.draw(self.context)):
             self._failed[panel.title] = error_text(error)
 
+    def _offers_to_remove(self, name: str) -> bool:
+        """The object that came last, as what a panel fails of may be that; whether it was removed."""
+        removed = imgui.button(f"Remove {name}###remove newest")
+        if removed:
+            self.context.workspace.remove(name)
+        return removed
+
     def _guard(self, what: str, draw: Callable[[], None]) -> Exception | None:
-        """Draw something; a failure is reported and returned, and does not end the program."""
+        """Draw something; a failure is returned, reported in the first frame of many, and does not end the program."""
         state = imgui.internal.ErrorRecoveryState()
         imgui.internal.error_recovery_store_state(state)
         try:
             draw()
         except Exception as error:
             imgui.internal.error_recovery_try_to_recover_state(state)
-            self.session.messages.report(what, error)
+            if self._reported.get(what) != str(error):
+                self._reported[what] = str(error)
+                self.session.messages.report(what, error)
             return error
+        self._reported.pop(what, None)
         return None
 
     def _load_fonts(self) -> None:

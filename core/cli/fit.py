@@ -15,7 +15,7 @@ import torch
 from tqdm import tqdm
 
 from core.cli.progress import wait_for_view_bank
-from core.files import require_writable
+from core.files import require_writable, save_or_elsewhere
 from core.fitting.category_check import describe_category, guess_category, likeliest_category
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -56,12 +56,12 @@ def fit(chosen: argparse.Namespace) -> None:
         print(f"python -m core: {warning}", file=sys.stderr)
     with clock("search"):
         last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
-    if chosen.out:
-        Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
+    if chosen.out:
+        save_or_elsewhere(Scene(model.fingerprint, last.codes, last.cameras[0]).save, chosen.out)
 
 
 def probable_model(cut: CutOut) -> str:

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -32,7 +32,7 @@ from core.benchmarks.machine import describe_machine
 from core.cli.fit import probable_model
 from core.cli.progress import wait_for_view_bank
 from core.datasets.splits import evenly_spaced
-from core.datasets.srn import ObjectEntry, index_objects, read_dataset
+from core.datasets.srn import ObjectEntry, ObjectViews, index_objects, read_dataset
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
@@ -65,10 +65,28 @@ def evaluate(chosen: argparse.Namespace) -> None:
         _evaluate_disentanglement(chosen, model, entries, about)
         return
     entries = evenly_spaced(entries, chosen.objects)
-    scores = _collected(scored(model, (entry.read() for entry in entries), protocol), len(entries))
+    scores = list[ObjectScore]()
+
+    def keep(score: ObjectScore) -> None:
+        scores.append(score)
+        if chosen.report:  # after each, so that whatever ends the next loses none
+            write_report(chosen.report, scores, protocol, about)
+
+    views = _with_objects((entry.read() for entry in entries), protocol)
+    _collected(scored(model, views, protocol), len(entries), keep)
+    if not scores:
+        raise ValueError("no object of the dataset shows anything")
     print(format_table(scores, protocol), flush=True)
-    if chosen.report:
-        write_report(chosen.report, scores, protocol, about)
+
+
+def _with_objects(objects: Iterator[ObjectViews], protocol: Protocol) -> Iterator[ObjectViews]:
+    """Those whose input views show something; the others are named. Real ShapeNet has a few that are all white."""
+    for views in objects:
+        blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
+        if blank:
+            print(f"python -m core: {views.name} is skipped: view {blank[0]} shows no object", file=sys.stderr)
+        else:
+            yield views
 
 
 def figures(chosen: argparse.Namespace) -> None:
@@ -246,12 +264,15 @@ def _index_entries(model: Model, datasets: Sequence[Path]) -> tuple[ObjectEntry,
     return entries
 
 
-def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
-    """All scores of a stream, under a bar that shows their mean."""
+def _collected(
+    scores: Iterator[_Score], total: int, keep: Callable[[_Score], None] = lambda score: None
+) -> list[_Score]:
+    """All scores of a stream, under a bar that shows their mean; ``keep`` is called with each."""
     found = []
     with tqdm(total=total, unit="object", disable=None) as bar:
         for score in scores:
             found.append(score)
+            keep(score)
             bar.set_postfix_str(f"{sum(one.psnr for one in found) / len(found):.2f} dB")
             bar.update()
     return found

@@ -88,7 +88,9 @@ def _write_ply(mesh: Mesh, path: Path) -> None:
 
 
 def _write_obj(mesh: Mesh, path: Path) -> None:
-    _trimesh(mesh).export(path)
+    """The axes of glTF, which readers expect of this format too."""
+    turned = replace(mesh, vertices=mesh.vertices @ WORLD_FROM_GLTF, normals=mesh.normals @ WORLD_FROM_GLTF)
+    _trimesh(turned).export(path)
 
 
 def _trimesh(mesh: Mesh) -> Any:

@@ -9,6 +9,7 @@ from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, label
 
 from core.photos.decode import lens_focal
+from core.photos.frames import Box, fill, find_frame, is_sliver
 from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
 from core.photos.saliency import predict_saliency
 
@@ -122,8 +123,13 @@ def _segment_without_hints(
     alpha: Float[np.ndarray, "height width 1"],
     threshold: float,
 ) -> CutOut:
-    if (alpha < 0.5).mean() > 0.001:
+    clear = alpha[..., 0] < 0.5
+    if clear.any() and is_sliver(clear):
+        colours = fill(colours, clear)
+    elif clear.mean() > 0.001:
         return _on_white(colours * alpha + 1 - alpha, alpha[..., 0], white=True, threshold=threshold)
+    if box := find_frame(colours):
+        return _within(box, image, colours, threshold)
     plain = _plain_background(colours)
     if plain and plain.certain:
         return _on_white(colours, ~plain.mask, plain.white)
@@ -142,6 +148,17 @@ def _segment_without_hints(
     opacity = np.where(inside, np.float32(1), salient)
     cut = _on_white(colours, opacity, white=False, edge_error=edge, threshold=threshold)
     return replace(cut, undecided=float(_undecided(salient).sum() / cut.mask.sum()))
+
+
+def _within(box: Box, image: Image.Image, colours: Float[np.ndarray, "height width 3"], threshold: float) -> CutOut:
+    """What is found in a part of the image; beyond is background."""
+    part = colours[box.top : box.bottom, box.left : box.right]
+    found = _segment_without_hints(image.crop(box), part, np.ones((*part.shape[:2], 1), np.float32), threshold)
+    height, width = colours.shape[:2]
+    around = (box.top, height - box.bottom), (box.left, width - box.right)
+    pixels = np.pad(found.pixels, (*around, (0, 0)), constant_values=1)
+    mask, opacity = np.pad(found.mask, around), np.pad(found.opacity, around)
+    return replace(found, pixels=pixels, mask=mask, opacity=opacity, white=False)
 
 
 def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from core.files import atomic_file, atomic_folder, require_writable
+from core.files import atomic_file, atomic_folder, require_writable, save_or_elsewhere
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path):
@@ -68,3 +68,18 @@ def test_a_place_that_is_gone_at_the_end_does_not_hide_why(tmp_path: Path):
         atomic_file(tmp_path / "b/a.txt") as _,
     ):
         shutil.rmtree(tmp_path / "b")
+
+
+def test_what_cannot_be_saved_is_saved_elsewhere_and_both_places_named(tmp_path: Path):
+    def save(path: Path) -> None:
+        if "gone" in str(path):
+            raise ValueError(f"cannot write {path}: it is gone")
+        path.write_text("kept")
+
+    save_or_elsewhere(save, tmp_path / "a.txt")
+    assert (tmp_path / "a.txt").read_text() == "kept"
+    with pytest.raises(ValueError, match=r"cannot write gone/a\.txt: it is gone; it is in ") as error:
+        save_or_elsewhere(save, Path("gone/a.txt"))
+    found = Path(str(error.value).split("it is in ")[1].removesuffix(" instead"))
+    assert found.read_text() == "kept"
+    shutil.rmtree(found.parent)

@@ -1,4 +1,6 @@
 import math
+import os
+import sys
 import textwrap
 import threading
 import time
@@ -19,6 +21,7 @@ from viewer.services.backend import Backend
 from viewer.services.messages import UNFORESEEN
 from viewer.values import orbit
 from viewer.values.history import History
+from viewer.values.objects import EditableObject
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
 from viewer.values.share_settings import KINDS
@@ -190,12 +193,40 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
         assert session.messages.log[-1].detail == "KeyError: 'a mistake'"
         window.drag("View/orbit", 30)
         assert editor.history.past
+        editor.add_and_show(EditableObject("hostile", window.workspace.model.codes[1]), editor.scene.camera)
+        window.wait()
+        window.click("Library/###remove newest")
+        assert not editor.objects.added
+        window.wait()
+        assert sum("failed" in one.text for one in session.messages.log) == 1  # it failed again, and said so once
         library.draw = drawn
         window.click("Library/Try again")
         window.click("Library/**/show object 3")
         assert editor.state.mix.a.shape == "object 3"
 
     drive(act, strict=False)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text elsewhere")
+def test_a_photo_whose_name_is_no_text_is_rebuilt_shown_and_removed(drive: Drive, photo: Path) -> None:
+    path = photo.rename(photo.with_name(os.fsdecode(b"block_\xff\xfe.png")))
+
+    def act(window: Driver) -> None:
+        objects = window.workspace.editor.objects
+        window.context.drop([str(path)])
+        window.wait(lambda: bool(objects.added) and not window.workspace.fitting.running)
+        for panel in ("Library", "Photo", "Messages log"):
+            if any(one.title == panel for one in window.app.panels):
+                window.show(panel)
+        window.context.load(path)  # is no scene, which a message says
+        window.wait(lambda: bool(window.session.messages.errors))
+        assert [one.name for one in objects.added] == ["block_??"]
+        assert all("failed" not in error for error in window.session.messages.errors)
+        window.workspace.remove("block_??")
+        window.wait()
+        assert not objects.added
+
+    drive(act)
 
 
 def test_closing_while_a_fit_runs_ends_at_once(drive: Drive, backend: Backend, photo: Path) -> None:

@@ -22,7 +22,7 @@ from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.photo import Photo
 from tests.core.evaluation.test_protocol import views_of
-from tests.core.tiny import tiny_model
+from tests.core.tiny import SIDE, tiny_model
 
 
 @pytest.fixture
@@ -128,6 +128,25 @@ def test_evaluate_prints_the_table_and_writes_a_report(tmp_path: Path, capsys: p
     assert "no --input-views" in refused(capsys, *words, "--disentanglement")
     write_manifest(tmp_path / "d", "boats", {})
     assert "boats" in refused(capsys, *words)
+
+
+def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Object 1 of three shows nothing, and of the last a file is broken."""
+    tiny_model().save(tmp_path / "m.safetensors")
+    for index in range(3):
+        write_object(tmp_path / "d", views_of(tiny_model(), index, 3))
+    for path in (*(tmp_path / "d/stool1/rgb").iterdir(), *(tmp_path / "d/stool1/mask").iterdir()):
+        Image.new("RGB", (SIDE, SIDE), "white" if path.parent.name == "rgb" else "black").save(path)
+    (tmp_path / "d/stool2/rgb/000002.png").write_bytes(b"broken")
+    words = ("evaluate", tmp_path / "d", "--model", tmp_path / "m.safetensors", "--input-views", "0,1")
+    with pytest.raises(SystemExit):
+        run(*words, "--report", tmp_path / "r.json")
+    skipped, broken = capsys.readouterr().err.strip().splitlines()
+    assert "stool1 is skipped: view 0 shows no object" in skipped
+    assert "000002.png: this is not an image" in broken
+    assert [one["name"] for one in json.loads((tmp_path / "r.json").read_text())["objects"]] == ["stool0"]
 
 
 @pytest.mark.parametrize(

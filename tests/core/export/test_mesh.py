@@ -104,11 +104,11 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
     found = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
     read = next(iter(trimesh.load_scene(path, process=False).geometry.values()))
-    gltf = suffix == ".glb"
-    expected = found.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if gltf else found.vertices
+    y_up = suffix in (".glb", ".obj")
+    expected = found.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if y_up else found.vertices
     np.testing.assert_allclose(read.vertices, expected, atol=1e-6)
     assert np.array_equal(read.faces, found.faces)
-    if gltf:
+    if suffix == ".glb":
         linear = read.visual.vertex_attributes["color"][:, :3] / 65535
         colours = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
     else:
