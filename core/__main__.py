@@ -1,15 +1,20 @@
 """The command line, ``python -m core COMMAND``."""
 
 import sys
+import time
 from collections.abc import Sequence
 from importlib import import_module
 
 from core.cli.parser import parse
+from core.models.threads import use_one_thread
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command. Whatever is wrong with its input is said in one line on stderr, with status 2."""
+    began = time.perf_counter()
+    use_one_thread()
     chosen = parse(sys.argv[1:] if arguments is None else arguments)
+    chosen.began = began
     # Imported late: a command loads what it needs alone.
     module, _, name = chosen.run.partition(".")
     run = getattr(import_module(f"core.cli.{module}"), name)

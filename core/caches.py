@@ -1,4 +1,4 @@
-"""What is worth keeping between renders and fits, in memory that all of it shares.
+"""One byte-limited cache for renders and fits.
 
 Rendering keeps what shapes show from cameras and where shapes are, fits keep the small views that cameras are ranked
 by. How much that is grows with the picture, so it is counted in bytes.
@@ -75,9 +75,7 @@ class ByteCache:
             return self._room(kind)
 
     def make_room(self, kind: Kind, size: int) -> bool:
-        """Forget as much as a value of ``size`` bytes will take that is being made; False, and nothing is forgotten,
-        where it could not be kept.
-        """
+        """Evict until ``size`` bytes fit. Returns False, evicting nothing, if they never can."""
         with self._lock:
             if size > self._room(kind):
                 return False

@@ -1,28 +1,79 @@
-"""Files that are there whole or not at all, and numbers as JSON."""
+"""Files that are there whole or not at all, numbers as JSON, and the folder of what can be made again."""
 
 import json
 import math
+import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from platformdirs import user_cache_path
+
+VIEW_BANKS = "view-banks"
+"""folder of the cache folder"""
+_CACHE_VARIABLE = "CODENERF_CACHE"
+"""of the environment: another folder than the platform's"""
+
+
+def cache_folder() -> Path:
+    """The folder for what takes long to make and can be made again: ``CODENERF_CACHE``, else the platform's own."""
+    named = os.environ.get(_CACHE_VARIABLE)
+    return Path(named) if named else user_cache_path("codenerf-viewer", appauthor=False)
 
 
 @contextmanager
-def atomic_file(path: Path) -> Iterator[Path]:
+def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> Iterator[Path]:
     """A place beside ``path`` to write to, renamed to it at the end and removed should the end not come.
 
-    Raises ``ValueError`` naming ``path`` where it cannot be written.
+    Args:
+        check: reads what was written, before it takes the place of what was there.
+
+    Of processes that write the same file at once the last one wins, whole. Raises ``ValueError`` naming ``path`` where
+    it cannot be written, and where ``check`` does.
     """
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
+    partial = _partial(path)
     try:
         partial.touch()  # at once, so that a place that cannot be written to is refused before the work
         yield partial
+        _read_back(partial, check)
         partial.replace(path)
     except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror or error}") from None
+        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError):  # of a place that is gone, which would hide why
+            partial.unlink(missing_ok=True)
+
+
+def require_writable(path: Path) -> None:
+    """Check before the work that its result can be written, by a file that is written and removed.
+
+    Raises ``ValueError`` where the path is a folder, or its folder does not exist or takes no files.
+    """
+    if path.is_dir():
+        raise ValueError(f"cannot write {path}: it is a folder")
+    if not path.absolute().parent.is_dir():
+        raise ValueError(f"cannot write {path}: there is no folder {path.parent}")
+    try:
+        _partial(path).touch()
+        _partial(path).unlink()
+    except OSError as error:
+        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _partial(path: Path) -> Path:
+    """Beside a path, of the same ending; short, as a name has 255 bytes at the most."""
+    ending = path.suffix if len(path.suffix) <= 16 else ""
+    return path.with_name(f".{zlib.crc32(os.fsencode(path.name)):08x}-{os.getpid()}.partial{ending}")
+
+
+def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:
+    try:
+        if check:
+            check(partial)
+    except ValueError as error:
+        raise ValueError(f"what was written cannot be read back, and was not kept ({error})") from error
 
 
 @contextmanager
@@ -31,7 +82,7 @@ def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
 
     Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already and not to be replaced.
     """
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
+    partial = _partial(path)
     if path.exists() and not replace:
         raise ValueError(f"cannot write {path}: it is there already")
     try:
@@ -41,7 +92,7 @@ def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
         shutil.rmtree(path, ignore_errors=True)
         partial.rename(path)
     except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror or error}") from None
+        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
 

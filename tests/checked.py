@@ -1,4 +1,4 @@
-"""The run-time type check that the tests lay over core and viewer: shapes and types of every annotated call."""
+"""The run-time type check that the tests lay over core: shapes and types of every annotated call."""
 
 from beartype import BeartypeConf, beartype
 

@@ -1,10 +1,16 @@
-"""Shapes and types are checked at run time, and what core and viewer tests share is made here."""
+"""Shapes and types of core are checked at run time, and what core and viewer tests share is made here."""
 
+import atexit
 import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
 import hypothesis
+import jaxtyping
 import pytest
 from jaxtyping import install_import_hook
 
@@ -12,10 +18,15 @@ import tests.checked  # noqa: F401  (the hook finds it by name)
 
 # Before torch is imported, here and in the processes that tests start: threads that share a processor with another busy
 # process wait for the slower one at every operation, and networks as small as those of the tests do not need them.
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["LP_NUM_THREADS"] = "1"  # of Mesa's OpenGL
 
-# Before anything of core or viewer is.
-install_import_hook(("core", "viewer"), "tests.checked.checked")
+# Before anything of core is.
+install_import_hook("core", "tests.checked.checked")
+
+# View banks are kept here, not where those of the person who runs the tests are.
+os.environ["CODENERF_CACHE"] = tempfile.mkdtemp(prefix="codenerf-tests-")
+atexit.register(shutil.rmtree, os.environ["CODENERF_CACHE"], ignore_errors=True)
 
 hypothesis.settings.register_profile(
     "shared machine",
@@ -33,6 +44,42 @@ from core.models.codes import CodeBook, Entry  # noqa: E402
 from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
+from core.models.precision import use_dtype  # noqa: E402
+from core.photos.view_bank import ViewBank, build_view_bank, view_bank  # noqa: E402
+
+torch.set_num_threads(1)  # where it was imported before
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--matmul",
+        choices=("float32", "bfloat16"),
+        default="float32",
+        help="the format of linear layers; the program measures which is faster here",
+    )
+
+
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
+    """No workers for a single file, which stays in this process: it would not be shared out."""
+    alone = len(config.args) == 1 and Path(config.args[0].split("::")[0]).is_file()
+    return 0 if alone else None
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _matmul_format(request: pytest.FixtureRequest) -> Iterator[None]:
+    """One for the whole run: what a busy machine measures differs from run to run."""
+    with use_dtype(getattr(torch, request.config.getoption("--matmul"))):
+        yield
+
+
+@contextmanager
+def unchecked_shapes() -> Iterator[None]:
+    """No checks at run time: they take two thirds of a fit's time and of a window's."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    try:
+        yield
+    finally:
+        jaxtyping.config.update("jaxtyping_disable", False)
 
 
 @pytest.fixture(scope="session")
@@ -42,6 +89,13 @@ def shared() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no shared data at {folder} (set CODENERF_SHARED)")
     return folder
+
+
+def make_view_bank(model: Model) -> ViewBank:
+    """Run the job that fits need done."""
+    for _ in build_view_bank(model):
+        pass
+    return view_bank(model)
 
 
 def no_opengl(error: Exception) -> NoReturn:

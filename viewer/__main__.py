@@ -7,6 +7,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
+from core.models.threads import use_one_thread
 from viewer.screen import window
 from viewer.screen.splash import Splash
 from viewer.screen.window import NoDisplayError, config_folder
@@ -17,6 +18,7 @@ _LONGEST = 900.0
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window. Without a display: one line on stderr, status 1."""
+    use_one_thread()
     chosen = parser().parse_args(arguments)
     headless = chosen.screenshot is not None
     try:
@@ -36,7 +38,6 @@ def _import_behind_splash() -> None:
 def _run(chosen: argparse.Namespace, headless: bool) -> None:
     # Imported late: `--help`, a wrong word and the splash are there before torch is.
     from core.models.library import load_model
-    from core.models.threads import Threads
     from viewer.app import App
     from viewer.screenshot import Screenshot
     from viewer.services.backend import Backend
@@ -44,11 +45,10 @@ def _run(chosen: argparse.Namespace, headless: bool) -> None:
     from viewer.services.worker import Worker
     from viewer.session import Session
 
-    threads = Threads()
-    worker = Worker(before_step=threads.look, at_rest=return_free_memory)
+    worker = Worker(at_rest=return_free_memory)
     try:
         session = Session(worker, Backend(partial(load_model, device=chosen.device)))
-        app = App(session, chosen.size, None if headless else config_folder(), headless, leave_a_core=threads.leave_one)
+        app = App(session, chosen.size, None if headless else config_folder(), headless)
         name = chosen.model or app.last_model or "chairs"
         path = Path(name)
         session.open_model(str(path.resolve()) if path.is_file() else name)  # found again from other folders

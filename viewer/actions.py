@@ -23,7 +23,8 @@ class Action:
     tooltip: str
     """what it does, as the help has it too"""
     run: Callable[[PanelContext], None]
-    enabled: Test = lambda context: True
+    enabled: Test = lambda context: context.ready
+    """if nothing is said, once a model is open"""
     checked: Test | None = None
     """for what can be on or off"""
     in_view_only: bool = False
@@ -42,22 +43,13 @@ class Gesture:
     tooltip: str
 
 
-def _ready(context: PanelContext) -> bool:
-    return context.ready
+def _always(context: PanelContext) -> bool:
+    return True
 
 
-def _see(number: int, view: str, words: str) -> Action:
-    def enabled(context: PanelContext) -> bool:
-        return context.ready and (view != "photo" or context.fitting.history.last is not None)
-
-    return Action(
-        f"see_{view}",
-        words,
-        str(number),
-        "from where the last photo was found to be taken" if view == "photo" else f"see the object from the {view}",
-        lambda context: context.workspace.see_from(view),
-        enabled,
-    )
+def _see(number: int, view: str) -> Action:
+    text = f"see the object from the {view}"
+    return Action(f"see_{view}", view.capitalize(), str(number), text, lambda c: c.workspace.see_from(view))
 
 
 TABLE: dict[str, tuple[Action | Gesture, ...]] = {
@@ -68,34 +60,31 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Double click", "back to the first view, the object in the middle"),
         Action(
             *("reset_view", "Reset view", "Home", "back to the first view, the object in the middle"),
-            lambda context: context.viewport.reset_view(),
-            _ready,
+            lambda c: c.viewport.reset_view(),
             in_view_only=True,
         ),
-        _see(1, "front", "Front"),
-        _see(2, "side", "Side"),
-        _see(3, "top", "Top"),
-        _see(4, "photo", "Photo"),
+        *(_see(number, view) for number, view in enumerate(("front", "side", "top"), 1)),
+        Action(
+            *("see_photo", "Photo", "4", "from where the last photo was found to be taken"),
+            lambda c: c.workspace.see_from("photo"),
+            lambda c: c.ready and c.fitting.history.last is not None,
+        ),
         Action(
             *("orthographic", "Orthographic", "5", "without perspective, or with it again; as large as before"),
-            lambda context: context.workspace.set_orthographic(not context.workspace.orthographic),
-            _ready,
-            lambda context: context.workspace.orthographic,
+            lambda c: c.workspace.set_orthographic(not c.workspace.orthographic),
+            checked=lambda c: c.workspace.orthographic,
         ),
         Action(
             *("copy_camera", "Copy camera", "", "angles, distance and focal length as a line of text"),
-            lambda context: context.copy_camera(),
-            _ready,
+            lambda c: c.copy_camera(),
         ),
         Action(
             *("paste_camera", "Paste camera", "", "see the object from the camera in the clipboard's text"),
-            lambda context: context.paste_camera(),
-            _ready,
+            lambda c: c.paste_camera(),
         ),
         Action(
             *("next_mode", "Next mode", "V", "colour, depth, normals, opacity, or samples of each ray"),
-            lambda context: context.next_view_mode(),
-            _ready,
+            lambda c: c.next_view_mode(),
         ),
         Gesture("The badge", "green and Sharp: every pixel of the view is rendered; amber: on the way"),
         Gesture("Options, OpenGL while turning", "a baked copy at every pixel while you turn; exact at rest"),
@@ -114,8 +103,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Sliders": (
         Action(
             *("sample_all", "Random", "R", "a random shape and texture; what is locked stays"),
-            lambda context: context.editor.sample_all(),
-            _ready,
+            lambda c: c.editor.sample_all(),
         ),
         Gesture("Click a thumbnail", "under a slider: go to -2, 0 or +2"),
         Gesture("Hover over a slider", "which pixels it changes, and whether the silhouette moves"),
@@ -126,25 +114,16 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     ),
     "Timeline": (
         Action(
-            *("add_key", "Keyframe", "K", "what is shown becomes a keyframe, or replaces the one at this time"),
-            lambda context: context.player.add_key(),
-            _ready,
+            *("add_key", "Keyframe", "K", "what is shown becomes a keyframe; after the last one where one is there"),
+            lambda c: c.player.add_key(),
         ),
         Action(
             *("play", "Play", "Space", "play the timeline in the view, or pause"),
-            lambda context: context.player.toggle(),
-            lambda context: context.ready and bool(context.player.timeline.keys),
+            lambda c: c.player.toggle(),
+            lambda c: c.ready and bool(c.player.timeline.keys),
         ),
-        Action(
-            *("previous_key", "Previous keyframe", ",", "show the keyframe before"),
-            lambda context: context.player.step(-1),
-            _ready,
-        ),
-        Action(
-            *("next_key", "Next keyframe", ".", "show the keyframe after"),
-            lambda context: context.player.step(1),
-            _ready,
-        ),
+        Action("previous_key", "Previous keyframe", ",", "show the keyframe before", lambda c: c.player.step(-1)),
+        Action("next_key", "Next keyframe", ".", "show the keyframe after", lambda c: c.player.step(1)),
         Gesture("Click or drag a keyframe", "show it, move it in time; right click for more"),
         Gesture("Drag a dot of the path", "on the map over the view: from where a keyframe sees the object"),
         Gesture("Right click the ruler", "paste the copied keyframe at the playhead"),
@@ -153,17 +132,16 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "Photo": (
         Action(
             *("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and rebuild it"),
-            lambda context: context.fit_image(),
-            _ready,
+            lambda c: c.fit_image(),
         ),
-        Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard", lambda c: c.paste(), _ready),
+        Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard", lambda c: c.paste()),
         Gesture("Drag in wipe, onion skin", "more of the photo, or of the render"),
         Gesture("Hold F", "the photo in place of the render"),
         Gesture("Drag along the curves", "under Details: see any step of the search, here and in the view"),
         Action(
             *("follow", "Follow", "", "show what is being rebuilt, from where the photo was taken"),
-            lambda context: context.fitting.follow(),
-            lambda context: context.ready and context.fitting.can_follow,
+            lambda c: c.fitting.follow(),
+            lambda c: c.ready and c.fitting.can_follow,
         ),
         Gesture("Click a candidate", "prefer it: the search continues from there alone"),
         Gesture("Rebuild", "from the step shown, from the camera in the view, or from the beginning"),
@@ -179,86 +157,70 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Drop an image saved here", "a png brings its shape, texture and camera back"),
         Gesture("Drop a project", "bring all back that was made, with every model"),
         Action(
-            *(
-                "new_project",
-                "New",
-                "Ctrl+N",
-                "begin afresh; what was rebuilt stays in Mine",
-            ),
-            lambda context: context.session.new(),
-            _ready,
+            "new_project", "New", "Ctrl+N", "begin afresh; what was rebuilt stays in Mine", lambda c: c.session.new()
         ),
         Action(
             *("open_scene", "Open…", "Ctrl+O", "open a project, a scene, or an image saved here; or drop it"),
-            lambda context: context.open_file(),
-            _ready,
+            lambda c: c.open_file(),
         ),
         Action(
             *("save_project", "Save project", "Ctrl+S", "save all that was made, with every model, as one file"),
-            lambda context: context.save_project(),
-            _ready,
+            lambda c: c.save_project(),
         ),
         Action(
             *("save_project_as", "Save project as…", "Ctrl+Shift+S", "save it as another file"),
-            lambda context: context.save_project_as(),
-            _ready,
+            lambda c: c.save_project_as(),
         ),
         Action(
             *("save_scene", "Save look…", "", "save shape, texture and camera alone, exact, as a small file"),
-            lambda context: context.save_scene(),
-            _ready,
+            lambda c: c.save_scene(),
         ),
-        Action(
-            *("share", "Share…", "Ctrl+E", "save a turntable, a film, a picture or a mesh"),
-            lambda context: context.share(),
-            _ready,
-        ),
+        Action("share", "Share…", "Ctrl+E", "save a turntable, a video, a picture or a mesh", lambda c: c.share()),
     ),
     "Everywhere": (
         Action(
             *("undo", "Undo", "Ctrl+Z", "undo the last edit; a drag is one step"),
-            lambda context: context.editor.undo(),
-            lambda context: context.ready and bool(context.editor.history.past),
+            lambda c: c.editor.undo(),
+            lambda c: c.ready and bool(c.editor.history.past),
         ),
         Action(
             *("redo", "Redo", "Ctrl+Y, Ctrl+Shift+Z", "redo what was undone"),
-            lambda context: context.editor.redo(),
-            lambda context: context.ready and bool(context.editor.history.future),
+            lambda c: c.editor.redo(),
+            lambda c: c.ready and bool(c.editor.history.future),
         ),
         Action(
             *("larger_text", "Larger text", "Ctrl++", "larger text"),
-            lambda context: context.resize_text(1),
-            lambda context: context.preferences.text < LARGEST,
+            lambda c: c.resize_text(1),
+            lambda c: c.preferences.text < LARGEST,
         ),
         Action(
             *("smaller_text", "Smaller text", "Ctrl+-", "smaller text"),
-            lambda context: context.resize_text(-1),
-            lambda context: context.preferences.text > SMALLEST,
+            lambda c: c.resize_text(-1),
+            lambda c: c.preferences.text > SMALLEST,
         ),
         Action(
             *("dark", "Dark", "", "dark colours, or light ones"),
-            lambda context: context.set_preference(dark=not context.preferences.dark),
-            checked=lambda context: context.preferences.dark,
+            lambda c: c.set_preference(dark=not c.preferences.dark),
+            _always,
+            checked=lambda c: c.preferences.dark,
         ),
         Action(
             *("smooth", "Smooth the finished render", "", "without visible pixels; a preview shows its own"),
-            lambda context: context.set_preference(smooth=not context.preferences.smooth),
-            checked=lambda context: context.preferences.smooth,
+            lambda c: c.set_preference(smooth=not c.preferences.smooth),
+            _always,
+            checked=lambda c: c.preferences.smooth,
         ),
         Action(
-            "reset_layout",
-            "Reset layout",
-            "",
-            "all panels as they were first",
-            lambda context: context.reset_layout(),
+            "reset_layout", "Reset layout", "", "all panels as they were first", lambda c: c.reset_layout(), _always
         ),
         Gesture("Esc", "close what is on top: a menu, a dialog, the help"),
         Action(
             *("help", "Keys and mouse", "F1, ?", "this help"),
-            lambda context: setattr(context, "help_open", not context.help_open),
-            checked=lambda context: context.help_open,
+            lambda c: setattr(c, "help_open", not c.help_open),
+            _always,
+            checked=lambda c: c.help_open,
         ),
-        Action("quit", "Quit", "Ctrl+Q", "end the program", lambda context: context.quit()),
+        Action("quit", "Quit", "Ctrl+Q", "end the program", lambda c: c.quit(), _always),
     ),
 }
 """By where it works; the order is that of the help."""
@@ -267,11 +229,16 @@ ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in 
 
 
 def run_keys(context: PanelContext, in_view: bool = False) -> None:
-    """Run the actions whose keys are pressed; to be called once a frame, for those of the view inside of it."""
+    """Run the actions whose keys are pressed; to be called once a frame, for those of the view inside of it.
+
+    While a name is asked for, or about to be, what is typed is no key: no letter of it may change the object.
+    """
     if imgui.get_io().want_text_input:
         return
+    typing = context.files.asking or context.share_open
     for action in ACTIONS.values():
-        pressed = action.in_view_only == in_view and any(map(imgui.is_key_chord_pressed, chords(action.keys)))
+        keys = ", ".join(key for key in action.keys.split(", ") if "Ctrl" in key) if typing else action.keys
+        pressed = action.in_view_only == in_view and any(map(is_pressed, chords(keys)))
         if pressed and _is_allowed(action, context) and action.enabled(context):
             action.run(context)
 
@@ -281,6 +248,17 @@ def _is_allowed(action: Action, context: PanelContext) -> bool:
     if context.ready and context.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
     return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+
+
+def is_pressed(chord: int) -> bool:
+    """Whether a chord is pressed in this frame, or repeated.
+
+    A modifier that is let go in the frame in which its key goes down counts: between two slow frames both may happen.
+    imgui has no order of events within a frame, and would take ``Ctrl+R`` for ``R``.
+    """
+    held = sum(int(one) for one in _EVERY_MODIFIER if imgui.is_key_down(one) or imgui.is_key_released(one))
+    mods = chord & sum(map(int, _EVERY_MODIFIER))
+    return held == mods and imgui.is_key_pressed(imgui.Key(chord - mods))
 
 
 def chords(keys: str) -> list[int]:
@@ -308,6 +286,7 @@ def _key(name: str) -> list[tuple[imgui.Key, ...]]:
     return [(getattr(key, name.lower()),)]
 
 
+_EVERY_MODIFIER = imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt, imgui.Key.mod_super
 _MODIFIERS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift}
 _NAMED: dict[str, list[tuple[imgui.Key, ...]]] = {
     "plus": [(imgui.Key.equal,), (imgui.Key.mod_shift, imgui.Key.equal), (imgui.Key.keypad_add,)],

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import moderngl
@@ -11,7 +12,7 @@ from core.models.library import shipped_models
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
-from viewer.panels import all_panels, help, menu, messages, recovery, running_fit
+from viewer.panels import all_panels, help, menu, messages, running_fit
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
 from viewer.screen import theme, window
@@ -20,7 +21,7 @@ from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, is_there
 from viewer.services.clipboard import Clipboard
 from viewer.services.messages import error_text
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.session import Session
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
@@ -44,7 +45,6 @@ class App:
         folder: Path | None = None,
         headless: bool = False,
         native_dialogs: bool | None = None,
-        leave_a_core: Callable[[], None] = lambda: None,
     ) -> None:
         """Nothing opens yet.
 
@@ -52,7 +52,6 @@ class App:
             folder: where layout and preferences are kept for the next time; None keeps nothing.
             headless: draw a window that nobody sees.
             native_dialogs: None: as the system has them.
-            leave_a_core: called where the processor draws the window.
         """
         window.prepare(headless)
         self.session = session
@@ -64,11 +63,10 @@ class App:
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
         self._size, self._folder, self._headless = size, folder, headless
-        self._leave_a_core = leave_a_core
         if folder:
             self.context.preferences = Preferences.load(folder)
-            session.view.quality = QUALITIES[self.context.preferences.quality]
-            session.mine, self.context.clipboard = Mine(folder / "mine"), Clipboard(folder / "pasted")
+            session.view = replace(session.view, quality=QUALITIES[self.context.preferences.quality])
+            session.user_objects, self.context.clipboard = UserObjects(folder / "mine"), Clipboard(folder / "pasted")
             self.context.autosave = Autosave(session, folder)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None
@@ -166,8 +164,8 @@ class App:
 
     def _draw_panel(self, panel: Panel) -> None:
         """Draw a panel; one that fails says so, and the others work on."""
-        if panel.waiting and not self.context.ready:
-            imgui.text_disabled(panel.waiting)
+        if panel.needs_model and not self.context.ready:
+            imgui.text_disabled("It comes with the model")
             return
         if panel.title in self._failed:
             imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")
@@ -195,8 +193,6 @@ class App:
     def _opened(self) -> None:
         self._gl = moderngl.get_context()
         self._software = window.in_software(self._gl)
-        if self._software:
-            self._leave_a_core()
         self.context.canvas, self.context.images = Canvas(self._gl), Images(self._gl)
         self.context.baked_canvas, self.context.fast_opengl = BakedCanvas(self._gl), is_fast(self._gl)
         # A mistake in a panel is logged by imgui, and does not end the program.
@@ -261,7 +257,6 @@ class App:
         self._guard("The help failed", lambda: help.draw(context))
         if context.ready and self._guard("The Share dialog failed", lambda: self._share.draw(context)):
             context.share_open = False
-        self._guard("The last session cannot be offered", lambda: recovery.draw(context))
         if context.ready:
             self._guard("The search cannot be shown", lambda: running_fit.draw(context))
         self._guard("Cannot take this file", context.files.draw)

@@ -5,9 +5,11 @@ import secrets
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
+from viewer.services.messages import Button, MessageKind
 from viewer.session import Session
 from viewer.values.project import SUFFIX, Project
 
@@ -33,20 +35,19 @@ class Autosave:
         many seconds.
         """
         self._session, self._clock, self.every = session, clock, every
-        self._kept = folder / f"session{SUFFIX}"
+        self._kept_file = folder / f"session{SUFFIX}"
         self._earlier = folder / "earlier"
-        self._file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}{SUFFIX}"
+        self._own_file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}{SUFFIX}"
         self._written: tuple[object, ...] = ()
         """what the file holds"""
         self._when = clock()
-        found = [path for path in folder.glob("session-*") if path.suffix in (SUFFIX, ".json") and not _runs(path)]
-        self.left: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
+        found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
+        self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
         """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
-        self.times = tuple(path.stat().st_mtime for path in self.left)
-        """s since the epoch, when each was written"""
-        session.keep_aside = self._keep_aside
-        self.model = self._go_on()
+        session.archive.connect(self._archive)
+        self.model = self._resume()
         """the name of the model that was open last; empty on the first launch"""
+        self._offer()
 
     @property
     def earlier(self) -> tuple[Path, ...]:
@@ -61,62 +62,79 @@ class Autosave:
         if self._clock() - self._when >= self.every:
             self._when, self._written = self._clock(), parts
             if (project := self._session.project()).sessions:
-                self._write(project, self._file)
+                self._write(project, self._own_file)
+
+    def _offer(self) -> None:
+        """Ask whether to restore what was left last, telling what it holds; where that is nothing, it goes."""
+        if not self.recoverable:
+            return
+        path, held = self.recoverable[-1], "nobody knows what"
+        with suppress(ValueError):
+            held = Project.load(path).summary
+        if not held:
+            self.discard()
+            return
+        when = datetime.fromtimestamp(path.stat().st_mtime)
+        text = f"A session did not end well: {held}, saved on {when:%d %B at %H:%M}"
+        buttons = Button("Restore", self.restore), Button("Discard", self.discard)
+        self._session.messages.notify(text, MessageKind.NOTE, buttons=buttons, lasts=True)
 
     def restore(self) -> None:
-        """Go on with what was left last. Where that cannot be, it stays until it is discarded."""
-        path = self.left[-1]
-        try:
-            project = Project.load(path)
-        except ValueError as error:
-            self._session.messages.report("Cannot restore the session", error)
-        else:
-            self._session.replace(project, lambda: self._discard(path))
+        """Add what was left last to what there is. Where that cannot be, it stays until it is discarded."""
+        path = self.recoverable[-1]
+
+        def add() -> None:
+            try:
+                self._session.add(Project.load(path))
+            except ValueError as error:
+                self._session.messages.report("Cannot restore the session", error)
+                self._offer()
+            else:
+                self._discard(path)
+
+        self._session.when_ready(add)
 
     def discard(self) -> None:
-        """Delete what was left last."""
-        self._discard(self.left[-1])
+        """Delete what was left last, and offer what was left before it."""
+        self._discard(self.recoverable[-1])
 
     def _discard(self, path: Path) -> None:
-        """Delete one of what was left, unless that has been done."""
-        if path in self.left:
-            path.unlink(missing_ok=True)
-            index = self.left.index(path)
-            self.left = (*self.left[:index], *self.left[index + 1 :])
-            self.times = (*self.times[:index], *self.times[index + 1 :])
+        path.unlink(missing_ok=True)
+        self.recoverable = tuple(one for one in self.recoverable if one != path)
+        self._offer()
 
     def close(self) -> None:
         """The run ends well; what an earlier one left stays until someone has decided."""
         if self._session.workspace is None:  # nothing could be made
-            if self._file.exists() and not self._kept.exists():
-                self._file.replace(self._kept)
+            if self._own_file.exists() and not self._kept_file.exists():
+                self._own_file.replace(self._kept_file)
             return
         # Where another window was closed meanwhile, the next launch begins with its session, and offers this one.
-        to = self._file if self._kept.exists() else self._kept
-        if self._write(self._session.project(), to) and to == self._kept:
-            self._file.unlink(missing_ok=True)
+        to = self._own_file if self._kept_file.exists() else self._kept_file
+        if self._write(self._session.project(), to) and to == self._kept_file:
+            self._own_file.unlink(missing_ok=True)
 
-    def _go_on(self) -> str:
-        """What was kept is this run's file from now on, so a run that it ends badly does not begin with it again."""
+    def _resume(self) -> str:
+        """Take over the file by renaming it: a project that crashes the program is not loaded at the next start."""
         try:
-            self._kept.replace(self._file)
-            project = Project.load(self._file)
+            self._kept_file.replace(self._own_file)
+            project = Project.load(self._own_file)
         except FileNotFoundError:
             return ""
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot go on with the last session", error)
-            if self._file.exists():
-                self._file.replace(self._place_aside())
+            if self._own_file.exists():
+                self._own_file.replace(self._archive_path())
             return ""
-        self._session.go_on_with(project)
+        self._session.adopt(project)
         return project.model
 
-    def _keep_aside(self, project: Project) -> None:
-        self._write(project, self._place_aside())
+    def _archive(self, project: Project) -> None:
+        self._write(project, self._archive_path())
         for path in self.earlier[_EARLIER:]:
             path.unlink(missing_ok=True)
 
-    def _place_aside(self) -> Path:
+    def _archive_path(self) -> Path:
         self._earlier.mkdir(parents=True, exist_ok=True)
         return self._earlier / f"{datetime.now():%Y-%m-%d %H.%M.%S.%f}{SUFFIX}"
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 from imgui_bundle import ImVec2, imgui
 
@@ -59,8 +59,6 @@ class PanelContext:
     """the object that is dragged to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
     """two corners of the view on screen"""
-    view_mode: str = "colour"
-    """one of :data:`viewer.values.view_modes.MODES`"""
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     autosave: Autosave | None = None
@@ -129,10 +127,10 @@ class PanelContext:
         return DARK if self.preferences.dark else LIGHT
 
     @property
-    def bakes(self) -> bool:
-        """OpenGL draws the object, in its colours, while it is turned."""
+    def opengl_turns(self) -> bool:
+        """OpenGL is to draw a baked copy while the object is turned."""
         turning = self.preferences.turning
-        return (self.fast_opengl if turning == "automatic" else turning == "on") and self.view_mode == "colour"
+        return self.fast_opengl if turning == "automatic" else turning == "on"
 
     def set_preference(self, **values: Any) -> None:
         """Change preferences by their names."""
@@ -145,7 +143,7 @@ class PanelContext:
     def next_view_mode(self) -> None:
         """Show the next of the view's modes."""
         modes = list(MODES)
-        self.view_mode = modes[(modes.index(self.view_mode) + 1) % len(modes)]
+        self.viewport.change(mode=modes[(modes.index(self.viewport.settings.mode) + 1) % len(modes)])
 
     # The camera as text
 
@@ -216,8 +214,10 @@ class PanelContext:
         self.files.ask(FileRequest("Save the project as", self._save_project, PROJECTS, True, f"project{SUFFIX}"))
 
     def _save_project(self, path: Path) -> None:
-        self.session.save_project(path)
-        self._remember(path)
+        if self.session.save_project(path):
+            self._remember(path)
+        else:
+            self.save_project_as()
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
@@ -254,17 +254,17 @@ class PanelContext:
             self.preferences = self.preferences.with_recent(path)
 
 
-@runtime_checkable
-class Panel(Protocol):
+class Panel:
     """A dockable window, one subject each."""
 
     title: str
     dock: str
     """View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)"""
-    folded: bool
+    folded = False
     """not shown until it is chosen in the menu Panels"""
-    waiting: str
-    """what it says until a model is open; empty: it draws itself from the start"""
+    needs_model = True
+    """drawn only while a model is open"""
 
     def draw(self, context: PanelContext) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""
+        raise NotImplementedError

@@ -1,6 +1,5 @@
 """What is being edited: an object's codes, its camera and the timeline, of one model. Every edit can be undone."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -11,6 +10,7 @@ from core.geometry.camera import Camera
 from core.models.codes import Codes, CodeSpace
 from core.models.model import Model
 from core.models.scene import Scene
+from viewer.services.signal import Signal
 from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.history import History, Mix, Pair, State
@@ -30,8 +30,8 @@ class Editor:
         first, second = self.objects.names[0], self.objects.names[min(1, len(self.objects.names) - 1)]
         scene = Scene(model.fingerprint, self.objects[first].codes, orbit.home(model))
         self.history = History(State(scene, Mix(Pair(first, first), second), directions=directions))
-        self.scene_changed: Callable[[], None] = lambda: None
-        """called after every change of the scene, undo included"""
+        self.scene_changed = Signal[[]]()
+        """emitted after every change of the scene, undo included"""
         self._generator = generator
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
         """for each part the code that was looked up last, and the answer"""
@@ -205,14 +205,16 @@ class Editor:
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
     def restore(self, saved: SavedSession) -> None:
-        """Go on with a saved session, its undo included; named directions of now stay. Raises ``ValueError`` where that
-        cannot be, and then changes nothing.
+        """Go on with a saved session, its undo included, and with the named directions of now. What has been made here
+        stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and changes nothing then.
         """
         saved.check(self.model)
         names = self.objects.add_missing(saved.objects)
         known = {one.name for one in saved.objects}
         self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
-        self._go(saved.history.renamed(names).with_directions(self.state.directions))
+        history = saved.history.renamed(names).with_directions(self.state.directions)
+        fresh = not (self.history.past or self.history.future)
+        self._go(history if fresh else self.history.after(history))
 
     # Undo
 
@@ -260,4 +262,4 @@ class Editor:
         shown = self.scene
         self.history = history
         if history.now.scene != shown:
-            self.scene_changed()
+            self.scene_changed.emit()

@@ -1,7 +1,6 @@
 """A run of the program: the model that is open, and what stays when another is opened. No window here."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -10,16 +9,18 @@ from core.models.library import shipped_models
 from core.models.model import Model
 from core.models.scene import open_scene, scene_model
 from viewer.activities.fit_stream import FitOptions
-from viewer.activities.viewport import ViewSettings
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.services.messages import Messages
-from viewer.services.mine import Mine
+from viewer.services.signal import Signal
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
 from viewer.values.fit_history import PhotoSource
 from viewer.values.objects import EditableObject
+from viewer.values.printable import printable
 from viewer.values.project import Project
 from viewer.values.saved_session import SavedSession
+from viewer.values.view_request import ViewSettings
 from viewer.workspace import Workspace
 
 
@@ -28,7 +29,7 @@ class Session:
 
     def __init__(self, worker: Worker, backend: Backend | None = None, seed: int | None = None) -> None:
         self.messages = Messages()
-        self.jobs = Jobs(worker, backend or Backend(), self.messages.notify, self.messages.report)
+        self.jobs = Jobs(worker, backend or Backend(), self.messages)
         self.view, self.fit_options = ViewSettings(), FitOptions()
         self.workspace: Workspace | None = None
         """None until the first model is open"""
@@ -36,16 +37,16 @@ class Session:
         """of the model that is open"""
         self.loading = ""
         """the name of the model on its way"""
-        self.mine = Mine()
+        self.user_objects = UserObjects()
         """the objects that last from launch to launch"""
-        self.keep_aside: Callable[[Project], None] = lambda project: None
-        """called with what is about to be replaced, or cannot be continued with"""
+        self.archive = Signal[Project]()
+        """emitted with what is about to be replaced, or cannot be continued with"""
         self._deferred: list[Callable[[], None]] = []
         """what waits for the model on its way"""
         self._elsewhere: tuple[tuple[tuple[PhotoSource, ...], str], ...] = ()
         """photos of another category, and that, which wait until the model can be changed"""
-        self._left: dict[str, SavedSession] = {}
-        """by the name of their model, sessions that were left for another model"""
+        self._left: tuple[SavedSession, ...] = ()
+        """sessions that go on when their model is opened next"""
         self.project_path: Path | None = None
         """where the project was saved, or opened from"""
         self._replacing: tuple[Project, Callable[[], None]] | None = None
@@ -63,8 +64,8 @@ class Session:
         self.jobs.worker.deliver()
         if self.workspace:
             self.workspace.tick()
-            if self._elsewhere and self._rests(self.workspace):
-                self._fit_elsewhere()
+            if self._elsewhere and self._is_idle(self.workspace):
+                self._fit_with_other_model()
 
     def open_model(self, name: str) -> None:
         """Load a model, by shipped name or path. The open one stays until it is there; what was made with the model
@@ -105,30 +106,49 @@ class Session:
 
     def project(self) -> Project:
         """All that was made, with every model."""
-        sessions = dict(self._left)
-        if self.workspace and (saved := self.workspace.saved(self.model_name)):
-            sessions[self.model_name] = saved
-        return Project(self.model_name, tuple(sessions.values()), self.project_path)
+        saved = self.workspace.saved(self.model_name) if self.workspace else None
+        return Project(self.model_name, (*self._left, *((saved,) if saved else ())), self.project_path)
 
     @property
     def parts(self) -> tuple[object, ...]:
         """What :meth:`project` is made of: as long as these are the same, so is that."""
-        return (self.project_path, *self._left.values(), *(self.workspace.parts if self.workspace else ()))
+        return (self.project_path, *self._left, *(self.workspace.parts if self.workspace else ()))
 
-    def go_on_with(self, project: Project) -> None:
-        """What the next models that are opened begin with."""
-        self.project_path = project.path
-        self._left = {saved.model: saved for saved in project.sessions}
+    def adopt(self, project: Project) -> None:
+        """Resume the saved session of each model when it is next opened."""
+        self.project_path, self._left = project.path, project.sessions
 
-    def save_project(self, path: Path) -> None:
-        """Write all that was made into one file."""
+    def add(self, project: Project) -> None:
+        """Put a project beside all that was made: its states before those of now, its objects among the others; its
+        model is opened where nothing was made with this one. Raises ``ValueError`` where this model cannot go on with
+        it, and changes nothing then.
+        """
+        for saved in project.sessions:
+            if saved.model == self.model_name:
+                saved.check(self._workspace().model)
+        fresh = self._workspace().saved(self.model_name) is None
+        self._left = (*self._left, *project.sessions)
+        for saved in self._take(self.model_name):
+            self._restore(saved)
+        if fresh and project.model != self.model_name:
+            self.open_model(project.model)
+
+    def _take(self, model: str) -> tuple[SavedSession, ...]:
+        """Of what waits for its model, the sessions of this one, which wait no more."""
+        taken = tuple(saved for saved in self._left if saved.model == model)
+        self._left = tuple(saved for saved in self._left if saved.model != model)
+        return taken
+
+    def save_project(self, path: Path) -> bool:
+        """Write all that was made into one file, which names no folder of this machine; whether that could be done."""
         try:
-            replace(self.project(), path=None).save(path)  # a file that is handed on names no folder
-        except ValueError as error:
+            self.project().shared().save(path)
+        except Exception as error:
             self.messages.report("Cannot save the project", error)
-        else:
-            self.project_path = path
-            self.messages.notify(f"Saved {path.name}")
+            return False
+        self.project_path = path
+        self.messages.notify(f"Saved {path.name}")
+        return True
 
     def open_project(self, path: Path, keep_path: bool = True) -> None:
         """Put a project in the place of all that was made. What cannot be read changes nothing.
@@ -142,7 +162,7 @@ class Session:
             self.messages.notify(f"Opened {path.name}")
 
         try:
-            project = Project.load(path)
+            project = Project.load(path).beside(path.parent)
         except ValueError as error:
             self.messages.report("Cannot open the project", error)
         else:
@@ -170,29 +190,34 @@ class Session:
 
     def _opened(self, name: str, model: Model) -> None:
         replacing, self._replacing, self.loading = self._replacing, None, ""
-        if not replacing:
-            if self.workspace and (left := self.workspace.saved(self.model_name)):
-                self._left[self.model_name] = left
-            self._begin(name, model)
-        elif self._make_way(replacing[0], model):
-            self._begin(name, model)
-            replacing[1]()
+        try:
+            if not replacing:
+                if self.workspace and (left := self.workspace.saved(self.model_name)):
+                    self._left = (*self._left, left)
+                self._begin(name, model)
+            elif self._archive_current(replacing[0], model):
+                self._begin(name, model)
+                replacing[1]()
+        except Exception as error:  # of a model that stands in no window
+            self.messages.report(f"Cannot open the model {name}", error)
         deferred, self._deferred = self._deferred, []
         for action in deferred:
             action()
 
     def _begin(self, name: str, model: Model) -> None:
-        """Give a model a workspace, and go on with what was made with it."""
+        """Give a model a workspace, once that stands in place of the old one, and go on with what was made with it."""
+        if self.workspace:
+            self.view = self.workspace.viewport.settings
+        begun = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.user_objects)
         if self.workspace:
             self.workspace.close()
-        self.model_name = name
-        self.workspace = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.mine)
-        self.workspace.fitting.other_category = self._fit_with_its_model
+        self.model_name, self.workspace = name, begun
+        self.workspace.fitting.other_category.connect(self._fit_with_its_model)
         self.workspace.start()
-        if left := self._left.pop(name, None):
+        for left in self._take(name):
             self._restore(left)
 
-    def _make_way(self, project: Project, model: Model) -> bool:
+    def _archive_current(self, project: Project, model: Model) -> bool:
         """Keep aside what a project replaces; not if its session cannot be continued with."""
         for saved in project.sessions:
             if saved.model == project.model:
@@ -202,8 +227,8 @@ class Session:
                     self.messages.report("Cannot open the project", error)
                     return False
         if (before := self.project()).sessions:
-            self.keep_aside(before)
-        self.go_on_with(project)
+            self.archive.emit(before)
+        self.adopt(project)
         return True
 
     def _open_scene(self, path: Path) -> None:
@@ -213,7 +238,7 @@ class Session:
         except ValueError as error:
             self._open_with_another_model(path, error)
         else:
-            workspace.editor.add_and_show(EditableObject(path.stem, scene.codes), scene.camera)
+            workspace.editor.add_and_show(EditableObject(printable(path.stem), scene.codes), scene.camera)
             self.messages.notify(f"Opened {path.name}")
 
     def _open_with_another_model(self, path: Path, error: ValueError) -> None:
@@ -242,12 +267,12 @@ class Session:
         self.messages.notify(f"{sources[0].path.name} looks like {category}, not {here}: that model opens for it")
         self._elsewhere = (*self._elsewhere, (sources, category))
 
-    def _rests(self, workspace: Workspace) -> bool:
+    def _is_idle(self, workspace: Workspace) -> bool:
         """Nothing is under way that another model would end."""
         busy = workspace.fitting.running, workspace.segmenting.active, workspace.exporting.running
         return not (self.loading or self._replacing or any(busy))
 
-    def _fit_elsewhere(self) -> None:
+    def _fit_with_other_model(self) -> None:
         category = self._elsewhere[0][1]
         photos = [sources for sources, wanted in self._elsewhere if wanted == category]
         self._elsewhere = tuple(one for one in self._elsewhere if one[1] != category)
@@ -263,5 +288,5 @@ class Session:
         try:
             self._workspace().restore(saved)
         except ValueError as error:
-            self.keep_aside(Project(saved.model, (saved,)))
+            self.archive.emit(Project(saved.model, (saved,)))
             self.messages.report(f"Cannot go on with what was made with {saved.model}", error)

@@ -10,35 +10,43 @@ from viewer.activities.grid import Grid
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.thumbnails import Thumbnails
-from viewer.activities.viewport import Viewport, ViewSettings
+from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.saved_session import SavedSession
+from viewer.values.view_request import ViewSettings
 
 _VIEW_BANK_SHARE = 0.2
-"""of the worker's time, for what the first fit will need"""
+"""of the worker's time: a fit that waits for it has all the rest"""
 
 
 class Workspace:
     """Composition only: makes the parts and connects them."""
 
     def __init__(
-        self, model: Model, jobs: Jobs, generator: torch.Generator, view: ViewSettings, fit: FitOptions, mine: Mine
+        self,
+        model: Model,
+        jobs: Jobs,
+        generator: torch.Generator,
+        view: ViewSettings,
+        fit: FitOptions,
+        user_objects: UserObjects,
     ) -> None:
-        self.model, self._jobs, self._mine = model, jobs, mine
-        self._directions = mine.directions(model)
+        self.model, self._jobs, self._user_objects = model, jobs, user_objects
+        self._directions = user_objects.directions(model)
         """those that are kept"""
         self.editor = Editor(model, generator, self._directions)
-        self._from_mine = frozenset(map(self.editor.objects.add, mine.open(model)))
+        self._initially_there = frozenset(map(self.editor.objects.add, user_objects.open(model)))
         """names of objects that were there from the beginning"""
         self._kept = self.editor.objects.version
-        self._unclear: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
+        self._prepared = 0.0
+        self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
         """photos whose object is to be pointed out after the one that is"""
-        self._asking: tuple[PhotoSource, ...] = ()
+        self._prompting: tuple[PhotoSource, ...] = ()
         """whose object is being pointed out, as it was not found"""
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, model)
@@ -46,26 +54,34 @@ class Workspace:
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, fit)
         self.segmenting = Segmenting(jobs, model, self.fitting.fit)
-        self.fitting.no_background = self._point_out
+        self.fitting.no_background.connect(self._ask_for_box)
         self.exporting = Exporting(jobs, self.editor, self.grid)
 
     def start(self) -> None:
-        """Render the first image, and prepare what a fit will need."""
+        """Render the first image, and make what fits wait for."""
         self.viewport.render()
         view_bank = self._jobs.backend.view_bank
-        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), lambda _: None, share=_VIEW_BANK_SHARE))
+        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), self._prepare, share=_VIEW_BANK_SHARE))
+
+    def _prepare(self, share: float) -> None:
+        self._prepared = share
+
+    @property
+    def preparing(self) -> float | None:
+        """Which share (0..1) of the view bank is made; None once it is there."""
+        return self._prepared if self._prepared < 1 and self._jobs.busy("view bank") else None
 
     def tick(self) -> None:
         """Once a frame: what advances with time."""
         self.viewport.tick()
         self.player.tick()
         self.thumbnails.tick()
-        if self._unclear and not self.segmenting.active:
-            first, *others = self._unclear
-            self._unclear, self._asking = tuple(others), first[0]
+        if self._awaiting_box and not self.segmenting.active:
+            first, *others = self._awaiting_box
+            self._awaiting_box, self._prompting = tuple(others), first[0]
             self.segmenting.open(*first)
         if self._kept != self.editor.objects.version or self._directions is not self.editor.state.directions:
-            self._keep_mine()
+            self._keep_user_objects()
 
     def close(self) -> None:
         """End what is under way."""
@@ -84,10 +100,10 @@ class Workspace:
         return SavedSession(
             name,
             history.without_gesture(),
-            tuple(one for one in objects.ever_added if one.name in used or one.name not in self._from_mine),
+            tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
             tuple(objects.removed),
             self.grid.names,
-            FitHistory() if fitting.running and not fitting.result else fitting.history,
+            FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
             fitting.candidates.saved(),
             pending,
         )
@@ -96,7 +112,7 @@ class Workspace:
     def parts(self) -> tuple[object, ...]:
         """What :meth:`saved` is made of: as long as these are the same, so is that."""
         objects, fitting = self.editor.objects, self.fitting
-        fit = fitting.request, fitting.queue, fitting.result, fitting.history.photos
+        fit = fitting.request, fitting.queue, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
         added = objects.ever_added
         return (self.editor.history, objects.removed, self.grid.names, *fit, steps, *self._not_found, *added)
@@ -105,39 +121,39 @@ class Workspace:
         """Go on with a saved session. Raises ``ValueError`` where that cannot be, and changes nothing then."""
         self.editor.restore(saved)
         self.grid.add(*(name for name in saved.grid if name in self.editor.objects))
-        self.fitting.candidates.restore(saved.tiles)
+        if not self.fitting.history.sources:
+            self.fitting.candidates.restore(saved.tiles)
         self.fitting.restore(saved.fit, saved.pending)
 
     def rename(self, name: str, to: str) -> None:
         """Give an added object another name, wherever it is mentioned."""
         new = self.editor.rename(name, to)
         self.grid.rename(name, new)
-        self.fitting.rename(name, new)
+        self.fitting.results.rename(name, new)
 
     def remove(self, name: str) -> None:
         """Take an added object out of all lists; what is shown stays."""
         self.editor.objects.remove(name)
         self.grid.remove(name)
-        if self.fitting.ready and self.fitting.ready.name == name:
-            self.fitting.dismiss_ready()
+        self.fitting.results.unseen.pop(name, None)
 
     def see_from(self, view: str) -> None:
         """One of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
         if view == "home":
             self.viewport.reset_view()
         elif view == "photo" and self.fitting.history.last:
-            self.editor.set_camera(self.fitting.camera)
+            self.editor.set_camera(self.fitting.view.camera)
         elif view in orbit.VIEWS:
-            self.editor.set_camera(orbit.seen_from(self.fitting.following.camera, view))
+            self.editor.set_camera(orbit.seen_from(self.viewport.camera, view))
 
     @property
     def orthographic(self) -> bool:
         """The view has no perspective."""
-        return orbit.is_orthographic(self.fitting.following.camera, self.model)
+        return orbit.is_orthographic(self.viewport.camera, self.model)
 
     def set_orthographic(self, orthographic: bool) -> None:
         """See the object without perspective, or with the model's own."""
-        camera = self.fitting.following.camera
+        camera = self.viewport.camera
         self.editor.set_camera(orbit.with_perspective(camera, self.model, not orthographic))
 
     def segment_photo(self) -> None:
@@ -147,19 +163,19 @@ class Workspace:
     @property
     def _not_found(self) -> tuple[tuple[PhotoSource, ...], ...]:
         """Photos whose object is still to be pointed out."""
-        asked = self.segmenting.active and self._asking and self.segmenting.sources == self._asking
-        return (*((self._asking,) if asked else ()), *(sources for sources, _ in self._unclear))
+        asked = self.segmenting.active and self._prompting and self.segmenting.sources == self._prompting
+        return (*((self._prompting,) if asked else ()), *(sources for sources, _ in self._awaiting_box))
 
-    def _point_out(self, sources: tuple[PhotoSource, ...], index: int) -> None:
+    def _ask_for_box(self, sources: tuple[PhotoSource, ...], index: int) -> None:
         """In this photo the object was not found: a person is asked, for one photo at a time."""
-        self._unclear = (*self._unclear, (sources, index))
+        self._awaiting_box = (*self._awaiting_box, (sources, index))
 
-    def _keep_mine(self) -> None:
+    def _keep_user_objects(self) -> None:
         """What was fitted or named is there at the next launch."""
         objects = self.editor.objects
         self._kept, self._directions = objects.version, self.editor.state.directions
         try:
-            self._mine.sync(self.model, [one for one in objects.added if one.photo])
-            self._mine.keep_directions(self.model, self._directions)
+            self._user_objects.sync(self.model, [one for one in objects.added if one.fitted])
+            self._user_objects.keep_directions(self.model, self._directions)
         except (ValueError, OSError) as error:
-            self._jobs.report("Cannot keep what was made", error)
+            self._jobs.messages.report("Cannot keep what was made", error)

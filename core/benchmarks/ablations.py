@@ -18,7 +18,6 @@ from core.evaluation.statistics import Mean, mean_of
 from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
 from core.models.model import Model
 from core.models.precision import use_dtype
-from core.photos.view_bank import view_bank
 
 FULL, _FLOAT32 = "full", "in float32"
 _USUAL = PRESETS["normal"]
@@ -63,8 +62,6 @@ class AblationResults:
 
 def run(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | AblationResults]:
     """Yields what is being measured, and at the end the results."""
-    yield "view bank"
-    view_bank(model)
     trials: dict[str, list[Trial]] = {name: [] for name in ABLATIONS}
     for number, target in enumerate(targets):
         for name, (settings, components) in ABLATIONS.items():

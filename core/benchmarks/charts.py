@@ -15,7 +15,6 @@ from core.benchmarks.csv_files import append_record, from_row, read_csv, read_re
 from core.benchmarks.drawing import DPI, differences_figure, draw_frontier, log_ticks, new_figure, write_chart
 from core.benchmarks.fits import FitResults
 from core.benchmarks.fits import Trial as FitTrial
-from core.benchmarks.load_charts import draw_load
 from core.benchmarks.rendering_charts import draw_rendering
 from core.benchmarks.robustness import SUCCESS_DEGREES, Measured, RobustnessResults
 from core.benchmarks.robustness import Trial as RobustnessTrial
@@ -235,7 +234,6 @@ def _draw_training(folder: Path) -> None:
 
 _REDRAW: dict[str, Callable[[Path], None]] = {
     "render": draw_rendering,
-    "load": draw_load,
     "fit": _draw_fits,
     "robustness": draw_robustness,
     "ablations": _draw_ablations,

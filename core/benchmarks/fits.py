@@ -16,11 +16,11 @@ from core.benchmarks.machine import describe_machine
 from core.evaluation.protocol import as_photo, score_view
 from core.evaluation.statistics import Mean, mean_of, share_within
 from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
-from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep, fit
+from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
-from core.photos.view_bank import view_bank
 
 _FAR = 20.0
 """degrees: a camera that is further off than this may be right by symmetry"""
@@ -118,8 +118,6 @@ def run(
     model: Model, targets: Sequence[HeldOutView], presets: dict[str, FitSettings] = PRESETS
 ) -> Iterator[str | FitResults]:
     """Yields what is being measured, and at the end the results."""
-    yield "view bank"
-    view_bank(model)
     trials = list[Trial]()
     for number, target in enumerate(targets):
         for name, settings in presets.items():
@@ -138,7 +136,7 @@ def fit_view(
 ) -> Trial:
     """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
-    steps = list(fit(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
+    steps = list(fit_as_set(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]

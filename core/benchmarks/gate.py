@@ -1,55 +1,137 @@
-"""A gate against regressions: results compared with a committed baseline, as ratios that hold on other machines too.
+"""A gate against collapses: how long things take against something plain that is measured beside them.
 
-Absolute times depend on the machine; how many times faster the fast renderer is than the naive one, or a preset than
-the paper's recipe, hardly does. Each function returns a line for everything
-that became worse than its tolerance allows.
+Seconds depend on the machine, ratios hardly do, so a small baseline of them is committed. What has become more than
+twice as slow ends the gate: threads that wait for each other, a view bank that every process makes anew, a renderer or
+a fit without its shortcuts. Fields run in float32, which every machine multiplies, and what runs in this process is
+timed by the processor; commands are timed by the clock, beside processes that keep all other cores busy.
 """
 
-from core.benchmarks.fits import FitResults
-from core.benchmarks.rendering import RenderingResults
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
 
-SPEED_TOLERANCE = 0.25
-"""share of a speed-up that may be lost: what rounds of one machine differ by, and a margin"""
-PSNR_TOLERANCE = 0.5
-"""dB that may be lost against the exact renderer: what float32 and bfloat16 machines differ by is no regression"""
+import torch
 
+from core.benchmarks.csv_files import read_records
+from core.benchmarks.held_out_views import evenly_spaced_objects, render_on_white
+from core.fitting.fit import PRESETS, FitJob, fit
+from core.fitting.settings import ALL_COMPONENTS, FitSettings
+from core.models.library import sample_images
+from core.models.model import Model
+from core.models.precision import use_dtype
+from core.photos.photo import Photo
+from core.rendering import fast
+from core.rendering.progressive import RenderSettings
+from core.rendering.reference import render_exact
 
-def compare_rendering(found: RenderingResults, baseline: RenderingResults) -> list[str]:
-    """Speed-up over the naive renderer's largest number of samples and PSNR, by number of samples."""
-    before = {one.samples: one for one in baseline.fast}
-    lines = []
-    for one in found.fast:
-        if one.samples in before:
-            name, old = f"{one.samples} samples", before[one.samples]
-            lines += _slower(name, found.naive[-1].ms / one.ms, baseline.naive[-1].ms / old.ms)
-            if one.psnr < old.psnr - PSNR_TOLERANCE:
-                allowed = f"baseline {old.psnr:.1f} dB (tolerance {PSNR_TOLERANCE} dB)"
-                lines.append(f"{name}: {one.psnr:.1f} dB, {allowed}")
-    return lines
-
-
-def compare_fits(found: FitResults, baseline: FitResults) -> list[str]:
-    """Speed-up over the paper's recipe, and the share of cameras within 10 degrees, by preset.
-
-    A share is worse where it lies below the baseline's 95 % interval.
-    """
-    before = {one.preset: one for one in baseline.summaries}
-    after = {one.preset: one for one in found.summaries}
-    lines = []
-    for preset in before.keys() & after.keys() - {"paper"}:
-        old, new = before[preset], after[preset]
-        if "paper" in before and "paper" in after:
-            speed, old_speed = after["paper"].seconds / new.seconds, before["paper"].seconds / old.seconds
-            lines += _slower(preset, speed, old_speed)
-        if new.within_10_degrees.mean < old.within_10_degrees.low:
-            shares = (
-                f"{100 * new.within_10_degrees.mean:.0f} %, baseline at least {100 * old.within_10_degrees.low:.0f} %"
-            )
-            lines.append(f"{preset}: cameras within 10° {shares}")
-    return sorted(lines)
+TOLERANCE = 2.0
+"""times the baseline that a ratio may be"""
+_EXACT, _NAIVE_STEPS = 64, 20
+"""px and samples of the exact render; steps of the paper's recipe"""
+_IMPORT = (sys.executable, "-c", "import torch")
+_SPIN = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: sum(range(10000))"
+"""ends with the program that started it, however that ends"""
 
 
-def _slower(name: str, speed: float, baseline: float) -> list[str]:
-    if speed >= (1 - SPEED_TOLERANCE) * baseline:
-        return []
-    return [f"{name}: {speed:.1f} times faster, baseline {baseline:.1f} (tolerance {100 * SPEED_TOLERANCE:.0f} %)"]
+@dataclass(frozen=True)
+class Ratio:
+    """How long one thing takes against another."""
+
+    name: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.value:.3g}"
+
+
+def measure(model: Model) -> Iterator[Ratio]:
+    """Yields each ratio; under a minute on a quiet machine. The model's view bank must be there."""
+    ((_, codes),) = evenly_spaced_objects(model, 1)
+    camera = model.camera(0.9, 0.4)
+    with use_dtype(torch.float32):
+        exact = _second_time(
+            lambda: render_exact(model, codes, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time
+        )
+        rendered = _second_time(
+            lambda: fast.render(model, codes, camera, RenderSettings().samples), time.process_time, fast.clear_views
+        )
+        yield Ratio("a render against an exact one", rendered / exact)
+        photo = Photo(*render_on_white(model, codes, camera))
+        naive = _second_time(
+            lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)), time.process_time
+        )
+        fitted = _second_time(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)), time.process_time)
+        yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)
+    yield from _commands(model.category)
+
+
+def compare(found: Sequence[Ratio], baseline: Sequence[Ratio]) -> list[str]:
+    """A line for each ratio of the baseline that is missing or has become too large."""
+    values = {one.name: one.value for one in found}
+    return [
+        f"{one}, now {values[one.name]:.3g}" if one.name in values else f"{one}, now missing"
+        for one in baseline
+        if not values.get(one.name, float("inf")) <= TOLERANCE * one.value
+    ]
+
+
+def read_baseline(path: Path) -> tuple[Ratio, ...]:
+    """Raises ``ValueError`` where there is none."""
+    if not path.is_file():
+        raise ValueError(f"no baseline: {path}")
+    return read_records(path, Ratio)
+
+
+def _second_time(
+    run: Callable[[], object], clock: Callable[[], float], before: Callable[[], None] = lambda: None
+) -> float:
+    """Seconds of a second run: the first one fills caches, and is what oneDNN compiles for."""
+    run()
+    before()
+    began = clock()
+    run()
+    return clock() - began
+
+
+def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
+    """Of fixed work: it does not stop early."""
+    for _ in fit(model, FitJob((photo,), settings, components=replace(ALL_COMPONENTS, early_stopping=False))):
+        pass
+
+
+def _commands(category: str) -> Iterator[Ratio]:
+    """Whole processes of the command line, the first of which makes the view bank."""
+    photo = str(sample_images(category)[0])
+    words = (sys.executable, "-m", "core", "fit", photo, "--model", category, "--preset", "draft")
+    with tempfile.TemporaryDirectory() as folder, busy_processes(max(1, (os.cpu_count() or 1) - 1)):
+        said: list[str] = []
+
+        def command() -> None:
+            environment = os.environ | {"CODENERF_CACHE": folder}
+            said.append(subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout)
+
+        plain = _second_time(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
+        whole = _second_time(command, time.perf_counter)
+        yield Ratio("a draft fit's process against importing torch", whole / plain)
+        parts = json.loads(said[-1].splitlines()[-1])["seconds_by_part"]
+        yield Ratio("a kept view bank against the search", parts["view_bank"] / parts["search"])
+
+
+@contextmanager
+def busy_processes(count: int) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """So many processes that do nothing but keep a core busy, until the end of a ``with``."""
+    processes = [subprocess.Popen([sys.executable, "-c", _SPIN]) for _ in range(count)]
+    try:
+        yield processes
+    finally:
+        for process in processes:
+            process.kill()
+        for process in processes:
+            process.wait()

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from core.datasets.splits import evenly_spaced
 from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import as_photo
 from core.fitting.fit import PRESETS, FitJob, fit
@@ -16,7 +17,7 @@ from core.geometry.camera import Camera
 from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.views import render_view
+from core.rendering.images import render_image
 
 HELD_OUT_VIEWS = 4
 """other views of each object that a fit is scored on"""
@@ -75,8 +76,7 @@ def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch
 
 def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
     """Names and codes of ``count`` objects of the model, evenly spaced, without those whose training collapsed."""
-    valid = model.codes.valid
-    some = [valid[index * len(valid) // count] for index in range(min(count, len(valid)))]
+    some = evenly_spaced(model.codes.valid, count)
     return [(model.codes.objects[index].name, model.codes[index]) for index in some]
 
 
@@ -104,6 +104,6 @@ def render_on_white(
     model: Model, codes: Codes, camera: Camera
 ) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
     """An image in [0, 1] and the object's mask."""
-    rendered = render_view(model, codes, camera)
+    rendered = render_image(model, codes, camera)
     colour = rendered.colour.clamp(0, 1).cpu()
     return colour, (colour < _BACKGROUND).any(-1) if model.white_from_network else rendered.opacity.cpu() > 0.5

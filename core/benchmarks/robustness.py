@@ -18,7 +18,8 @@ from core.benchmarks.held_out_views import HeldOutView, is_symmetric_view, rende
 from core.benchmarks.stressors import STRESSORS, Stressor
 from core.evaluation.statistics import Mean, mean_of
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
-from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis, fit
+from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
+from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings, PaperSettings
 from core.geometry.camera import Camera
 from core.metrics import rotation_error
@@ -26,7 +27,7 @@ from core.models.codes import Codes
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
 from core.photos.photo import photo_from_array
-from core.photos.view_bank import surface_points
+from core.photos.surface import surface_points
 
 COMPARED = ("normal", "paper")
 """presets"""
@@ -196,7 +197,7 @@ def _fit(model: Model, attempt: _Attempt, trial: Trial) -> Measured:
     image = attempt.image[..., :3]
     image = image if image.dtype == np.uint8 else (255 * image + 0.5).astype(np.uint8)
     try:
-        *_, last = fit(model, attempt.job(model))
+        *_, last = fit_as_set(model, attempt.job(model))
     except ValueError as error:
         trial = replace(trial, outcome="refused" if attempt.stressor.no_object else str(error))
         return Measured(trial) if trial.success else Measured(trial, image)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from core.benchmarks.ablations import AblationResults
 from core.benchmarks.architectures import Architecture
 from core.benchmarks.fits import FitResults
-from core.benchmarks.load import MEASURED, ONE, LoadResults
 from core.benchmarks.model_sizes import ModelSizeResults
 from core.benchmarks.recipe import RecipeScore
 from core.benchmarks.rendering import RenderingResults
@@ -100,30 +99,6 @@ def robustness_table(found: RobustnessResults) -> str:
     lines += ["", f"Failures of {presets[0]}: {', '.join(f'{n} {name}' for name, n in failed.most_common())}."]
     symmetric = dict.fromkeys(trial.name for trial in found.trials if trial.outcome == "symmetric")
     lines += ["", f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}."]
-    return "\n".join(lines) + "\n"
-
-
-def load_table(found: LoadResults) -> str:
-    """A line for each job and number of busy processes."""
-    loads = [one.load for one in found.timings if one.load is not None]
-    about = f"{found.machine}; medians of {found.turns} turns"
-    about += f"; load average before: {min(loads):.1f} to {max(loads):.1f}" if loads else ""
-    lines = [f"{about}. Ratios are to one thread beside no busy process.", ""]
-    lines += ["| job | busy processes | one thread | ratio | measured threads | ratio | measured / one"]
-    lines[-1] += " | the same, processor time |"
-    lines += ["|" + "---|" * 8]
-    for job in found.jobs:
-        for busy in found.busy_counts:
-            times = [found.values(job, threads, busy) for threads in (ONE, MEASURED)]
-            ratios = [found.ratios(job, threads, busy) for threads in (ONE, MEASURED)]
-            if all(times) and all(ratios):
-                (one, several), (first, second) = map(statistics.median, times), map(statistics.median, ratios)
-                cells = f"{one:.2f} s | {first:.2f} | {several:.2f} s | {second:.2f} | {several / one:.2f}"
-                used = [
-                    statistics.median(found.values(job, threads, busy, "processor_seconds"))
-                    for threads in (ONE, MEASURED)
-                ]
-                lines.append(f"| {job} | {busy} | {cells} | {used[1] / used[0]:.2f} |")
     return "\n".join(lines) + "\n"
 
 

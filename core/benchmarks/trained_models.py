@@ -15,7 +15,7 @@ from core.files import write_json
 from core.fitting.confidence import RIGHT_DEGREES
 from core.fitting.fit import PRESETS
 from core.models.model import Model
-from core.photos.view_bank import view_bank
+from core.photos.view_bank import build_view_bank
 from core.training.recipes import TrainSettings
 from core.training.trainer import Trainer, held_out_psnr, hold_out
 
@@ -69,6 +69,8 @@ def trained_objects_views(entries: Sequence[ObjectEntry], category: str, model: 
 def held_out_psnrs(model: Model, tests: Sequence[ObjectEntry]) -> list[float]:
     """dB of other views of each object, fitted on one view from its true camera: the paper's, if there are so many."""
     psnrs = []
+    for _ in build_view_bank(model):
+        pass
     for entry in tests:
         views, paper = entry.read(), Protocol(every=_VIEW_STRIDE)
         known = paper if len(views.cameras) > max(paper.inputs) else replace(paper, inputs=(0,))
@@ -91,7 +93,6 @@ def score_model(model: Model, views: Dataset, tests: Sequence[ObjectEntry], path
             return Scores(**kept)
     yield f"new views of training objects, {path.stem}"
     new_views = held_out_psnr(model, views)
-    view_bank(model)  # built before the first fit is timed
     psnrs, trials = list[float](), list[Trial]()
     for number, entry in enumerate(tests):
         yield f"fits, {path.stem}, {entry.name}"

@@ -16,15 +16,13 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage"
     )
     rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
-    load = add_command(kinds, "load", "measure.bench_load", "a fit and renders beside busy processes, by threads")
-    load.add_argument("--turns", type=count, default=3, metavar="N", help="how often everything is measured")
     fitting = add_command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
-    for kind in (rendering, fitting):
-        kind.add_argument(
-            "--gate", type=Path, metavar="B.csv", help="write nothing; exit with status 1 if worse than this baseline"
-        )
+    guard = add_command(
+        kinds, "gate", "measure.bench_gate", "fail where something takes twice as long as gate.csv has it"
+    )
+    guard.add_argument("--write", action="store_true", help="write gate.csv instead, the baseline")
     redraw = add_command(kinds, "redraw", "measure.bench_redraw", "write tables and charts again from the CSV files")
     ablations = add_command(kinds, "ablations", "measure.bench_ablations", "fits without each part of the method")
     robustness = add_command(
@@ -41,9 +39,9 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    for kind in (rendering, load, fitting, ablations, robustness):
+    for kind in (rendering, fitting, ablations, robustness):
         add_model(kind)
-    for kind in (rendering, load, fitting, ablations, robustness, *_add_training(kinds), redraw):
+    for kind in (rendering, fitting, ablations, robustness, *_add_training(kinds), redraw, guard):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )

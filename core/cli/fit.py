@@ -4,26 +4,31 @@ import argparse
 import json
 import math
 import sys
-from contextlib import nullcontext
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from itertools import repeat
 from pathlib import Path
 
 import torch
 from tqdm import tqdm
 
-from core.cli.progress import require_writable
-from core.fitting import fit as fits
+from core.cli.progress import wait_for_view_bank
+from core.files import require_writable
+from core.fitting.category_check import describe_category, guess_category, likeliest_category
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
-from core.fitting.plausibility import describe_category, guess_category, likeliest_category
+from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
+from core.geometry.pose_files import read_pose
 from core.models.library import DEFAULT_MODEL, load_model
+from core.models.model import Model
 from core.models.scene import Scene
-from core.models.threads import with_measured_threads
-from core.photos.decode import upright_size
-from core.photos.photo import load_photo, read_cut_out
+from core.photos.decode import read_rgba, upright_size
+from core.photos.photo import Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
-from core.photos.segmentation import Hints
+from core.photos.segmentation import CutOut, Hints, cut_out
 
 
 def fit(chosen: argparse.Namespace) -> None:
@@ -40,37 +45,74 @@ def fit(chosen: argparse.Namespace) -> None:
         require_writable(path)
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     poses = chosen.pose or [None] * len(chosen.images)
-    hints = list(map(_box_hints, chosen.images, chosen.box or [None] * len(chosen.images)))
-    each = zip(chosen.images, poses, hints, strict=True)
-    try:
-        model = load_model(chosen.model or probable_model(chosen.images[0], hints[0]), chosen.device)
-        photos = tuple(load_photo(image, model, pose, hint) for image, pose, hint in each)
-    except NoBackgroundError as error:
-        raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
+    hints = map(_box_hints, chosen.images, chosen.box or [None] * len(chosen.images))
+    clock = Stopwatch()
+    cuts = [_cut_out(path, hint, clock) for path, hint in zip(chosen.images, hints, strict=True)]
+    model = load_model(chosen.model or probable_model(cuts[0]), chosen.device)
+    with clock("view_bank"):
+        wait_for_view_bank(model)
+    photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
     if warning := describe_category(guess_category(photos[0].pixels, photos[0].mask), model.category):
         print(f"python -m core: {warning}", file=sys.stderr)
-    last, bar = None, tqdm(unit="step", leave=False, disable=None)
-    with bar, chosen.log.open("w") if chosen.log else nullcontext() as log:
-        for last in with_measured_threads(fits.fit(model, FitJob(photos, settings, chosen.seed))):
-            bar.total = last.steps
-            bar.set_postfix_str(f"{last.psnr:.2f} dB")
-            bar.update()
-            if log:
-                log.write(json.dumps(_to_dict(last) | {"origin": last.origin}) + "\n")
-    if last is None:
-        raise ValueError("the fit made no step")
+    with clock("search"):
+        last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
     if chosen.out:
         Scene(model.fingerprint, last.codes, last.cameras[0]).save(chosen.out)
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
-    print(json.dumps(_to_dict(last)), flush=True)
+    seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
+    print(json.dumps(_to_dict(last) | seconds), flush=True)
 
 
-def probable_model(image: Path, hints: Hints | None = None) -> str:
+def probable_model(cut: CutOut) -> str:
     """The model of the category that an image seems to show; that of chairs where it seems to show none."""
-    cut = read_cut_out(image, hints)
     guess = guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask))
     return likeliest_category(guess) or DEFAULT_MODEL
+
+
+class Stopwatch:
+    """Adds up seconds by part: ``with clock("decode"): ...``."""
+
+    def __init__(self) -> None:
+        self.parts: dict[str, float] = {}
+
+    @contextmanager
+    def __call__(self, part: str) -> Iterator[None]:
+        """Seconds of what is inside the ``with`` are added to this part's."""
+        began = time.perf_counter()
+        yield
+        self.parts[part] = round(self.parts.get(part, 0.0) + time.perf_counter() - began, 3)
+
+
+def _cut_out(path: Path, hints: Hints | None, clock: Stopwatch) -> CutOut:
+    try:
+        with naming(path):
+            with clock("decode"):
+                image = read_rgba(path)
+            with clock("cut_out"):
+                return cut_out(image, hints)
+    except NoBackgroundError as error:
+        raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
+
+
+def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) -> Photo:
+    with naming(path):
+        return prepare_photo(cut, model, read_pose(pose, axes) if pose else None)
+
+
+def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
+    """The last step of a fit; all of them go to a log, if there is one."""
+    last, bar = None, tqdm(unit="step", leave=False, disable=None)
+    with bar, log.open("w") if log else nullcontext() as lines:
+        for last in fit_as_set(model, job):
+            bar.total = last.steps
+            bar.set_postfix_str(f"{last.psnr:.2f} dB")
+            bar.update()
+            if lines:
+                lines.write(json.dumps(_to_dict(last) | {"origin": last.origin}) + "\n")
+    if last is None:
+        raise ValueError("the fit made no step")
+    return last
 
 
 def _box_hints(image: Path, box: tuple[float, ...] | None) -> Hints | None:

@@ -16,8 +16,6 @@ from core.benchmarks import (
     drawing,
     fits,
     gate,
-    load,
-    load_charts,
     model_sizes,
     recipe,
     rendering,
@@ -27,20 +25,22 @@ from core.benchmarks import (
     tables,
     training_charts,
 )
-from core.benchmarks.csv_files import append_record, read_records
+from core.benchmarks.csv_files import append_record, read_records, to_row, write_csv
 from core.benchmarks.figures import fit_photo, write_figures
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.benchmarks.machine import describe_machine
 from core.cli.fit import probable_model
-from core.cli.progress import require_writable
+from core.cli.progress import wait_for_view_bank
+from core.datasets.splits import evenly_spaced
 from core.datasets.srn import ObjectEntry, index_objects, read_dataset
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.evaluation.protocol import ObjectScore, Protocol
 from core.evaluation.protocol import evaluate as scored
 from core.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
-from core.models.library import load_model
+from core.files import require_writable
+from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
-from core.photos.photo import load_photo
+from core.photos.photo import load_photo, read_cut_out
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")
@@ -59,11 +59,12 @@ def evaluate(chosen: argparse.Namespace) -> None:
     entries = _index_entries(model, chosen.datasets)
     if chosen.report:
         require_writable(chosen.report)
+    wait_for_view_bank(model)
     about = {"model": model.fingerprint, "datasets": " ".join(map(str, chosen.datasets))}
     if chosen.disentanglement:
         _evaluate_disentanglement(chosen, model, entries, about)
         return
-    entries = _evenly_spaced(entries, chosen.objects)
+    entries = evenly_spaced(entries, chosen.objects)
     scores = _collected(scored(model, (entry.read() for entry in entries), protocol), len(entries))
     print(format_table(scores, protocol), flush=True)
     if chosen.report:
@@ -72,7 +73,8 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
 def figures(chosen: argparse.Namespace) -> None:
     """``figures``: photos are fitted, one after another, and the paper's figures made of them; prints each path."""
-    model = load_model(chosen.model or probable_model(chosen.images[0]), chosen.device)
+    model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
+    wait_for_view_bank(model)
     photos = [load_photo(image, model) for image in chosen.images]
     chosen.out.mkdir(parents=True, exist_ok=True)
     fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(photos, unit="fit", disable=None)]
@@ -81,51 +83,38 @@ def figures(chosen: argparse.Namespace) -> None:
 
 
 def bench_render(chosen: argparse.Namespace) -> None:
-    """``bench render``: speed and accuracy of the renderer; goes on where an earlier run stopped.
-
-    With ``--gate`` it begins anew, writes nothing, and is only compared with a baseline. In one thread: several wait
-    for each other beside other load, which then falls on the fast renderer alone.
-    """
-    torch.set_num_threads(1)
-    baseline = rendering_charts.read_rendering(chosen.gate) if chosen.gate else None
-    _prepare(chosen)
+    """``bench render``: speed and accuracy of the renderer; goes on where an earlier run stopped."""
+    drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
-    rows = [] if baseline else rendering_charts.read_rows(chosen.out, about)
+    rows = rendering_charts.read_rows(chosen.out, about)
     for row in _said(rendering.run(model, chosen.views, {row.key for row in rows})):
         rows.append(row)
-        if not baseline:
-            rendering_charts.add_row(chosen.out, about, row)
+        rendering_charts.add_row(chosen.out, about, row)
     found = rendering.RenderingResults.of(about["machine"], chosen.views, rows)
     print(tables.rendering_table(found), flush=True)
-    if baseline:
-        _require_no_worse(gate.compare_rendering(found, baseline))
-    else:
-        rendering_charts.draw_rendering(chosen.out)
+    rendering_charts.draw_rendering(chosen.out)
 
 
-def bench_load(chosen: argparse.Namespace) -> None:
-    """``bench load``: a job beside busy processes, by threads; goes on where an earlier run stopped."""
-    drawing.prepare(chosen.out)
-    model, path = load_model(chosen.model, chosen.device), chosen.out / "load.csv"
-    about = {"machine": describe_machine(model.device), "model": model.fingerprint}
-    done = {one.key for one in read_records(path, load.Timing, about)}
-    for timing in _said(load.run(load.jobs_of(model), chosen.turns, done)):
-        append_record(path, about, timing)
-    load_charts.draw_load(chosen.out)
-    print((chosen.out / "load.md").read_text(), flush=True)
+def bench_gate(chosen: argparse.Namespace) -> None:
+    """``bench gate``: ends with status 1 and one line where something is twice as slow as the baseline has it."""
+    path = chosen.out / "gate.csv"
+    baseline = () if chosen.write else gate.read_baseline(path)
+    model = load_model(DEFAULT_MODEL)
+    wait_for_view_bank(model)
+    found = list(_said(gate.measure(model)))
+    if chosen.write:
+        write_csv(path, list(map(to_row, found)))
+    elif lines := gate.compare(found, baseline):
+        raise SystemExit(f"more than {gate.TOLERANCE:g} times the baseline: {'; '.join(lines)}")
 
 
 def bench_fit(chosen: argparse.Namespace) -> None:
-    """``bench fit``: speed and accuracy of blind fits; with ``--gate`` only compared with a baseline."""
-    baseline = charts.read_fits(chosen.gate) if chosen.gate else None
-    _prepare(chosen)
+    """``bench fit``: speed and accuracy of blind fits, as CSV, table and chart."""
+    drawing.prepare(chosen.out)
     found = _last_value(fits.run(*_held_out_views(chosen)))
+    charts.write_fits(found, chosen.out)
     print(tables.fit_table(found), flush=True)
-    if baseline:
-        _require_no_worse(gate.compare_fits(found, baseline))
-    else:
-        charts.write_fits(found, chosen.out)
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
@@ -176,7 +165,7 @@ def bench_recipe(chosen: argparse.Namespace) -> None:
     """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
     drawing.prepare(chosen.out)
     dataset = read_dataset(chosen.datasets)
-    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    tests = evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
     about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
     about |= {"objects": str(len(dataset.objects)), "time": f"{chosen.seconds:g}"}
     about |= {"tests": " ".join(entry.name for entry in tests)}
@@ -195,11 +184,6 @@ def bench_redraw(chosen: argparse.Namespace) -> None:
         print(path, flush=True)
 
 
-def _prepare(chosen: argparse.Namespace) -> None:
-    if not chosen.gate:
-        drawing.prepare(chosen.out)
-
-
 def _prepare_models(chosen: argparse.Namespace) -> None:
     drawing.prepare(chosen.out)
     if not chosen.models.is_dir():
@@ -209,23 +193,18 @@ def _prepare_models(chosen: argparse.Namespace) -> None:
 def _trained_models(chosen: argparse.Namespace) -> tuple[list[Path], tuple[ObjectEntry, ...], int, Path]:
     """Of a benchmark that trains models: what to train on, the test objects, steps, and where models are kept."""
     _prepare_models(chosen)
-    tests = _evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    tests = evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
     return chosen.datasets, tests, chosen.steps, chosen.models
 
 
-def _require_no_worse(lines: Sequence[str]) -> None:
-    """Ends with status 1 and one line where something is worse than the baseline."""
-    if lines:
-        raise SystemExit(f"worse than the baseline: {'; '.join(lines)}")
-    print("no worse than the baseline", flush=True)
-
-
 def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:
+    """The model, its view bank made, and what it is measured on."""
     model = load_model(chosen.model, chosen.device)
+    wait_for_view_bank(model)
     generator = torch.Generator().manual_seed(chosen.seed)
     if not chosen.dataset:
         return model, tuple(training_object_views(model, chosen.objects, generator))
-    entries = _evenly_spaced(_index_entries(model, chosen.dataset), chosen.objects)
+    entries = evenly_spaced(_index_entries(model, chosen.dataset), chosen.objects)
     return model, tuple(dataset_views(model, entries, generator))
 
 
@@ -252,7 +231,7 @@ def _evaluate_disentanglement(
 ) -> None:
     found = pairs(model, entries)
     kinds = ([pair for pair in found if pair.trained == trained] for trained in (False, True))
-    some = [pair for kind in kinds for pair in _evenly_spaced(tuple(kind), chosen.objects)]
+    some = [pair for kind in kinds for pair in evenly_spaced(tuple(kind), chosen.objects)]
     scores = _collected(score_pairs(model, some, chosen.seed), len(some))
     print(format_disentanglement(scores), flush=True)
     if chosen.report:
@@ -276,10 +255,3 @@ def _collected(scores: Iterator[_Score], total: int) -> list[_Score]:
             bar.set_postfix_str(f"{sum(one.psnr for one in found) / len(found):.2f} dB")
             bar.update()
     return found
-
-
-def _evenly_spaced(items: tuple[_Item, ...], count: int | None) -> tuple[_Item, ...]:
-    """So many of them, evenly spaced."""
-    if count is None or count >= len(items):
-        return items
-    return tuple(items[index * len(items) // count] for index in range(count))

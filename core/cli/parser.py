@@ -8,7 +8,6 @@ from typing import NoReturn
 
 from core.cli.argument_types import box, count, degrees, view_numbers
 from core.cli.bench_parser import add_bench
-from core.cli.legacy import current_words
 from core.cli.options import add_command, add_device, add_model, add_seed
 from core.datasets.categories import SPLITS, SRN_DISTANCES
 from core.fitting.settings import PRESETS
@@ -26,9 +25,9 @@ class _Parser(argparse.ArgumentParser):
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """The options of one command; ``run`` names the function that executes it, as ``module.function`` of core.cli.
 
-    Words that were renamed are understood. Exits with status 2 and one line on stderr where the words are wrong.
+    Exits with status 2 and one line on stderr where the words are wrong.
     """
-    return build_parser().parse_args(current_words(arguments))
+    return build_parser().parse_args(arguments)
 
 
 def build_parser() -> argparse.ArgumentParser:
@@ -47,6 +46,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_convert(commands)
     _add_evaluate(commands)
     _add_figures(commands)
+    _add_cache(commands)
     add_bench(commands)
     return top
 
@@ -145,6 +145,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         "--pose", type=Path, nargs="+", default=[], metavar="POSE.txt", help="known cameras (SRN files), one per image"
     )
     command.add_argument(
+        "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="of --pose; opengl: as Blender has them"
+    )
+    command.add_argument(
         "--box",
         type=box,
         nargs="+",
@@ -170,6 +173,11 @@ def _add_preset(command: argparse.ArgumentParser) -> None:
         default="normal",
         help="how much work; paper: the authors' method, from one initialisation",
     )
+
+
+def _add_cache(commands: argparse._SubParsersAction) -> None:
+    command = add_command(commands, "cache", "cache.cache", "list what is kept on disk to start faster: view banks")
+    command.add_argument("--clear", action="store_true", help="remove it; it is made again when it is needed")
 
 
 def _add_dataset(commands: argparse._SubParsersAction) -> None:

@@ -7,12 +7,13 @@ from itertools import chain, pairwise
 
 from tqdm import tqdm
 
-from core.cli.progress import require_writable, run_with_progress
+from core.cli.progress import run_with_progress
 from core.export import keyframes as timeline
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import MeshSettings, export_mesh
 from core.export.video import WHITE, VideoSettings, write_video
+from core.files import require_writable
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.library import load_model

@@ -8,19 +8,19 @@ from dataclasses import replace
 import torch
 from tqdm import tqdm
 
-from core.cli.progress import require_writable, run_with_progress
+from core.cli.progress import run_with_progress
 from core.datasets.glb_objects import render_meshes, select_meshes
 from core.datasets.light import Light, daylight, sample_light
 from core.datasets.mesh_variants import pairs
 from core.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
 from core.datasets.srn import Dataset, read_dataset
 from core.datasets.srn_cameras import SPIRAL_VIEWS
+from core.files import require_writable
 from core.models.authors_checkpoint import load_authors
 from core.models.category import CategoryClassifier
 from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.threads import with_measured_threads
 from core.models.viewpoint import ViewpointClassifier
 from core.training.category import category_accuracy, train_category
 from core.training.curve import CurvePoint, read_curve, write_curve
@@ -88,7 +88,7 @@ def train(chosen: argparse.Namespace) -> None:
         trainer.load_state(state)
     points = read_curve(curve) if chosen.resume else []
     with tqdm(total=chosen.steps, initial=trainer.step, unit="step", smoothing=0.01, disable=None) as bar:
-        for step in with_measured_threads(trainer.steps()):
+        for step in trainer.steps():
             bar.update()
             if step.step % 100 == 0:
                 bar.set_postfix_str(f"rays {step.psnr:.2f} dB")
@@ -154,7 +154,7 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     torch.manual_seed(seed)
     classifier = ViewpointClassifier()
     with tqdm(total=steps, desc="viewpoint", unit="step", disable=None) as bar:
-        for _ in with_measured_threads(train_viewpoint(classifier, training, steps, seed)):
+        for _ in train_viewpoint(classifier, training, steps, seed):
             bar.update()
     share = 100 * accuracy_within(
         classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE

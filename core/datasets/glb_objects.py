@@ -1,10 +1,10 @@
 """Renders a folder of GLB meshes into a dataset: ``index.json`` lists the files with their categories."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -18,6 +18,7 @@ from core.datasets.rasteriser import Surface
 from core.datasets.render_objects import RenderTask, render_objects
 from core.datasets.splits import held_out_meshes
 from core.geometry.camera import WORLD_FROM_GLTF
+from core.reading import read_json, reading, typed
 
 _TURN_TO_FRONT = {
     "quaternius_oct2017_chair": -90,
@@ -36,14 +37,20 @@ class MeshEntry:
     path: Path
 
 
+class _Line(NamedTuple):
+    """Of an index."""
+
+    id: str
+    category: str
+    file: str
+
+
 def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[MeshEntry, ...]:
     """The meshes that a split renders, in the index's order. Raises ``ValueError`` for a folder without an index."""
     index = Path(folder) / "index.json"
-    try:
-        lines = json.loads(index.read_text())
-        entries = [MeshEntry(line["id"], line["category"], Path(folder) / line["file"]) for line in lines]
-    except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
-        raise ValueError(f"{index}: not a mesh index ({error!r})") from error
+    with reading(index, "a mesh index"):
+        lines = typed(tuple[_Line, ...], read_json(index), name="index")
+    entries = [MeshEntry(line.id, line.category, Path(folder) / line.file) for line in lines]
     kept = held_out_meshes(category)
     selected = tuple(e for e in entries if e.category == category and (e.name in kept) == (split == "test"))
     if not selected:
@@ -99,10 +106,8 @@ def load_mesh(path: Path | str, turn: float = 0.0) -> tuple[Surface, ...]:
 
     Raises ``ValueError`` naming the file where it holds no triangles or cannot be read.
     """
-    try:
+    with reading(path, "a mesh"):
         scene = trimesh.load_scene(path)
-    except Exception as error:  # trimesh's readers raise whatever their parsers raise
-        raise ValueError(f"{path}: not a mesh that can be read ({error})") from error
     about_z = trimesh.transformations.rotation_matrix(np.radians(turn), (0, 0, 1))[:3, :3]
     surfaces = []
     for node in sorted(scene.graph.nodes_geometry):

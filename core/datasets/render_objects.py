@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from core.datasets.categories import Split
 from core.datasets.light import Light, daylight
 from core.datasets.rasteriser import Rasteriser, Surface
 from core.datasets.splits import split_cameras
 from core.datasets.srn import ObjectViews, write_manifest, write_object
+from core.reading import open_image
 
 
 @dataclass(frozen=True)
@@ -60,5 +60,5 @@ def _is_rendered(folder: Path, views: int, size: int) -> bool:
     paths = list((folder / "rgb").glob("*.png"))
     if len(paths) != views:
         return False
-    with Image.open(paths[0]) as opened:
+    with open_image(paths[0]) as opened:
         return opened.size == (size, size)

@@ -2,7 +2,9 @@
 
 import json
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +13,20 @@ from core.datasets.srn_cameras import spiral_views, training_views
 from core.geometry.camera import Camera
 
 _HELD_OUT = Path(__file__).resolve().parents[2] / "assets" / "held_out.json"
+
+
+_Item = TypeVar("_Item")
+
+
+def evenly_spaced(items: Sequence[_Item], count: int | None) -> tuple[_Item, ...]:
+    """``count`` of the items, evenly spaced; all where there are no more, or without a count.
+
+    Example:
+        >>> evenly_spaced("abcdef", 3)
+        ('a', 'c', 'e')
+    """
+    count = len(items) if count is None else min(count, len(items))
+    return tuple(items[index * len(items) // count] for index in range(count))
 
 
 def held_out_meshes(category: str) -> frozenset[str]:

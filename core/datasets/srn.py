@@ -4,19 +4,20 @@ Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.pn
 ``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-import torch
 from jaxtyping import Bool, UInt8
 from PIL import Image
 
 from core.files import atomic_folder, write_json
 from core.geometry.camera import Camera
+from core.geometry.pose_files import read_pose
+from core.reading import number, open_image, read_json, read_text, reading, typed, whole
 
 _WHITE_LEVEL = 253
 """A pixel whose channels are all this bright is background where there is no mask; saving again changes 1-2 levels."""
@@ -60,6 +61,18 @@ class Dataset:
     """px, width and height"""
     focal: float
     """px, at image_size"""
+
+
+class _Identity(NamedTuple):
+    """Of an object, in a manifest."""
+
+    shape_id: str
+    texture_id: str
+
+
+class _Manifest(NamedTuple):
+    category: str = ""
+    objects: dict[str, _Identity] = {}  # noqa: RUF012  (never written to)
 
 
 @dataclass(frozen=True)
@@ -162,7 +175,7 @@ def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such dataset folder")
     category, identities = _read_manifest(folder / "manifest.json")
-    found = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    found = sorted(path for path in folder.iterdir() if path.is_dir() and not _is_junk(path))
     if not found:
         raise ValueError(f"{folder}: no object folders in it")
     return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in found]
@@ -172,22 +185,18 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
     """The category and name -> (shape_id, texture_id); ('', {}) where there is no manifest."""
     if not path.exists():
         return "", {}
-    try:
-        content = json.loads(path.read_text())
-        objects = content.get("objects", {}).items()
-        identities = {name: (str(ids["shape_id"]), str(ids["texture_id"])) for name, ids in objects}
-        return str(content.get("category", "")), identities
-    except (json.JSONDecodeError, UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"{path}: not a manifest ({error!r})") from error
+    with reading(path, "a manifest"):
+        manifest = typed(_Manifest, read_json(path), name="manifest")
+    return manifest.category, {name: (ids.shape_id, ids.texture_id) for name, ids in manifest.objects.items()}
 
 
 def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
     """One object's folder."""
-    paths = sorted((folder / "rgb").glob("*.png"))
+    paths = sorted(path for path in (folder / "rgb").glob("*.png") if not _is_junk(path))
     if not paths:
         raise ValueError(f"{folder / 'rgb'}: no images (*.png)")
     stems = [path.stem for path in paths]
-    poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt")}
+    poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt") if not _is_junk(pose)}
     if set(poses) != set(stems):
         raise ValueError(f"{folder / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
     focal, made_for = _read_intrinsics(folder / "intrinsics.txt")
@@ -197,40 +206,38 @@ def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
         if image.shape != (height, width, 3):
             raise ValueError(f"{path}: its size is not the {width}x{height} of the object's other images")
     scaled = focal * height / made_for
-    cameras = tuple(_read_pose(poses[stem], scaled, width, height) for stem in stems)
+    cameras = tuple(_camera(poses[stem], scaled, width, height) for stem in stems)
     return ObjectViews(folder.name, *identity, np.stack(images), np.stack(masks), cameras)
+
+
+def _is_junk(path: Path) -> bool:
+    """What systems leave in folders that are copied or zipped: ``._000000.png``, ``__MACOSX``."""
+    return path.name.startswith(".") or path.name == "__MACOSX"
 
 
 def _read_intrinsics(path: Path) -> tuple[float, int]:
     """Focal length in px and the image height in px that it belongs to."""
-    try:
-        lines = [line.split() for line in path.read_text().splitlines() if line.strip()]
-        focal, height = float(lines[0][0]), int(lines[-1][0])
-    except (OSError, UnicodeDecodeError, ValueError, IndexError) as error:
-        raise ValueError(f"{path}: not SRN intrinsics ({error})") from error
-    if not 0 < focal < float("inf") or height < 1:
-        raise ValueError(f"{path}: focal length and height must be positive, got {focal} and {height}")
-    return focal, height
+    with reading(path, "a file of SRN intrinsics"):
+        lines = [line.split() for line in read_text(path).splitlines() if line.strip()]
+        focal, height = number(float(lines[0][0])), whole(float(lines[-1][0]))
+        if focal <= 0 or height < 1:
+            raise ValueError(f"focal length and height must be positive, got {focal} and {height}")
+        return focal, height
 
 
-def _read_pose(path: Path, focal: float, width: int, height: int) -> Camera:
-    """The camera of a pose file: 16 numbers, camera-to-world with OpenCV axes."""
-    try:
-        numbers = [float(word) for word in path.read_text().split()]
-        if len(numbers) != 16:
-            raise ValueError(f"a pose has 16 numbers, got {len(numbers)}")
-        pose = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
+def _camera(path: Path, focal: float, width: int, height: int) -> Camera:
+    """The camera of a pose file."""
+    pose = read_pose(path)
+    with reading(path, "a pose"):
         return Camera.from_pose(pose, focal, width, height)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: {error}") from error
 
 
 def _read_image(
     path: Path, mask_path: Path
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
     """An image laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
-    try:
-        with Image.open(path) as opened:
+    with reading(path, "an image"):
+        with open_image(path) as opened:
             rgba = np.asarray(opened.convert("RGBA"))
         alpha = rgba[..., 3:]
         image = rgba[..., :3]
@@ -239,12 +246,10 @@ def _read_image(
             share = alpha.astype(np.float32) / 255
             image = (image * share + 255 * (1 - share) + 0.5).astype(np.uint8)
         if mask_path.exists():
-            with Image.open(mask_path) as opened:
+            with reading(mask_path, "an image"), open_image(mask_path) as opened:
                 mask = np.asarray(opened.convert("L")) > 127
         else:
             mask = alpha[..., 0] > 127 if clear else image.min(-1) < _WHITE_LEVEL
-    except (OSError, SyntaxError) as error:
-        raise ValueError(f"{path}: cannot be read ({error})") from error
     if mask.shape != image.shape[:2]:
         raise ValueError(f"{mask_path}: its size {mask.shape} is not the image's {image.shape[:2]}")
     return np.ascontiguousarray(image), mask

@@ -13,13 +13,15 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from core.datasets.splits import evenly_spaced
 from core.datasets.srn import ObjectEntry, ObjectViews
 from core.evaluation.protocol import as_photo, fit_first_last, score_view
 from core.evaluation.statistics import Mean, mean_of
 from core.fitting.fit import FitJob
+from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.views import render_view
+from core.rendering.images import render_image
 
 _RENDERED_VIEWS = 12
 """of a pair, evenly spaced over all"""
@@ -94,14 +96,14 @@ def _score_pair(model: Model, pair: ShapeTexturePair, other_texture: int, seed: 
     views, book = pair.entry.read(), model.codes
     codes = Codes(book.shapes[pair.shape], book.textures[pair.texture])
     indices = range(len(views.cameras))
-    rendered = _evenly_spaced(indices, _RENDERED_VIEWS)
+    rendered = evenly_spaced(indices, _RENDERED_VIEWS)
     rest = [view for view in indices if view not in rendered] or rendered
     fitted = None if model.is_ablation else _fit_codes(model, views, rest, seed)
     edited = Codes(codes.shape, book.textures[other_texture])
-    before, after = (render_view(model, either, views.cameras[0], _EDIT_SAMPLES) for either in (codes, edited))
+    before, after = (render_image(model, either, views.cameras[0], _EDIT_SAMPLES) for either in (codes, edited))
     background = before.opacity < _BACKGROUND_OPACITY
     change = (before.colour - after.colour).abs().amax(-1)[background]
-    image = (render_view(model, codes, views.cameras[0]).colour.clamp(0, 1).cpu().numpy() * 255 + 0.5).astype(np.uint8)
+    image = to_bytes(render_image(model, codes, views.cameras[0]).colour)
     return PairScore(
         pair,
         *_mean_score(model, codes, views, rendered),
@@ -119,13 +121,8 @@ def _mean_score(model: Model, codes: Codes, views: ObjectViews, rendered: Sequen
 
 
 def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed: int) -> Codes:
-    photos = tuple(as_photo(views, index, True) for index in _evenly_spaced(candidates, _FITTED_VIEWS))
+    photos = tuple(as_photo(views, index, True) for index in evenly_spaced(candidates, _FITTED_VIEWS))
     return fit_first_last(model, FitJob(photos, seed=seed))[1].codes
-
-
-def _evenly_spaced(views: Sequence[int], most: int) -> list[int]:
-    count = min(most, len(views))
-    return [views[index * len(views) // count] for index in range(count)]
 
 
 # Leaks

@@ -8,13 +8,14 @@ import torch
 
 from core.datasets.srn import ObjectViews
 from core.evaluation.statistics import Mean, mean_of
-from core.fitting.fit import PRESETS, FitJob, FitStep, fit
+from core.fitting.fit import PRESETS, FitJob, FitStep
+from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.rendering.views import render_view
+from core.rendering.images import render_image
 
 OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
 """A camera with a larger rotation or translation error than this is an outlier."""
@@ -113,7 +114,7 @@ def _score_object(model: Model, views: ObjectViews, protocol: Protocol) -> Objec
 
 def fit_first_last(model: Model, job: FitJob) -> tuple[FitStep, FitStep]:
     """Runs a fit and returns its first and its last step."""
-    steps = fit(model, job)
+    steps = fit_as_set(model, job)
     first = last = next(steps)
     for step in steps:
         last = step
@@ -128,7 +129,7 @@ def as_photo(views: ObjectViews, index: int, posed: bool) -> Photo:
 
 def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> tuple[float, float]:
     """PSNR (dB) and SSIM of a rendered view, clipped to [0, 1], against the true image."""
-    rendered = render_view(model, codes, views.cameras[index]).colour.clamp(0, 1).cpu()
+    rendered = render_image(model, codes, views.cameras[index]).colour.clamp(0, 1).cpu()
     truth = torch.from_numpy(views.images[index]).float() / 255
     return psnr(rendered, truth), ssim(rendered, truth)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,16 +19,17 @@ from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from core.export.glb import glb
+from core.export.normals import face_normals, vertex_normals
 from core.export.texture import TexturedMesh, textured
 from core.files import atomic_file
 from core.geometry.camera import WORLD_FROM_GLTF
+from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy
-
-_Found = TypeVar("_Found")
+from core.streams import subprogress
 
 MAX_RESOLUTION = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
@@ -94,7 +95,7 @@ def _trimesh(mesh: Mesh) -> Any:
     """The mesh in the world's axes as trimesh has it."""
     import trimesh  # the window lists the formats long before it needs the library
 
-    colours = (mesh.colours * 255 + 0.5).astype(np.uint8)
+    colours = to_bytes(mesh.colours)
     whole = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
     whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
     return whole
@@ -142,9 +143,9 @@ def export_mesh(
         raise ValueError(f"{path.name}: only {', '.join(TEXTURED)} holds a texture")
     with atomic_file(path) as unfinished:
         end = _MESH_SHARE if settings.texture else 1.0
-        mesh = yield from _subprogress(extract_mesh(model, codes, settings.resolution), 0.0, end)
+        mesh = yield from subprogress(extract_mesh(model, codes, settings.resolution), 0.0, end)
         if settings.texture:
-            found = yield from _subprogress(_textured(model, codes, mesh, settings.texture), end, 1.0)
+            found = yield from subprogress(_textured(model, codes, mesh, settings.texture), end, 1.0)
             vertices = _placed(found.vertices, settings.metres) @ WORLD_FROM_GLTF
             unfinished.write_bytes(replace(found, vertices=vertices, normals=found.normals @ WORLD_FROM_GLTF).glb())
         else:
@@ -185,33 +186,23 @@ def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> G
     for index, cells in enumerate(tries):
         grid = _Grid.for_model(model, cells)
         begin, end = (_GRID_SHARE * number / len(tries) for number in (index, index + 1))
-        found = yield from _subprogress(_marching_cubes(folded, occupancy, grid), begin, end)
+        found = yield from subprogress(_marching_cubes(folded, occupancy, grid), begin, end)
         if found is None:
             continue
         vertices, faces = found
-        face_normals = _face_normals(vertices, faces)
-        before, area = area, float(np.linalg.norm(face_normals, axis=1).sum())
+        of_faces = face_normals(vertices, faces)
+        before, area = area, float(np.linalg.norm(of_faces, axis=1).sum())
         # What is thinner than a cell is missing, and shows in the area once it is there.
         if (
             area < (1 + _MAX_OFF_SURFACE) * before
-            and _off_surface_fraction(folded, grid, vertices, faces, face_normals) < _MAX_OFF_SURFACE
+            and _off_surface_fraction(folded, grid, vertices, faces, of_faces) < _MAX_OFF_SURFACE
         ):
             break
     if found is None:
         raise ValueError("the object has no surface: it is nowhere dense enough")
-    normals = _vertex_normals(vertices, faces, face_normals)
-    colours = yield from _subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
+    normals = vertex_normals(len(vertices), faces, of_faces)
+    colours = yield from subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
     return Mesh(vertices, normals, colours, faces)
-
-
-def _subprogress(stream: Generator[float, None, _Found], begin: float, end: float) -> Generator[float, None, _Found]:
-    """A stream as a part of a longer one: its shares from ``begin`` to ``end``."""
-    while True:
-        try:
-            share = next(stream)
-        except StopIteration as done:
-            return done.value
-        yield begin + (end - begin) * share
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,13 +243,13 @@ def _marching_cubes(
 
 
 def _off_surface_fraction(
-    folded: FoldedField, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, face_normals: np.ndarray
+    folded: FoldedField, grid: _Grid, vertices: np.ndarray, faces: np.ndarray, of_faces: np.ndarray
 ) -> float:
     """The share of a surface that lies further than :data:`TOLERANCE` from where the object's begins."""
-    areas = np.linalg.norm(face_normals, axis=1)
+    areas = np.linalg.norm(of_faces, axis=1)
     chosen = np.searchsorted(areas.cumsum(), (np.arange(_PROBES) + 0.5) / _PROBES * areas.sum())
     middles = vertices[faces[chosen]].mean(1)
-    outward = face_normals[chosen] / areas[chosen, None]
+    outward = of_faces[chosen] / areas[chosen, None]
     sides = torch.from_numpy(np.concatenate((middles - TOLERANCE * outward, middles + TOLERANCE * outward))).float()
     with torch.inference_mode():
         thickness = folded.density(folded.first_layer(sides.to(folded.device)))[0] * grid.interval
@@ -339,22 +330,6 @@ def _remove_specks(vertices: np.ndarray, faces: np.ndarray, step: np.ndarray) ->
     faces = faces[kept[piece[faces[:, 0]]]]
     used, renamed = np.unique(faces, return_inverse=True)
     return vertices[used], renamed.reshape(-1, 3)
-
-
-def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "faces 3"]:
-    """The outward normal of every triangle, as long as twice its area."""
-    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-    return np.cross(b - a, c - a)
-
-
-def _vertex_normals(
-    vertices: np.ndarray, faces: np.ndarray, face_normals: np.ndarray
-) -> Float[np.ndarray, "vertices 3"]:
-    """Unit normals of vertices, averaged over the triangles by their areas."""
-    sums = [sum(np.bincount(faces[:, i], face_normals[:, axis], len(vertices)) for i in range(3)) for axis in range(3)]
-    normals = np.stack(sums, -1)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(length > 0, normals / np.maximum(length, 1e-30), (0.0, 0.0, 1.0)).astype(np.float32)
 
 
 def _vertex_colours(

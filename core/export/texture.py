@@ -8,6 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
+from core.export.normals import face_normals, vertex_normals
+from core.geometry.pixels import to_bytes
+from core.streams import subprogress
+
 TRIANGLES = 8000
 """at the most: details are in the image"""
 _PADDING = 4
@@ -60,17 +64,13 @@ def textured(
     kept, corners, uv, (width, height) = _unwrapped(fewer, corners, pixels)
     yield _SHARE
     places = fewer[kept].astype(np.float32)
-    normals = _normals(fewer, corners, kept)
+    faces = kept[corners]  # vertices on both sides of a seam share the normal of the one that they were
+    normals = vertex_normals(len(fewer), faces, face_normals(fewer, faces))[kept]
     covered, triangle, weights = _texels(uv * (width, height), corners, (width, height))
     texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (places, normals)]
     texels[1] /= np.maximum(np.linalg.norm(texels[1], axis=1, keepdims=True), 1e-9)
-    stream, image = colours(*texels), np.zeros((height, width, 3), np.uint8)
-    while True:
-        try:
-            yield _SHARE + (1 - _SHARE) * next(stream)
-        except StopIteration as done:
-            image[covered] = (done.value * 255 + 0.5).clip(0, 255).astype(np.uint8)
-            break
+    image = np.zeros((height, width, 3), np.uint8)
+    image[covered] = to_bytes((yield from subprogress(colours(*texels), _SHARE, 1.0)))
     return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered))
 
 
@@ -104,17 +104,6 @@ def _unwrapped(
     atlas.generate(pack_options=options)
     kept, corners, uv = atlas[0]
     return kept.astype(np.int64), corners.astype(np.int64), uv.astype(np.float64), (atlas.width, atlas.height)
-
-
-def _normals(vertices: np.ndarray, corners: np.ndarray, kept: np.ndarray) -> Float[np.ndarray, "vertices 3"]:
-    """Of the new vertices: those on both sides of a seam share the normal of the vertex that they were."""
-    faces = kept[corners]
-    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-    areas, sums = np.cross(b - a, c - a), np.zeros((len(vertices), 3))
-    for corner in range(3):
-        np.add.at(sums, faces[:, corner], areas)
-    length = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.where(length > 0, sums / np.maximum(length, 1e-30), (0.0, 0.0, 1.0))[kept].astype(np.float32)
 
 
 def _texels(

@@ -2,16 +2,16 @@
 
 Wrong cameras are mostly those of another basin (the opposite view above all) that explains the photo about as well. So
 a fit keeps the best hypothesis of another basin, the runner-up, and the margin between the two says how clear the
-choice was: by the share of the runner-up's loss that the winner saves. Others are in no basin at all, for nothing that
-the model knows looks like the photo; there the objective is flat, and its curvature says how uncertain the camera is.
-Where two searches were run and agree, the smaller margin counts. The three numbers below are a logistic regression over
-fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them anew and tells how
-well the confidence separates right from wrong.
+choice was: by the share of the runner-up's loss that the winner saves. Some wrong cameras lie in no basin: the model
+cannot explain the photo. Their loss itself is high, the objective is flat, and its curvature says how uncertain the
+camera is. Where two searches were run and agree, the smaller margin counts. The three numbers below are a logistic
+regression over fits of renders, whose cameras are known: ``python -m core bench fit --dataset TEST_SET`` makes them
+anew and tells how well the confidence separates right from wrong.
 """
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,8 @@ RIGHT_DEGREES = 10.0
 """A camera that is turned by less is right: it is in the right basin, and the rest is a matter of precision."""
 DOUBTFUL = 0.5
 """A camera of less confidence is more likely wrong than right."""
+SURE = 0.9
+"""Nearly all cameras of more confidence were right."""
 _RIDGE = 0.1
 """Keeps the weights finite where they separate all fits."""
 _MIN_UNCERTAINTY = 0.01
@@ -62,6 +64,13 @@ def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION)
     """
     odds = by.constant + by.margin * _relative_margin(margin) + by.uncertainty * _log_uncertainty(uncertainty)
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
+
+
+def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:
+    """A confidence of 0..1, in a word."""
+    if confidence < DOUBTFUL:
+        return "doubtful"
+    return "sure" if confidence > SURE else "likely"
 
 
 def explained(psnr: float) -> float:

@@ -1,7 +1,7 @@
 """Fitting (Eq. 5): from photos of an object to its codes and, where unknown, its cameras, in five steps.
 
 Every hypothesis is a camera per photo and a pair of codes, all of them one batch of one network call. The codes enter
-as biases, so hypotheses cost what their points cost. ``PRESETS["paper"]`` is :mod:`core.fitting.paper`.
+as biases, so hypotheses cost what their points cost. The paper's own recipe is :mod:`core.fitting.paper`.
 """
 
 import time
@@ -11,10 +11,9 @@ from functools import partial
 
 import torch
 
-from core.fitting import paper
+from core.fitting.category_check import category_likelihood
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
-from core.fitting.plausibility import category_likelihood
 from core.fitting.problem import Problem
 from core.fitting.schedule import Schedule, build_schedule
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
@@ -31,9 +30,8 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     The model stays as it is; the same seed gives the same steps; to stop, ask for no more. Raises ``ValueError``
     where a photo shows nothing, or where every hypothesis diverged.
     """
-    if isinstance(job.settings, PaperSettings):
-        yield from paper.fit(model, job)
-        return
+    if type(job.settings) is PaperSettings:
+        raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model, job.photos, job.settings, job.components, generator)
     unknown = int(problem.unknown.sum())

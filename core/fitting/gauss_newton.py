@@ -1,9 +1,8 @@
 """Damped Gauss-Newton (Levenberg and Marquardt) for many hypotheses at once.
 
 The objective is a sum of weighted squares (:mod:`core.fitting.objective`), so the Jacobian of its residuals makes a
-quadratic that is right near its minimum. Its minimum, damped, is the next guess, and other pixels say where to go from
-there: the same ones again and again lead into minima that are theirs alone. Camera and codes move together, so that
-the valleys in which one makes up for the other are walked along and not across.
+quadratic that is right near its minimum. Each step minimises the damped quadratic on fresh pixels; a fixed batch would
+be overfitted. Camera and codes move together, so that steps follow the valleys in which one makes up for the other.
 """
 
 import math
@@ -19,17 +18,26 @@ from core.fitting.hypotheses import (
     HypothesisBatch,
     Parameters,
     clamp_parameters,
+    from_vector,
     hypothesis_rays,
     known_cells,
+    to_vector,
 )
-from core.fitting.objective import Objective, image_squared_error, image_terms, prior_terms
+from core.fitting.objective import (
+    Objective,
+    RenderedPixels,
+    Term,
+    image_squared_error,
+    residual_weights,
+    term_value,
+)
 from core.fitting.observations import PixelBatch
 from core.fitting.schedule import Stage
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
 from core.models.model import Model
 from core.models.precision import matmul_dtype
-from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
+from core.rendering.jacobian import BiasJacobians, render_with_jacobian
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
 """of each camera parameter: beyond, the quadratic says nothing"""
@@ -60,7 +68,7 @@ def gauss_newton_step(
     model: Model,
     batch: HypothesisBatch,
     pixels: PixelBatch,
-    jitter: Tensor,
+    jitter: Float[Tensor, "views all_rays"],
     stage: Stage,
     objective: Objective,
     free: Bool[Tensor, "views 8"],
@@ -110,34 +118,60 @@ def normal_equations(
     model: Model,
     parameters: Parameters,
     pixels: PixelBatch,
-    jitter: Tensor | None,
+    jitter: Float[Tensor, "views all_rays"] | None,
     stage: Stage,
     objective: Objective,
     cells: Bool[Tensor, "hypotheses x y z"] | None = None,
 ) -> NormalEquations:
     """The quadratic of the objective around hypotheses."""
-    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells)
-    colour, opacity = (pixels.mean_of_rays(one.cpu()) for one in (rendered.colour, rendered.opacity))
-    image, priors = image_terms(colour, opacity, pixels, objective), prior_terms(parameters, objective)
-    count, size = len(jacobian), jacobian.shape[-1]
-    gradient, hessian = torch.zeros(count, size), torch.zeros(count, size, size)
-    for term in image:
-        scale = term.weight.flatten(1).sqrt()
-        rows = jacobian[..., term.of, :].flatten(1, 3) * scale[..., None]
-        gradient += ((term.residual.flatten(1) * scale)[:, None] @ rows)[:, 0]
-        hessian += rows.mT @ rows
-    for term in priors:
-        gradient[:, term.of] += (term.weight * term.residual).flatten(1)
-        hessian.diagonal(dim1=1, dim2=2)[:, term.of] += term.weight.flatten(1)
-    value = torch.stack([term.value for term in (*image, *priors)]).sum(0)
-    error = image_squared_error(colour, opacity, pixels, objective.occluder_scale)
+    terms = [term(pixels, objective) for term in objective.terms]
+    with_depth = any(term.needs_depth for term in terms)
+    rendered, jacobian = _render(model, parameters, pixels, jitter, stage, cells, with_depth)
+    value, gradient, hessian = (torch.zeros(len(jacobian), *[jacobian.shape[-1]] * axes) for axes in range(3))
+    for term in terms:
+        value += _add_term(term, parameters, rendered, jacobian, gradient, hessian)
+    error = image_squared_error(rendered, pixels, objective.occluder_scale)
     return NormalEquations(value, error, gradient, hessian)
 
 
+@torch.enable_grad()
+def _add_term(
+    term: Term,
+    parameters: Parameters,
+    rendered: RenderedPixels,
+    jacobian: Float[Tensor, "hypotheses views rays channels parameters"],
+    gradient: Float[Tensor, "hypotheses parameters"],
+    hessian: Float[Tensor, "hypotheses parameters parameters"],
+) -> Float[Tensor, "hypotheses"]:
+    """Add half a term's gradient and half of its Gauss-Newton Hessian to those of other terms; returns its value."""
+    vector, channels = to_vector(parameters).requires_grad_(), rendered.channels.detach().requires_grad_()
+    residual = term.residual(from_vector(vector, parameters), RenderedPixels(channels))
+    value = residual.detach()
+    root = residual_weights(term, value).sqrt()
+    scaled, known = root * residual, root * value
+    of = vector, channels
+    parts = [torch.autograd.grad(part.sum(), of, retain_graph=True, allow_unused=True) for part in scaled.unbind(-1)]
+    by_vector, by_channels = zip(*parts, strict=True)
+    if by_vector[0] is not None:  # each residual has a parameter of its own
+        gradient += torch.autograd.grad((known * scaled).sum(), vector, retain_graph=True)[0]
+        hessian.diagonal(dim1=1, dim2=2).add_(torch.stack(by_vector).square().sum(0))
+    if by_channels[0] is not None:  # each residual has a pixel of its own
+        rows = (torch.stack(by_channels, -2) @ jacobian).flatten(1, -2)
+        gradient += (known.flatten(1)[:, None] @ rows)[:, 0]
+        hessian.baddbmm_(rows.mT, rows)
+    return term_value(term, value)
+
+
 def _render(
-    model: Model, parameters: Parameters, pixels: PixelBatch, jitter: Tensor | None, stage: Stage, cells: Tensor | None
-) -> tuple[RenderedJacobian, Float[Tensor, "hypotheses views rays 4 parameters"]]:
-    """The pixels, and the Jacobian of their channels (red, green, blue, opacity) along all parameters that may move."""
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    jitter: Float[Tensor, "views all_rays"] | None,
+    stage: Stage,
+    cells: Bool[Tensor, "hypotheses x y z"] | None,
+    with_depth: bool,
+) -> tuple[RenderedPixels, Float[Tensor, "hypotheses views rays channels parameters"]]:
+    """The pixels, and the Jacobian of their channels along all parameters that may move."""
     shapes, textures = model.codes.shape_space, model.codes.texture_space
     shape, texture = shapes.code(parameters.shape), textures.code(parameters.texture)
     dtype = matmul_dtype(model.device.type)
@@ -148,7 +182,7 @@ def _render(
     rays = hypothesis_rays(model, parameters, pixels, stage.samples, jitter)
     kept = max(2, stage.samples // _SAMPLES_PER_JACOBIAN)
     biases, cells = model.field.biases(shape, texture), known_cells(model, cells)
-    seen = render_with_jacobian(model, rays, stage.samples, kept, *biases, entries, cells)
+    seen = render_with_jacobian(model, rays, stage.samples, kept, *biases, entries, cells, with_depth)
     codes, views = seen.codes.cpu(), rays.near.shape[1]
     jacobian = torch.zeros(*codes.shape[:-1], views * CAMERA_PARAMETERS + codes.shape[-1])
     for index, (origins, directions) in enumerate(camera_jacobian(parameters, rays)):
@@ -156,18 +190,20 @@ def _render(
         for view in range(views):  # a ray moves with its own camera only
             jacobian[:, view, ..., view * CAMERA_PARAMETERS + index] = along[:, view]
     jacobian[..., views * CAMERA_PARAMETERS :] = codes
-    return seen, pixels.mean_of_rays(jacobian)
+    return RenderedPixels(pixels.mean_of_rays(seen.channels.cpu())), pixels.mean_of_rays(jacobian)
 
 
-def camera_jacobian(parameters: Parameters, rays: Rays) -> tuple[tuple[Tensor, Tensor], ...]:
+def camera_jacobian(
+    parameters: Parameters, rays: Rays
+) -> tuple[tuple[Float[Tensor, "hypotheses views _ 3"], Float[Tensor, "hypotheses views rays 3"]], ...]:
     """How rays' origins and directions change with each parameter of their camera; (hypotheses, views, rays, 3)."""
     origins, directions = rays.origins, rays.directions
     right, up, backward = camera_rotation(*parameters.angles.to(origins.device).unbind(-1))[:, :, None].unbind(-2)
     vertical, still = torch.tensor([0.0, 0.0, 1.0], device=origins.device).expand_as(right), torch.zeros_like(origins)
     forward = -(directions * backward).sum(-1, keepdim=True)
-    picture, zoom = parameters.picture.to(origins.device), parameters.zoom.to(origins.device)
-    focal = (zoom + picture[..., 0]).exp()[..., None, None]
-    cos, sin = picture[..., 1].cos()[..., None, None], picture[..., 1].sin()[..., None, None]
+    crop_transform, zoom = parameters.crop_transform.to(origins.device), parameters.zoom.to(origins.device)
+    focal = (zoom + crop_transform[..., 0]).exp()[..., None, None]
+    cos, sin = crop_transform[..., 1].cos()[..., None, None], crop_transform[..., 1].sin()[..., None, None]
 
     def across(axis: Tensor) -> Tensor:
         """The change of a direction through a point of the image that moves by one focal length along an axis."""
@@ -191,10 +227,10 @@ def _free_mask(equations: NormalEquations, free: Bool[Tensor, "views 8"]) -> Boo
     return torch.cat((free.flatten(), torch.ones(codes, dtype=torch.bool)))
 
 
-def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor, "views 8"]) -> Tensor:
-    """The step (hypotheses, parameters) to the minimum of the damped quadratic, but not beyond what it can know; zero
-    where it is not finite.
-    """
+def _solve_damped(
+    equations: NormalEquations, damping: float, free: Bool[Tensor, "views 8"]
+) -> Float[Tensor, "hypotheses parameters"]:
+    """The step to the minimum of the damped quadratic, but not beyond what it can know; zero where it is not finite."""
     movable = _free_mask(equations, free)
     identity = torch.eye(len(movable))
     diagonal = equations.hessian.diagonal(dim1=1, dim2=2)
@@ -210,16 +246,8 @@ def _solve_damped(equations: NormalEquations, damping: float, free: Bool[Tensor,
     return step / (step.abs() / longest).amax(1, keepdim=True).clamp_min(1.0)
 
 
-def _apply_step(parameters: Parameters, step: Tensor, free: Bool[Tensor, "views 8"]) -> Parameters:
+def _apply_step(
+    parameters: Parameters, step: Float[Tensor, "hypotheses parameters"], free: Bool[Tensor, "views 8"]
+) -> Parameters:
     """The parameters after a step, within what cameras can be."""
-    camera, shape, texture = step.split((free.numel(), parameters.shape.shape[1], parameters.texture.shape[1]), 1)
-    camera = camera.reshape(*parameters.distance.shape, CAMERA_PARAMETERS)
-    moved = Parameters(
-        parameters.angles + camera[..., :2],
-        parameters.distance + camera[..., 2],
-        parameters.zoom + camera[..., 3],
-        parameters.picture + camera[..., 4:],
-        parameters.shape + shape,
-        parameters.texture + texture,
-    )
-    return clamp_parameters(moved, free.any(1))
+    return clamp_parameters(from_vector(to_vector(parameters) + step, parameters), free.any(1))

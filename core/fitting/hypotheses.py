@@ -46,16 +46,15 @@ class Hypothesis:
     cameras: tuple[Camera, ...]
     """one per photo, at the photo's size"""
     codes: Codes
-    picture: Float[Tensor, "views 4"]
+    crop_transform: Float[Tensor, "views 4"]
     """as in :class:`Parameters`; its scale is a part of the cameras' focal lengths"""
 
 
 class Parameters(NamedTuple):
     """All that is searched for.
 
-    Azimuth and elevation are regular at the pole as they stand: an upright camera that looks at the origin turns by
-    the same angle for the same step of either everywhere, and above the pole its azimuth is the roll of the image.
-    (It is the direction on the sphere that is not: there, every direction has images of any roll beside it.)
+    Azimuth and elevation are searched directly: for an upright camera aimed at the origin the metric of (azimuth,
+    elevation) is constant, also at the pole, where azimuth is roll.
     """
 
     angles: Float[Tensor, "hypotheses views 2"]
@@ -65,7 +64,7 @@ class Parameters(NamedTuple):
     zoom: Float[Tensor, "hypotheses views"]
     """logarithm of the focal length over the given one. The camera is as much further away, so that the object keeps
     its size and only the perspective changes."""
-    picture: Float[Tensor, "hypotheses views 4"]
+    crop_transform: Float[Tensor, "hypotheses views 4"]
     """How a photo shows what its camera sees: the logarithm of its scale (a crop is a zoom, from where the camera is),
     its roll (rad, clockwise), and where the optical axis is, x right and y down, in focal lengths as given."""
     shape: Float[Tensor, "hypotheses shape_rank"]
@@ -125,11 +124,30 @@ def mean_parameters(batches: Sequence[HypothesisBatch]) -> HypothesisBatch:
     return replace(batches[-1], parameters=Parameters(*parameters))
 
 
+def to_vector(parameters: Parameters) -> Float[Tensor, "hypotheses parameters"]:
+    """The parameters in a row: of the cameras, view by view, then of shape and texture."""
+    angles, distance, zoom, crop_transform, shape, texture = parameters
+    cameras = torch.cat((angles, distance[..., None], zoom[..., None], crop_transform), -1)
+    return torch.cat((cameras.flatten(1), shape, texture), 1).detach()
+
+
+def from_vector(vector: Float[Tensor, "any parameters"], sizes: Parameters) -> Parameters:
+    """The inverse of :func:`to_vector`, for parameters with as many views and directions as ``sizes``."""
+    views, shape = sizes.distance.shape[1], sizes.shape.shape[1]
+    cameras, *codes = vector.split((views * CAMERA_PARAMETERS, shape, sizes.texture.shape[1]), 1)
+    angles, distance, zoom, crop_transform = cameras.unflatten(1, (views, -1)).split((2, 1, 1, 4), -1)
+    return Parameters(angles, distance[..., 0], zoom[..., 0], crop_transform, *codes)
+
+
 # Cameras and rays
 
 
 def hypothesis_rays(
-    model: Model, parameters: Parameters, pixels: PixelBatch, samples: int = 1, jitter: Tensor | None = None
+    model: Model,
+    parameters: Parameters,
+    pixels: PixelBatch,
+    samples: int = 1,
+    jitter: Float[Tensor, "views all_rays"] | None = None,
 ) -> Rays:
     """The rays of some pixels, (hypotheses, views, all rays), on the model's device.
 
@@ -159,7 +177,7 @@ def image_points(
     """Where pixels are in the images of upright cameras that look at the object; x right and y down from the middle, in
     focal lengths.
     """
-    scale, roll, shift = parameters.picture[..., None, :].split((1, 1, 2), -1)
+    scale, roll, shift = parameters.crop_transform[..., None, :].split((1, 1, 2), -1)
     x, y = (pixels - shift).unbind(-1)
     cos, sin = roll[..., 0].cos(), roll[..., 0].sin()
     upright = torch.stack((cos * x + sin * y, cos * y - sin * x), -1)
@@ -190,7 +208,7 @@ def clamp_parameters(parameters: Parameters, views: Bool[Tensor, "views"]) -> Pa
         angles=torch.stack((azimuth, elevation), -1),
         distance=parameters.distance.clamp(-1.0, 1.5).where(views, parameters.distance),
         zoom=parameters.zoom.clamp(-0.5, MAX_ZOOM).where(views, parameters.zoom),
-        picture=parameters.picture.clamp(-1.0, 1.0).where(views[:, None], parameters.picture),
+        crop_transform=parameters.crop_transform.clamp(-1.0, 1.0).where(views[:, None], parameters.crop_transform),
     )
 
 
@@ -204,7 +222,7 @@ def to_cameras(model: Model, parameters: Parameters, index: int, cameras: Sequen
     for view, camera in enumerate(cameras):
         azimuth, elevation = (float(angle) for angle in parameters.angles[index, view])
         log_distance, zoom = float(parameters.distance[index, view]), float(parameters.zoom[index, view])
-        scale = float(parameters.picture[index, view, 0])
+        scale = float(parameters.crop_transform[index, view, 0])
         distance, focal = model.distance * math.exp(log_distance + zoom), camera.focal * math.exp(zoom + scale)
         azimuth = (azimuth + math.pi) % (2 * math.pi) - math.pi
         found.append(replace(camera, azimuth=azimuth, elevation=elevation, distance=distance, focal=focal))
@@ -228,7 +246,7 @@ def to_hypotheses(
             losses[index],
             to_cameras(model, parameters, index, cameras),
             Codes(shapes[index], textures[index]),
-            parameters.picture[index],
+            parameters.crop_transform[index],
         )
         for index in batch.loss.argsort(stable=True).tolist()
         if math.isfinite(losses[index])

@@ -77,11 +77,11 @@ def _place(problem: Problem, view: int, parameters: Parameters, found: Candidate
         # Objects differ in size too: only what that does not explain is put down to the distance.
         further = further - further.clamp(-_SIZE_TOLERANCE, _SIZE_TOLERANCE)
     if photo.cropped:
-        parameters.picture[:, view, 2:] = found.shift[:count]
+        parameters.crop_transform[:, view, 2:] = found.shift[:count]
     if photo.focal is not None:
         parameters.zoom[:, view] = min(math.log(photo.focal / problem.cameras[view].focal), MAX_ZOOM)
     if photo.cropped and photo.focal is None:
-        parameters.picture[:, view, 0] = -further
+        parameters.crop_transform[:, view, 0] = -further
     else:
         parameters.distance[:, view] = further
 
@@ -181,10 +181,10 @@ def resume_from(
     at = [photo.camera or camera for photo, camera in zip(photos, found.cameras, strict=True)]
     angles = torch.tensor([[(camera.azimuth, camera.elevation) for camera in at]])
     zoom = torch.tensor([[math.log(one.focal / two.focal) for one, two in zip(at, cameras, strict=True)]])
-    zoom -= found.picture[None, :, 0]
+    zoom -= found.crop_transform[None, :, 0]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in at]]) - zoom
     shape, texture = spaces[0].coordinates(found.codes.shape), spaces[1].coordinates(found.codes.texture)
-    parameters = Parameters(angles, distance, zoom, found.picture[None], shape[None], texture[None])
+    parameters = Parameters(angles, distance, zoom, found.crop_transform[None], shape[None], texture[None])
     return replace(HypothesisBatch.of(parameters), origin=torch.tensor([found.origin]))
 
 

@@ -12,6 +12,7 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from core.geometry.camera import pixel_centres
+from core.geometry.pixels import bounding_box
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.plain_background import connected_to_border
@@ -51,7 +52,7 @@ class PixelBatch(NamedTuple):
         return (self.pixels[:, :, None] + self.footprints).flatten(1, 2)
 
     def mean_of_rays(self, values: Float[Tensor, "hypotheses views all_rays ..."]) -> Tensor:
-        """What pixels see, shaped (hypotheses, views, rays, ...), from what their rays see."""
+        """The values of pixels, (hypotheses, views, rays, ...), from those of their rays."""
         each = self.footprints.shape[2]
         return values if each == 1 else values.unflatten(2, (-1, each)).mean(3)
 
@@ -140,8 +141,8 @@ def _certainty(mask: np.ndarray, edge_error: float) -> np.ndarray:
 
 
 def _strata(mask: np.ndarray, seen: np.ndarray) -> tuple[tuple[Tensor, ...], tuple[float, ...]]:
-    rows, columns = np.nonzero(mask)
-    size = max(np.ptp(rows), np.ptp(columns)) + 1
+    left, top, right, bottom = bounding_box(mask)
+    size = max(right - left, bottom - top)
     near = distance_transform_edt(~mask) <= max(2.0, _NEAR_MARGIN * size)
     parts = [np.flatnonzero(part.ravel()) for part in (mask, near & ~mask & seen, ~near & seen)]
     there = [(torch.from_numpy(part), share) for part, share in zip(parts, _STRATA_FRACTIONS, strict=True) if len(part)]

@@ -9,12 +9,13 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
+from core.fitting import fit as search
 from core.fitting.hypotheses import HypothesisBatch, Parameters, clamp_parameters, to_hypotheses
 from core.fitting.initial import random_angles, resume_from
 from core.fitting.objective import ObjectiveValue, paper_objective
 from core.fitting.observations import Observation, sample_pixels
 from core.fitting.problem import SCORING_RAYS, nominal_camera
-from core.fitting.settings import FitSettings
+from core.fitting.settings import FitSettings, PaperSettings
 from core.fitting.steps import FitJob, FitStep
 from core.geometry.camera import Camera
 from core.metrics import psnr_from_mse
@@ -27,6 +28,11 @@ _HALVED_EVERY = 50
 """steps, in the authors' code"""
 _SCORE_EVERY = 10
 """Steps between two scores, the best of which is the result."""
+
+
+def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:
+    """As :func:`core.fitting.fit.fit`; by the paper's recipe where the job's settings are those."""
+    return fit(model, job) if isinstance(job.settings, PaperSettings) else search.fit(model, job)
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -69,8 +75,8 @@ def initialise(
     known = torch.tensor([(camera.azimuth, camera.elevation) for camera in cameras])
     angles = torch.where(unknown[:, None], random_angles(len(cameras), generator), known)[None]
     distance = torch.tensor([[math.log(camera.distance / model.distance) for camera in cameras]])
-    mean, zoom, picture = model.codes.mean, torch.zeros_like(distance), torch.zeros(1, len(cameras), 4)
-    return HypothesisBatch.of(Parameters(angles, distance, zoom, picture, mean.shape[None], mean.texture[None]))
+    mean, zoom, crop_transform = model.codes.mean, torch.zeros_like(distance), torch.zeros(1, len(cameras), 4)
+    return HypothesisBatch.of(Parameters(angles, distance, zoom, crop_transform, mean.shape[None], mean.texture[None]))
 
 
 def optimise(

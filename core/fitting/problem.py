@@ -1,4 +1,4 @@
-"""What stays the same during a fit: photos as observations, known cameras, the objective and the pixels to score by."""
+"""The fixed part of a fit: photos as observations, known cameras, the objective and the pixels to score by."""
 
 import math
 from dataclasses import dataclass, replace
@@ -67,9 +67,8 @@ class Problem:
         observations = tuple(Observation.of(photo, model) for photo in photos)
         cameras = tuple(photo.camera or nominal_camera(photo, model) for photo in photos)
         viewpoints = tuple(_viewpoint(model, photo) if components.viewpoint_classifier else None for photo in photos)
-        scoring, validation, _ = (
-            sample_pixels(observations, count, generator)
-            for count in (SCORING_RAYS, _VALIDATION_RAYS, _VALIDATION_RAYS)
+        scoring, validation = (
+            sample_pixels(observations, count, generator) for count in (SCORING_RAYS, _VALIDATION_RAYS)
         )
         return cls(model, settings, components, photos, observations, cameras, viewpoints, scoring, validation)
 
@@ -95,7 +94,7 @@ class Problem:
         return self.model.codes.shape_space, self.model.codes.texture_space
 
     def objective(self, robust_scale: float) -> Objective:
-        """What hypotheses are judged by."""
+        """The objective of hypotheses, with this scale of the robust loss."""
         scale = torch.tensor([CAMERA_PRIOR_SCALE]).repeat(len(self.photos), 1)
         for prior, photo in zip(scale, self.photos, strict=True):
             if photo.cropped:

@@ -35,8 +35,8 @@ _EMA = 0.4
 """weight of a step's loss in the running mean by which hypotheses are pruned"""
 _WINDOW = 4
 """Steps of the refinement whose mean is scored: a single one follows its own pixels."""
-_CELLS_PAY, _CELLS_LAST = 60_000, 100_000
-"""Samples of a hypothesis that it pays to find the cells of its shape for, and after how many they are found again."""
+_MIN_SAMPLES_FOR_CELLS, _SAMPLES_BETWEEN_UPDATES = 60_000, 100_000
+"""Compute a shape's cells only if it will be sampled this often; recompute them after so many samples."""
 _MIN_IMPROVEMENT = 0.01
 """The refinement ends where two such means in a row are not better by this share than all that were scored before."""
 RESTART_BELOW = 0.92
@@ -62,10 +62,11 @@ def optimise(
     """All hypotheses after each step of some stages, pruned before each stage; losses are running means."""
     for stage in stages:
         batch, objective = prune(problem, batch, stage.hypotheses), problem.objective(stage.robust_scale)
-        a_step, cells = len(problem.photos) * stage.rays * stage.samples, None
-        renewed, pays = max(_WINDOW, _CELLS_LAST // a_step), stage.steps * a_step > _CELLS_PAY
+        samples_per_step, cells = len(problem.photos) * stage.rays * stage.samples, None
+        update_every = max(_WINDOW, _SAMPLES_BETWEEN_UPDATES // samples_per_step)
+        use_cells = stage.steps * samples_per_step > _MIN_SAMPLES_FOR_CELLS
         for step in range(stage.steps):
-            if step % renewed == 0 and pays:
+            if step % update_every == 0 and use_cells:
                 cells = hypothesis_cells(problem.model, batch.parameters)
             pixels = sample_pixels(problem.observations, stage.rays, generator)
             jitter = torch.rand(pixels.points.shape[:2], generator=generator) - 0.5

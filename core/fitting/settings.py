@@ -1,4 +1,4 @@
-"""What a fit may spend, its presets, and which of its components can be switched off."""
+"""The settings of a fit, its presets, and its components for ablations."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What a fit may spend; every field is an axis of the charts. Raises ``ValueError`` for what no fit can use."""
+    """The budget of a fit; every field is an axis of the charts. Raises ``ValueError`` where no fit can use it."""
 
     hypotheses: int = 28
     """cameras to begin from, for every photo whose camera is unknown, as far as the view bank has so many; also the

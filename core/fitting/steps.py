@@ -1,4 +1,4 @@
-"""What a fit is given and what it tells: a job, and the steps of its stream."""
+"""The input of a fit, a job, and its output, a stream of steps."""
 
 import math
 from collections.abc import Sequence
@@ -56,8 +56,8 @@ class FitStep:
     """what hypotheses are ranked by: the objective of some rays, smoothed over steps and weighed with the viewpoint
     classifier"""
     psnr: float
-    """dB, of whole photos: estimated from the rays of the step, while the best is refined measured on more of them;
-    in a second search, which something in front of the object may be for, what that hides counts little"""
+    """dB over whole photos, estimated from the rays of the step, while the best is refined from more of them; pixels
+    behind a suspected occluder are down-weighted in the restart"""
     seconds: float
     """since the job began"""
     cameras: tuple[Camera, ...]
@@ -105,7 +105,7 @@ class SearchState(NamedTuple):
     restart_follows: bool = False
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
-        """What the stream tells of it."""
+        """The step of the stream that shows this state."""
         leading = self.result.winner if self.result else self.batch.best
         hypotheses = self._ranked()
         first, runner_up = hypotheses[0], self.result and self.result.runner_up

@@ -15,10 +15,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from core.reading import whole
+
 FRONT_AZIMUTH = math.pi / 2
 """rad, from where the front of an object is seen"""
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """glTF has y up and the front at +z. Its own inverse's transpose: a row vector times it goes from the world to glTF."""
+MAX_SIDE = 16_384
+"""px of a square image's width and height, as most OpenGL has it; another has as many pixels at the most"""
 _OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
@@ -41,12 +45,14 @@ class Camera:
         for field in fields(self):
             if not math.isfinite(getattr(self, field.name)):
                 raise ValueError(f"camera {field.name} must be finite, got {getattr(self, field.name)}")
+            if field.type is int:
+                object.__setattr__(self, field.name, whole(getattr(self, field.name), f"camera {field.name}"))
         if abs(self.elevation) > math.pi / 2 + 1e-6:
             raise ValueError(f"camera elevation must lie within 90 degrees, got {math.degrees(self.elevation):.2f}")
         if self.distance <= 0 or self.focal <= 0:
             raise ValueError(f"camera distance and focal must be positive, got {self.distance} and {self.focal}")
-        if self.width < 1 or self.height < 1:
-            raise ValueError(f"camera size must be at least 1x1, got {self.width}x{self.height}")
+        if min(self.width, self.height) < 1 or self.width * self.height > MAX_SIDE**2:
+            raise ValueError(f"camera size must be 1 to {MAX_SIDE} px a side, got {self.width}x{self.height}")
 
     def resized(self, width: int, height: int) -> "Camera":
         """The same view at another size: the vertical field of view stays."""

@@ -36,13 +36,22 @@ class ViewDependentDensity(Field):
         return self._density_towards(points, self.direction_bias(-functional.normalize(points, dim=-1)), shape_bias)
 
     def radiance(
-        self, points: Tensor, direction_bias: Tensor, shape_bias: Tensor, texture_bias: Tensor
+        self,
+        points: Float[Tensor, "*batch 3"],
+        direction_bias: Float[Tensor, "*#batch width"],
+        shape_bias: Float[Tensor, "*#batch blocks width"],
+        texture_bias: Float[Tensor, "*#batch more_blocks width"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
         """As :meth:`core.models.field.Field.radiance`, with a density that depends on the direction."""
         density, features = self._density_towards(points, direction_bias, shape_bias)
         return density, self.colour(features, self.direction_layer.bias, texture_bias)
 
-    def _density_towards(self, points: Tensor, direction_bias: Tensor, shape_bias: Tensor) -> tuple[Tensor, Tensor]:
+    def _density_towards(
+        self,
+        points: Float[Tensor, "*batch 3"],
+        direction_bias: Float[Tensor, "*#batch width"],
+        shape_bias: Float[Tensor, "*#batch blocks width"],
+    ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         first = self.point_layer(encode(points, self.config.position_frequencies))
         return self.density_from_activations((first + direction_bias.to(first.dtype)).relu(), shape_bias)
 

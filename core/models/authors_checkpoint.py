@@ -1,9 +1,10 @@
 """Reads checkpoints written by the authors' own trainer (github.com/wbjang/code-nerf)."""
 
-import json
-import pickle
 import statistics
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -13,6 +14,7 @@ from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.model import Model
+from core.reading import open_zip, read_json, reading, typed
 
 _LAYERS = {
     "encoding_xyz.0": "point_layer",
@@ -22,14 +24,60 @@ _LAYERS = {
     "rgb.0": "colour_hidden",
     "rgb.2": "colour_layer",
 }
-
-
-_UNREADABLE = (AttributeError, EOFError, KeyError, OSError, pickle.UnpicklingError, RuntimeError, TypeError, ValueError)
+_PARALLEL = "module."
+"""prefix of tensors that torch's DataParallel adds"""
 _CELLS = 12
 """Points along each axis at which density is evaluated to find collapsed objects."""
 _COLLAPSED_BELOW = 0.025
 """Share of the median object's solid volume. In their 500 cars, collapsed ones have at most 0.015 and the smallest
 whole car 0.043."""
+
+
+class _Hyperparameters(NamedTuple):
+    """The network's sizes, by the authors' names."""
+
+    W: int
+    shape_blocks: int
+    texture_blocks: int
+    latent_dim: int
+    num_xyz_freq: int
+    num_dir_freq: int
+
+    @property
+    def config(self) -> FieldConfig:
+        """As this program has them."""
+        return FieldConfig(
+            width=self.W,
+            shape_blocks=self.shape_blocks,
+            texture_blocks=self.texture_blocks,
+            shape_latent=self.latent_dim,
+            texture_latent=self.latent_dim,
+            position_frequencies=self.num_xyz_freq,
+            direction_frequencies=self.num_dir_freq,
+            density_scale=1.0,
+            bounded_colour=False,
+        )
+
+
+class _Data(NamedTuple):
+    cat: str
+
+
+class _Settings(NamedTuple):
+    """What is read of ``hpam.json``."""
+
+    net_hyperparams: _Hyperparameters
+    data: _Data
+    near: float
+    far: float
+
+
+class _State(NamedTuple):
+    """What is read of ``models.pth``."""
+
+    model_params: dict[str, Tensor]
+    shape_code_params: dict[str, Tensor]
+    texture_code_params: dict[str, Tensor]
 
 
 def load_authors(path: Path, config: Path | None = None) -> Model:
@@ -43,34 +91,55 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
         config: ``hpam.json``; beside the checkpoint unless given.
     """
     settings_path = config or path.with_name("hpam.json")
-    try:
-        state = torch.load(path, map_location="cpu", weights_only=True)
-        settings = json.loads(settings_path.read_text())
-        sizes = settings["net_hyperparams"]
-        network = FieldConfig(
-            width=sizes["W"],
-            shape_blocks=sizes["shape_blocks"],
-            texture_blocks=sizes["texture_blocks"],
-            shape_latent=sizes["latent_dim"],
-            texture_latent=sizes["latent_dim"],
-            position_frequencies=sizes["num_xyz_freq"],
-            direction_frequencies=sizes["num_dir_freq"],
-            density_scale=1.0,
-            bounded_colour=False,
-        )
+    if not settings_path.is_file():
+        raise ValueError(f"{settings_path}: no such file; a checkpoint needs it beside it")
+    with reading(path, "a checkpoint of the authors' trainer"):
+        state = typed(_State, _load_tensors(path), special=_tensors, name="checkpoint")
+    with reading(settings_path, "settings of the authors' trainer"):
+        settings = typed(_Settings, read_json(settings_path), name="hpam")
+        network = settings.net_hyperparams.config
+    with reading(path, "a checkpoint of the authors' trainer"):
         field = Field(network)
-        field.load_state_dict(_rename_tensors(state["model_params"]))
-        shapes, textures = state["shape_code_params"]["weight"], state["texture_code_params"]["weight"]
-        middle = (settings["near"] + settings["far"]) / 2
-        category = settings["data"]["cat"].removeprefix("srn_")
-    except FileNotFoundError as error:
-        raise ValueError(f"no such file: {error.filename}") from None
-    except _UNREADABLE as error:
-        raise ValueError(f"{path} is not a checkpoint of the authors' trainer: {error}") from None
+        field.load_state_dict(_rename_tensors(state.model_params))
+        shapes, textures = _codes(state.shape_code_params), _codes(state.texture_code_params)
+        if len(shapes) != len(textures):
+            raise ValueError(f"it has {len(shapes)} shape codes and {len(textures)} texture codes")
+        return _to_model(field, shapes, textures, settings)
+
+
+def _to_model(field: Field, shapes: Tensor, textures: Tensor, settings: "_Settings") -> Model:
+    category, middle = settings.data.cat.removeprefix("srn_"), (settings.near + settings.far) / 2
     names = tuple(Entry(f"{index:04d}", index, index) for index in range(len(shapes)))
-    codes = CodeBook(shapes.float(), textures.float(), names, _collapsed(field, shapes.float()))
+    codes = CodeBook(shapes, textures, names, _collapsed(field, shapes))
     # Their rays run 0.5 to either side of the middle: the box that holds every object is that of diagonal 1.
     return Model(field, codes, (0.5, 0.5, 0.5), category, 128, 131.25, middle, white_from_network=True)
+
+
+def _load_tensors(path: Path) -> Any:
+    """What torch saved; nothing in it is executed."""
+    if zipfile.is_zipfile(path):
+        with open_zip(path):  # refuses what would unpack to more than memory holds
+            pass
+    return torch.load(path, map_location="cpu", weights_only=True)
+
+
+def _tensors(kind: Any) -> Callable[[Any], dict[str, Tensor]] | None:
+    """Reads a dictionary of tensors, without the prefix of DataParallel."""
+    if kind != dict[str, Tensor]:
+        return None
+
+    def read(value: Any) -> dict[str, Tensor]:
+        if not isinstance(value, dict) or not all(isinstance(one, Tensor) for one in value.values()):
+            raise ValueError("it does not hold tensors by their names")
+        return {str(name).removeprefix(_PARALLEL): tensor for name, tensor in value.items()}
+
+    return read
+
+
+def _codes(state: dict[str, Tensor]) -> Float[Tensor, "objects latent"]:
+    if "weight" not in state or state["weight"].ndim != 2:
+        raise ValueError("it has no table of codes")
+    return state["weight"].float()
 
 
 @torch.no_grad()

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 from torch import Tensor
 
 from core.files import atomic_file
 from core.models.crops import CropClassifier, crop_to_object
+from core.reading import parse_json, read_tensors, reading, typed
 
 
 class CategoryClassifier(CropClassifier):
@@ -24,19 +24,17 @@ class CategoryClassifier(CropClassifier):
     def save(self, path: Path) -> None:
         """Write weights, in half precision, and categories as one safetensors file."""
         state = {name: tensor.half().contiguous() for name, tensor in self.state_dict().items()}
-        with atomic_file(path) as partial:
-            save_file(state, partial, metadata={"categories": json.dumps(self.categories)})
+        with atomic_file(path, CategoryClassifier.load) as partial:
+            partial.write_bytes(save(state, metadata={"categories": json.dumps(self.categories)}))
 
     @classmethod
     def load(cls, path: Path) -> "CategoryClassifier":
         """Read a file of :meth:`save`. Raises ``ValueError`` naming the file where it is none."""
-        try:
-            with safe_open(path, framework="pt") as file:
-                classifier = cls(json.loads((file.metadata() or {})["categories"]))
-                classifier.load_state_dict({name: file.get_tensor(name).float() for name in file.keys()})  # noqa: SIM118
-        except (SafetensorError, OSError, KeyError, RuntimeError, ValueError) as error:
-            raise ValueError(f"{path.name} is not a category classifier: {error}") from None
-        return classifier.requires_grad_(False).eval()
+        with reading(path, "a category classifier"):
+            metadata, tensors = read_tensors(path)
+            classifier = cls(typed(tuple[str, ...], parse_json(metadata["categories"]), name="categories"))
+            classifier.load_state_dict({name: tensor.float() for name, tensor in tensors.items()})
+            return classifier.requires_grad_(False).eval()
 
 
 @torch.no_grad()

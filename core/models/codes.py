@@ -118,6 +118,9 @@ class CodeBook:
     """Shape and texture space of all training objects, where the book keeps only some of them (a gallery)."""
 
     def __post_init__(self) -> None:
+        spaces = [part for space in self.spaces or () for part in (space.mean, space.directions, space.std)]
+        if not all(bool(torch.isfinite(part).all()) for part in (self.shapes, self.textures, *spaces)):
+            raise ValueError("codes must be finite")
         if not self.collapsed <= set(range(len(self.objects))):
             raise ValueError(f"collapsed objects {sorted(self.collapsed)} of a book of {len(self.objects)}")
         for entry in self.objects:
@@ -197,13 +200,15 @@ class CodeBook:
         )
         return Codes(shape, texture)
 
-    def _nearest(self, space: CodeSpace, codes: Tensor, rows: list[int], code: Tensor) -> int:
+    def _nearest(
+        self, space: CodeSpace, codes: Float[Tensor, "rows latent"], rows: list[int], code: Float[Tensor, "latent"]
+    ) -> int:
         """``rows`` holds the row of each valid object."""
         if not rows:
             raise ValueError("the book has no objects to compare with")
         return self.valid[int(space.distance(codes[rows], code).argmin())]
 
-    def _valid_rows(self, codes: Tensor, rows: list[int]) -> Tensor:
+    def _valid_rows(self, codes: Float[Tensor, "rows latent"], rows: list[int]) -> Float[Tensor, "some latent"]:
         """The rows, less those that only collapsed objects use."""
         lost = {rows[index] for index in self.collapsed} - {rows[index] for index in self.valid}
         return codes[[row for row in range(len(codes)) if row not in lost]] if lost else codes

@@ -7,6 +7,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
+from core.geometry.pixels import bounding_box
+
 SIDE = 48
 """px, of the input"""
 CROP_MARGIN = 1.12
@@ -42,9 +44,8 @@ def crop_to_object(
     pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]
 ) -> Float[Tensor, "4 side side"]:
     """The network's input: the object of an image on white and its mask, in a square around its box."""
-    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
-    ends = torch.stack((rows[[0, -1]], columns[[0, -1]])) + torch.tensor([0, 1])
-    middle, half = ends.float().mean(1), CROP_MARGIN * float(ends.diff(dim=1).max()) / 2
+    left, top, right, bottom = bounding_box(mask)
+    middle, half = ((top + bottom) / 2, (left + right) / 2), CROP_MARGIN * max(right - left, bottom - top) / 2
     steps = (torch.arange(2 * SIDE) + 0.5) / SIDE - 1
     y, x = ((one + half * steps) / length * 2 - 1 for one, length in zip(middle, mask.shape, strict=True))
     grid = torch.stack(torch.broadcast_tensors(x[None, :], y[:, None]), -1)

@@ -2,6 +2,19 @@
 
 from dataclasses import dataclass
 
+from core.reading import number, whole
+
+_SIZES = {
+    "width": (2, 1024),
+    "shape_blocks": (1, 32),
+    "texture_blocks": (1, 32),
+    "shape_latent": (1, 4096),
+    "texture_latent": (1, 4096),
+    "position_frequencies": (0, 32),
+    "direction_frequencies": (0, 32),
+}
+"""The least and the greatest. A field is made before its weights are read, so its sizes are checked first."""
+
 
 @dataclass(frozen=True)
 class FieldConfig:
@@ -25,6 +38,10 @@ class FieldConfig:
     def __post_init__(self) -> None:
         if self.architecture not in ("codenerf", "M1", "M2"):
             raise ValueError(f"no field has this architecture: {self.architecture}")
-        sizes = (self.width, self.shape_latent, self.texture_latent, self.shape_blocks, self.texture_blocks)
-        if min(sizes) < 1 or self.width % 2 or min(self.position_frequencies, self.direction_frequencies) < 0:
-            raise ValueError(f"no field has these sizes: {self}")
+        for name, (low, high) in _SIZES.items():
+            if not low <= whole(getattr(self, name), name) <= high:
+                raise ValueError(f"{name} of a field is {low} to {high}, got {getattr(self, name)}")
+        if self.width % 2:
+            raise ValueError(f"width of a field is even, got {self.width}")
+        if number(self.density_scale, "density_scale") <= 0:
+            raise ValueError(f"density_scale of a field is positive, got {self.density_scale}")

@@ -47,7 +47,7 @@ def _read(name: str) -> Model:
     if name in shipped_models():
         return Model.load(SHIPPED / f"{name}.safetensors")
     path = Path(name)
-    if path.suffix == ".pth":
+    if path.suffix.lower() in (".pth", ".pt"):
         return load_authors(path)
     if path.suffix or path.exists():
         return Model.load(path)

@@ -6,34 +6,29 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from jaxtyping import Bool, Float, Shaped
+from safetensors.torch import save
 from torch import Tensor
 
 from core.files import atomic_file
-from core.geometry.camera import Camera
+from core.geometry.camera import MAX_SIDE, Camera
 from core.models.ablations import build_field
 from core.models.codes import CodeBook, CodeSpace, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
 from core.models.viewpoint import ViewpointClassifier
+from core.reading import number, parse_json, read_tensors, reading, typed, whole
 
 FORMAT = "codenerf-1"
-_OLD_KEYS = {
-    "painted_ground": "white_from_network",
-    "broken": "collapsed",
-    "point_octaves": "position_frequencies",
-    "direction_octaves": "direction_frequencies",
-    "design": "architecture",
-}
-"""Of older files, which are still read."""
+_LARGEST = 1e6
+"""of lengths in scene units and px"""
 _CELLS = "occupied_cells"
-_CLASSIFIER_PREFIXES = ("viewpoint.", "glance.")
-"""Of the viewpoint classifier's tensors; the second in older files."""
+_CLASSIFIER = "viewpoint."
+"""prefix of the viewpoint classifier's tensors"""
 _SPACES, _SPACE_PARTS = ("shape_space", "texture_space"), ("mean", "directions", "std")
 """Tensors of the code spaces, in files that keep a gallery instead of all codes."""
 
@@ -65,6 +60,22 @@ class Model:
     """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
 
     def __post_init__(self) -> None:
+        sizes = {"focal": self.focal, "distance": self.distance} | dict(zip("xyz", self.extent, strict=True))
+        for name, value in sizes.items():
+            if not 0 < number(value, name) < _LARGEST:
+                raise ValueError(f"{name} of a model must be positive and below {_LARGEST:g}, got {value}")
+        if not 1 <= whole(self.image_size, "image_size") <= MAX_SIDE:
+            raise ValueError(f"image_size of a model is 1 to {MAX_SIDE} px, got {self.image_size}")
+        latent = self.field.config.shape_latent, self.field.config.texture_latent
+        if (self.codes.shapes.shape[-1], self.codes.textures.shape[-1]) != latent:
+            raise ValueError(
+                f"the codes of a model do not fit its field, which takes {latent[0]} and {latent[1]} numbers"
+            )
+        if self.codes.objects and not self.codes.valid:
+            raise ValueError("all objects of the model collapsed in training")
+        for name, weights in self.field.state_dict().items():
+            if not bool(torch.isfinite(weights).all()):
+                raise ValueError(f"the weights {name} of a model must be finite")
         self.field.requires_grad_(False).eval()
         if self.viewpoint_classifier:
             self.viewpoint_classifier.requires_grad_(False).eval()
@@ -75,7 +86,7 @@ class Model:
         return self.field.density_layer.weight.device
 
     @cached_property
-    def extent_tensor(self) -> Tensor:
+    def extent_tensor(self) -> Float[Tensor, "3"]:
         """``extent`` on the model's device."""
         return torch.tensor(self.extent, device=self.device)
 
@@ -90,7 +101,7 @@ class Model:
         return self.field.config.architecture != "codenerf"
 
     @cached_property
-    def occupied_cells(self) -> Tensor | None:
+    def occupied_cells(self) -> Bool[Tensor, "cells cells cells"] | None:
         """Which cells of the box its objects may occupy (:mod:`core.models.occupied_cells`), on the processor.
 
         None where the field is evaluated outside the box too, or is one that fits do not take. Model files hold it; of
@@ -153,55 +164,51 @@ class Model:
             "gallery_of": self.gallery_of,
             "extends": self.extends,
         }
-        with atomic_file(path) as partial:
-            save_file(_all_tensors(self), partial, metadata={"format": FORMAT, "model": json.dumps(about)})
+        with atomic_file(path, Model.load) as partial:
+            partial.write_bytes(save(_all_tensors(self), metadata={"format": FORMAT, "model": json.dumps(about)}))
 
     @classmethod
     def load(cls, path: Path) -> "Model":
         """Read a model file. Raises ``ValueError`` naming the file where it is none."""
-        try:
-            with safe_open(path, framework="pt") as file:
-                about = (file.metadata() or {}).get("model")
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except FileNotFoundError:
-            raise ValueError(f"no such model file: {path}") from None
-        except (SafetensorError, OSError) as error:
-            raise ValueError(f"{path} is not a model file: {error}") from None
-        if about is None:
-            raise ValueError(f"{path} is not a model file of this program")
-        try:
-            return cls._from_parts(_with_new_keys(json.loads(about)), tensors)
-        except (KeyError, TypeError, RuntimeError, ValueError) as error:
-            raise ValueError(f"{path} does not hold a whole model: {error}") from None
+        with reading(path, "a model file"):
+            metadata, tensors = read_tensors(path)
+            if "model" not in metadata:
+                raise ValueError("it is not a model file of this program")
+            return cls._from_parts(typed(_About, parse_json(metadata["model"]), name="model"), tensors)
 
     @classmethod
-    def _from_parts(cls, about: dict, tensors: dict[str, Tensor]) -> "Model":
-        field = build_field(FieldConfig(**about["config"]))
+    def _from_parts(cls, about: "_About", tensors: dict[str, Tensor]) -> "Model":
+        field = build_field(about.config)
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
         spaces, cells = _pop_spaces(tensors), tensors.pop(_CELLS, None)
         classifier = _pop_classifier(tensors)
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
-        objects = tuple(Entry(*entry) for entry in about["objects"])
-        codes = CodeBook(shapes, textures, objects, frozenset(about.get("collapsed", ())), spaces)
-        about = {key: about[key] for key in ("category", "image_size", "focal", "distance", "white_from_network")} | {
-            "extent": tuple(about["extent"]),
-            "gallery_of": about.get("gallery_of", ""),
-            "extends": tuple(about.get("extends", ())),
-        }
+        objects = tuple(Entry(*entry) for entry in about.objects)
+        codes = CodeBook(shapes, textures, objects, about.collapsed, spaces)
         cells = None if cells is None else unpack(cells)
-        return cls(field, codes, **about, viewpoint_classifier=classifier, stored_cells=cells)
+        rest = {name: getattr(about, name) for name in _About._fields if name not in ("config", "objects", "collapsed")}
+        return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells)
 
 
-def _with_new_keys(about: dict) -> dict:
-    """The metadata of a model file, also of one that was written before keys were renamed."""
-    renamed = {_OLD_KEYS.get(key, key): value for key, value in about.items()}
-    config = {_OLD_KEYS.get(key, key): value for key, value in renamed["config"].items()}
-    return renamed | {"config": config}
+class _About(NamedTuple):
+    """The metadata of a model file: what :class:`Model` holds beside tensors."""
+
+    config: FieldConfig
+    objects: tuple[tuple[str, int, int], ...]
+    extent: tuple[float, float, float]
+    category: str
+    image_size: int
+    focal: float
+    distance: float
+    collapsed: frozenset[int] = frozenset()
+    white_from_network: bool = False
+    gallery_of: str = ""
+    extends: tuple[str, ...] = ()
 
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
     """The viewpoint classifier, its tensors taken out of those of a file; None where the file has none."""
-    state = {name.split(".", 1)[1]: name for name in tensors if name.startswith(_CLASSIFIER_PREFIXES)}
+    state = {name.removeprefix(_CLASSIFIER): name for name in tensors if name.startswith(_CLASSIFIER)}
     if not state:
         return None
     classifier = ViewpointClassifier()
@@ -228,13 +235,13 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
         for part in _SPACE_PARTS
     }
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
-    looking = {f"viewpoint.{name}": tensor.half() for name, tensor in state.items()}
+    looking = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
     rendering = _rendering_tensors(model)
     rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
     return rendering | spaces | looking | cells
 
 
-def _halved(tensor: Tensor) -> Tensor:
+def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:
     """In half precision, if that has the same values."""
     half = tensor.half()
     return half if torch.equal(half.float(), tensor) else tensor

@@ -11,8 +11,8 @@ from collections.abc import Generator, Iterator
 import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
-from torch.nn import functional
 
+from core.models.cells import corner_points, corners_of, max_of_corners, with_neighbours
 from core.models.field import Field, encode
 from core.models.precision import autocast
 
@@ -24,38 +24,12 @@ _BLOCK = 16384
 """Corners evaluated at a time."""
 
 
-def corners(extent: Float[Tensor, "3"]) -> Float[Tensor, "all 3"]:
-    """The corners of the cells, row by row."""
-    axes = [torch.linspace(-1, 1, CELLS + 1, device=extent.device)] * 3
-    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3) * extent
-
-
 def cells_at_corners(
     density: Float[Tensor, "*batch all"], extent: Float[Tensor, "3"]
 ) -> Bool[Tensor, "*batch cells cells cells"]:
     """The cells with an occupied corner; a density that is no number counts as occupied, so that it shows."""
     limit = -math.log1p(-MIN_OPACITY) / float(2 * extent.amin() / CELLS)
-    cells = ~(density.unflatten(-1, (CELLS + 1,) * 3) <= limit)
-    for axis in (-1, -2, -3):
-        cells = cells.narrow(axis, 0, CELLS) | cells.narrow(axis, 1, CELLS)
-    return cells
-
-
-def with_neighbours(cells: Bool[Tensor, "*batch x y z"]) -> Bool[Tensor, "*batch x y z"]:
-    """The cells and all that touch them."""
-    return functional.max_pool3d(cells.reshape(-1, 1, *cells.shape[-3:]).float(), 3, 1, 1).reshape(cells.shape) > 0
-
-
-def contains(
-    cells: Bool[Tensor, "#objects x y z"], points: Float[Tensor, "objects points 3"], extent: Float[Tensor, "3"]
-) -> Bool[Tensor, "objects points"]:
-    """Whether each point lies in a cell of its object; one outside the box counts to the cell beside it."""
-    scale = CELLS / (2 * extent)
-    x, y, z = torch.addcmul(scale * extent, points, scale).nan_to_num_(0).clamp_(0, CELLS - 1).floor_().unbind(-1)
-    # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
-    index = torch.add(z, torch.add(y, x, alpha=CELLS), alpha=CELLS)
-    first = torch.arange(len(cells), device=index.device)[:, None] * CELLS**3
-    return cells.flatten()[(index.int() + first).flatten()].reshape(index.shape)
+    return max_of_corners(~(density.unflatten(-1, (CELLS + 1,) * 3) <= limit))
 
 
 def find_occupied_cells(
@@ -67,7 +41,7 @@ def find_occupied_cells(
     around cells that are occupied.
     """
     with torch.no_grad():
-        points = corners(extent)
+        points = corner_points(extent, CELLS)
         first = field.point_layer(encode(points, field.config.position_frequencies)).relu()
         biases = field.shape_bias(shapes)
         at = torch.zeros((CELLS + 1,) * 3, dtype=torch.bool, device=first.device)
@@ -75,8 +49,7 @@ def find_occupied_cells(
         most = torch.zeros(len(points), device=first.device)
     yield from _raise_to_densities(most, at, field, first, biases)
     near = with_neighbours(cells_at_corners(most, extent))
-    around = functional.max_pool3d(functional.pad(near[None].float(), (1,) * 6), 2, 1)[0] > 0
-    yield from _raise_to_densities(most, around & ~at, field, first, biases)
+    yield from _raise_to_densities(most, corners_of(near) & ~at, field, first, biases)
     return with_neighbours(cells_at_corners(most, extent))
 
 

@@ -6,6 +6,7 @@ A PNG image can hold the scene that it shows: its JSON is a text of the file, so
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
+from core.reading import optional, parse_json, read_json, read_text, reading, typed
 
 IMAGE_FORMATS = (".png", ".jpg", ".webp")
 """The endings to offer: images that nearly every program opens."""
@@ -35,7 +37,7 @@ class Scene:
 
     def save(self, path: Path) -> None:
         """Write the scene as JSON, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
-        with atomic_file(path) as partial:
+        with atomic_file(path, lambda partial: typed(_About, read_json(partial))) as partial:
             partial.write_text(self.to_json() + "\n")
 
     def to_json(self) -> str:
@@ -52,14 +54,8 @@ class Scene:
     @classmethod
     def load(cls, path: Path, model: Model) -> "Scene":
         """Read a scene for a model. Raises ``ValueError`` where it is none, or one of another model."""
-        try:
-            return cls.from_json(path.read_text(), model)
-        except OSError as error:
-            raise ValueError(f"cannot read the scene {path}: {error.strerror or error}") from None
-        except UnicodeDecodeError:
-            raise ValueError(f"{path} is not a scene file") from None
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+        with reading(path, "a scene"):
+            return cls.from_json(read_text(path), model)
 
     @classmethod
     def from_json(cls, text: str, model: Model) -> "Scene":
@@ -67,20 +63,24 @@ class Scene:
 
         A scene of a model that this one extends becomes one of this model: it looks nearly as it did.
         """
-        try:
-            about = json.loads(text)
-            found = str(about["model"])
-            camera = Camera(**about["camera"])
-            codes = Codes(torch.tensor(about["shape"]).float(), torch.tensor(about["texture"]).float())
-        except (json.JSONDecodeError, KeyError, TypeError, RuntimeError):
-            raise ValueError("not a scene file, or damaged") from None
+        about = typed(_About, parse_json(text), name="scene")
+        codes = Codes(torch.tensor(about.shape), torch.tensor(about.texture))
         config = model.field.config
         sizes = (config.shape_latent,), (config.texture_latent,)
-        if not model.shares_codes_with(found) or (codes.shape.shape, codes.texture.shape) != sizes:
+        if not model.shares_codes_with(about.model) or (codes.shape.shape, codes.texture.shape) != sizes:
             raise ValueError(
                 f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
             )
-        return cls(model.fingerprint, codes, camera)
+        return cls(model.fingerprint, codes, about.camera)
+
+
+class _About(NamedTuple):
+    """A scene as JSON."""
+
+    model: str
+    camera: Camera
+    shape: tuple[float, ...]
+    texture: tuple[float, ...]
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:
@@ -100,11 +100,12 @@ def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, sc
 
 def embedded_scene(path: Path) -> str | None:
     """The scene's JSON that an image holds; None for any other file."""
-    try:
+
+    def read() -> object:
         with path.open("rb") as file, PngImagePlugin.PngImageFile(file) as image:
-            text = image.info.get(_KEY)  # ours comes before the pixels; `image.text` would decode them to look behind
-    except (OSError, SyntaxError, ValueError, EOFError, MemoryError):
-        return None  # no whole PNG, and so none of ours
+            return image.info.get(_KEY)  # ours comes before the pixels; `image.text` would decode them to look behind
+
+    text = optional(read)  # what is no whole PNG is none of ours
     return None if text is None else str(text)
 
 
@@ -116,16 +117,11 @@ def open_scene(path: Path, model: Model) -> Scene:
     text = embedded_scene(path)
     if text is None:
         return Scene.load(path, model)
-    try:
+    with reading(path, "a scene"):
         return Scene.from_json(text, model)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def scene_model(path: Path) -> str | None:
     """The fingerprint of the model that a scene, or an image that holds one, belongs to; None where it is no scene."""
-    try:
-        about = json.loads(embedded_scene(path) or path.read_text())
-        return str(about["model"]) if {"shape", "texture", "camera"} <= about.keys() else None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
+    about = optional(lambda: typed(_About, parse_json(embedded_scene(path) or read_text(path))))
+    return about and about.model

@@ -1,24 +1,21 @@
 """Image files of any usual kind, as upright RGBA of 8 bits and moderate size."""
 
+import io
 import math
-import struct
 import warnings
-import zlib
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageOps
+from PIL import ExifTags, Image, ImageCms
 
-MAX_PIXELS = 400_000_000
-"""of a file, 20,000 x 20,000: beyond, decoding it may take more memory than a small machine has."""
+from core.reading import open_image, optional, reading
+
 WORKING_SIDE = 1024
 """px: the longer side at which images are cut out"""
 _NARROWEST = 128
 """The longest side of an image, in its shorter ones: of a narrower one 8 px would not be left at the working size."""
-_HEIF = (".heic", ".heif", ".hif")
-"""what phones write"""
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", *_HEIF, ".bmp", ".tif", ".tiff")
-"""of the files that a dialog offers; any other format that Pillow reads is read as well"""
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif")
+"""of the files that a dialog offers"""
 _FILM_DIAGONAL = math.hypot(36, 24)
 """mm"""
 _LENSES = 8, 600
@@ -27,48 +24,45 @@ _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
 """of whole photographs, longer by shorter side; and how far they may be off"""
 _TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""
+_TURNS = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_270,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_90,
+}
+"""by EXIF orientation, what makes the image upright"""
+_NO_COLOURS_OF_SCREENS = ("L", "CMYK")
+"""modes that have colour profiles of their own"""
 
 
 def read_rgba(path: Path) -> Image.Image:
-    """The image upright, as RGBA with 8 bits, its longer side at most :data:`WORKING_SIDE`.
+    """The image upright, in sRGB, as RGBA with 8 bits, its longer side at most :data:`WORKING_SIDE`.
 
-    Raises ``ValueError`` for what is no image, or one that is too large.
+    Raises ``ValueError`` naming the file for what is no image, or one that is too large.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with _opened(path) as image:
-                if image.width * image.height > MAX_PIXELS:
-                    size = f"{image.width}x{image.height}"
-                    raise ValueError(f"the image is too large ({size} px); make it smaller first")
-                if max(image.size) > _NARROWEST * min(image.size):
-                    raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
-                image.draft("RGB", (WORKING_SIDE, WORKING_SIDE))
-                image.load()
-                return _small_rgba(image)
-    except FileNotFoundError:
-        raise ValueError(f"no such image: {path}") from None
-    except IsADirectoryError:
-        raise ValueError(f"{path} is a folder, not an image") from None
-    except MemoryError:
-        raise ValueError("the image is too large for this machine's memory") from None
-    except (OSError, SyntaxError, EOFError, IndexError, TypeError, struct.error, zlib.error) as error:
-        raise ValueError(f"this is not an image that can be read ({_first_line(error)})") from None
+    with reading(path, "an image"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with open_image(path, WORKING_SIDE) as image:
+            if max(image.size) > _NARROWEST * min(image.size):
+                raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
+            image.load()
+            return _small_rgba(image)
 
 
 def upright_size(path: Path) -> tuple[int, int]:
-    """(width, height) in px of the file's image, upright. Raises ``ValueError`` for what is no image."""
-    try:
-        with _opened(path) as image:
-            transposed = image.getexif().get(ExifTags.Base.Orientation) in _TRANSPOSED
-            return (image.height, image.width) if transposed else image.size
-    except OSError as error:
-        raise ValueError(f"{path}: this is not an image that can be read ({_first_line(error)})") from None
+    """(width, height) in px of a file's upright image. Raises ``ValueError`` naming the file for what is no image."""
+    with reading(path, "an image"), open_image(path) as image:
+        transposed = _exif(image).get(ExifTags.Base.Orientation) in _TRANSPOSED
+        return (image.height, image.width) if transposed else image.size
 
 
 def lens_focal(image: Image.Image) -> float | None:
     """The focal length (px) that a camera wrote beside its image, as the one that gives 35 mm film the same view."""
-    written = image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
+    details = optional(lambda: _exif(image).get_ifd(ExifTags.IFD.Exif)) or {}
+    written = details.get(ExifTags.Base.FocalLengthIn35mmFilm)
     if not isinstance(written, int | float) or not _LENSES[0] <= written <= _LENSES[1]:
         return None
     short, long = sorted(image.size)
@@ -77,41 +71,44 @@ def lens_focal(image: Image.Image) -> float | None:
     return float(written) / _FILM_DIAGONAL * math.hypot(*image.size)
 
 
-def _opened(path: Path) -> Image.Image:
-    """Opened without Pillow's own limit, which ours replaces; only the header is read."""
-    if path.suffix.lower() in _HEIF:
-        from pillow_heif import register_heif_opener  # costs 50 ms, and few images need it
-
-        register_heif_opener()
-    limit = Image.MAX_IMAGE_PIXELS
-    try:
-        Image.MAX_IMAGE_PIXELS = None
-        return Image.open(path)
-    except Image.UnidentifiedImageError:
-        raise ValueError("this is not an image (PNG, JPEG, WebP, ...)") from None
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
+def _exif(image: Image.Image) -> Image.Exif:
+    """Empty where it cannot be read: the image is there without it."""
+    return optional(image.getexif) or Image.Exif()
 
 
 def _small_rgba(image: Image.Image) -> Image.Image:
     """Upright RGBA of 8 bits, made small before it is converted, so that a huge image costs memory once."""
+    profile, exif = image.info.get("icc_profile"), _exif(image)
     if image.mode.startswith(("I", "F")):
-        image = _eight_bits(image)
+        image = _eight_bits(_shrunk(image, 4 * WORKING_SIDE))
     if image.mode in ("P", "1", "PA") or "transparency" in image.info:
         # A palette cannot be averaged, and expanded it takes four times the memory.
         image = _shrunk(image, 4 * WORKING_SIDE).convert("RGBA")
     factor = max(image.size) // (2 * WORKING_SIDE)
-    orientation = image.getexif()
     if factor > 1 and min(image.size) >= factor:
         image = image.reduce(factor)
-        image.getexif().update(orientation)
-    image = ImageOps.exif_transpose(image).convert("RGBA")
+    if image.mode in _NO_COLOURS_OF_SCREENS:
+        image = _in_srgb(image, profile)
     # Pillow resizes RGBA with the colours weighted by alpha.
-    return _shrunk(image, WORKING_SIDE, Image.Resampling.LANCZOS)
+    image = _in_srgb(_shrunk(image.convert("RGBA"), WORKING_SIDE, Image.Resampling.LANCZOS), profile)
+    if turn := _TURNS.get(exif.pop(ExifTags.Base.Orientation, None)):
+        image = image.transpose(turn)
+    written = optional(exif.tobytes)
+    image.info = {"exif": written} if written else {}
+    return image
+
+
+def _in_srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
+    """Colours of another space, such as the Display P3 of phones, in sRGB.
+
+    As they are where the profile is broken, or of another kind of image.
+    """
+    if not profile or b"sRGB" in profile[:1024]:
+        return image
+    mode = "RGBA" if image.mode == "RGBA" else "RGB"
+    given = optional(lambda: ImageCms.ImageCmsProfile(io.BytesIO(profile)))
+    srgb = ImageCms.createProfile("sRGB")
+    return optional(lambda: ImageCms.profileToProfile(image, given, srgb, outputMode=mode)) or image
 
 
 def _shrunk(image: Image.Image, side: int, resampling: Image.Resampling = Image.Resampling.NEAREST) -> Image.Image:

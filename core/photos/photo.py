@@ -13,6 +13,8 @@ from PIL import Image
 from torch import Tensor
 
 from core.geometry.camera import Camera
+from core.geometry.pixels import bounding_box, to_bytes
+from core.geometry.pose_files import read_pose
 from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
@@ -80,7 +82,12 @@ class Crop:
 
 
 def load_photo(
-    path: Path, model: Model, pose: Path | None = None, hints: Hints | None = None, crop: Crop | None = None
+    path: Path,
+    model: Model,
+    pose: Path | None = None,
+    hints: Hints | None = None,
+    crop: Crop | None = None,
+    pose_axes: str = "opencv",
 ) -> Photo:
     """Read an image in any usual format, cut its object out and crop it for a model.
 
@@ -93,25 +100,27 @@ def load_photo(
         pose: a text file with the camera-to-world matrix of SRN (16 numbers); the image is then only resized.
         hints: where the object is, for an image without a plain background.
         crop: against the usual one.
+        pose_axes: of the pose, one of :data:`core.geometry.pose_files.POSE_AXES`.
 
-    Raises ``ValueError``, one line naming the file, for anything that is no image of an object, and
+    Without a pose the model's view bank must be there (:func:`core.photos.view_bank.build_view_bank`). Raises
+    ``ValueError``, one line naming the file, where it is not and for anything that is no image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
-    matrix = None if pose is None else _read_pose(pose)
+    matrix = None if pose is None else read_pose(pose, pose_axes)
     cut = read_cut_out(path, hints)
-    with _naming(path):
+    with naming(path):
         return prepare_photo(cut, model, matrix, crop)
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
     """The object of an image file. Raises as :func:`load_photo` does."""
-    with _naming(path):
+    with naming(path):
         return cut_out(read_rgba(path), hints)
 
 
 @contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Errors name the file."""
+def naming(path: Path) -> Iterator[None]:
+    """Errors of an image say which file it is."""
     try:
         yield
     except ValueError as error:
@@ -130,7 +139,7 @@ def photo_from_array(
     if pixels.dtype != np.uint8:
         if not np.isfinite(pixels).all():
             raise ValueError("an image's pixels must be finite")
-        pixels = (np.clip(pixels, 0, 1) * 255 + 0.5).astype(np.uint8)
+        pixels = to_bytes(pixels)
     return prepare_photo(cut_out(Image.fromarray(pixels).convert("RGBA")), model, pose)
 
 
@@ -162,30 +171,7 @@ def prepare_photo(
     return replace(photo, cropped=True, scaled=scaled, unseen=_unseen(cut, square, photo.mask), focal=focal)
 
 
-def _read_pose(path: Path) -> Float[Tensor, "4 4"]:
-    try:
-        numbers = [float(word) for word in path.read_text().split()]
-    except FileNotFoundError:
-        raise ValueError(f"no such pose: {path}") from None
-    except (OSError, ValueError):
-        raise ValueError(f"{path}: cannot be read as a pose (16 numbers)") from None
-    if len(numbers) != 16:
-        raise ValueError(f"{path}: a pose has 16 numbers, got {len(numbers)}")
-    try:
-        matrix = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
-        Camera.from_pose(matrix, 1.0, 1, 1)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return matrix
-
-
 # Cropping
-
-
-def _box(mask: Bool[np.ndarray, "height width"]) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the object in px; right and bottom lie just behind it."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
 
 
 def _like_training(cut: CutOut, usual: SizeRange) -> bool:
@@ -193,20 +179,20 @@ def _like_training(cut: CutOut, usual: SizeRange) -> bool:
     height, width = cut.mask.shape
     if not cut.white or width != height:
         return False
-    left, top, right, bottom = _box(cut.mask)
+    left, top, right, bottom = bounding_box(cut.mask)
     size = max(right - left, bottom - top) / width
     return 0.6 * usual.min < size < min(1.4 * usual.max, 0.9)
 
 
 def _half(cut: CutOut, share: float) -> float:
     """Half the side, in px, of a square of which the object's longer side is so large a share."""
-    left, top, right, bottom = _box(cut.mask)
+    left, top, right, bottom = bounding_box(cut.mask)
     return max(right - left, bottom - top) / share / 2
 
 
 def _square(cut: CutOut, half: float, crop: Crop) -> tuple[float, float, float, float]:
     """The square, in px of the cut-out, that shows the object in the middle, but for crop."""
-    left, top, right, bottom = _box(cut.mask)
+    left, top, right, bottom = bounding_box(cut.mask)
     across = (left + right) / 2 - crop.right * 2 * half
     down = (top + bottom) / 2 - crop.down * 2 * half
     return across - half, down - half, across + half, down + half
@@ -219,7 +205,7 @@ def _unseen(
 
     An image that the object touches all round was trimmed to it, and cuts nothing off.
     """
-    left, top, right, bottom = _box(cut.mask)
+    left, top, right, bottom = bounding_box(cut.mask)
     height, width = cut.mask.shape
     touched = left == 0, top == 0, right == width, bottom == height
     if all(touched) or not any(touched):

@@ -1,28 +1,30 @@
 """Candidate cameras for a photo: the views of the view bank ranked by how well they match it."""
 
 import math
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Float16, Int
+from jaxtyping import Bool, Float, Int, Int8, UInt8
 from torch import Tensor
 from torch.nn import functional
 
 from core.geometry.camera import camera_rotation
+from core.geometry.pixels import bounding_box
 from core.models.viewpoint import AZIMUTHS
-from core.photos.view_bank import SIDE, ViewBank, normalised_luminance
+from core.photos.view_bank import SIDE, ViewBank, normalised_luminance, unpack_bits
 
 _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
 """of a difference in size (logarithm) and in place (object sizes), against the overlap"""
 _LUMINANCE_WEIGHT = 0.1
 """of the correlation of luminance, against the overlap: textures are unknown yet, so it settles ties only"""
-_VIEWPOINT_WEIGHT = 0.06
+_VIEWPOINT_RANK_WEIGHT = 0.06
 """of the logarithm of a direction's probability, against the overlap"""
 _NEIGHBOURS = 20
 """best matching views that say where an object should lie"""
-_MATCHED = 8
-"""prototypes at a time, as the bank's numbers take more memory in the format that is computed in"""
+_MATCHED = 1344
+"""views at a time, as the bank's numbers take more memory in the format that is computed in"""
 _TRUNCATION = (0.0, 0.25, 0.6)
 """How much of an object may lie beyond an edge that cuts it off, as shares of what is seen of it."""
 
@@ -67,7 +69,7 @@ def rank_cameras(
         cropped: the image was moved and perhaps scaled: size and place in it do not count.
     """
     templates = _templates(image)
-    scores = torch.stack([_match(bank.masks, bank.luminance, template) for template in templates])
+    scores = _match(bank.silhouettes, bank.luminance, bank.contrast, templates)
     sizes = torch.tensor([template.size for template in templates])
     middles = torch.stack([template.middle for template in templates])
     if not cropped:
@@ -76,9 +78,9 @@ def rank_cameras(
         scores = scores - _SIZE_WEIGHT * (bank.sizes / size).log().abs() - _PLACE_WEIGHT * offset / size
     best, which = scores.flatten(0, 1).max(0)
     if viewpoint is not None:
-        best = best + _VIEWPOINT_WEIGHT * viewpoint.log()
+        best = best + _VIEWPOINT_RANK_WEIGHT * viewpoint.log()
     chosen = _spaced_out(best, count)
-    template, prototype = which[chosen] // len(bank.masks), which[chosen] % len(bank.masks)
+    template, prototype = which[chosen] // len(bank.sizes), which[chosen] % len(bank.sizes)
     scale = sizes[template] / bank.sizes[prototype, chosen]
     distance = (bank.distance / scale).clamp(0.5 * bank.distance, 2 * bank.distance)
     shift = middles[template] - bank.offsets[prototype, chosen] * scale[:, None]
@@ -91,8 +93,8 @@ def shape_similarity(
     """How well each prototype matches an image of known camera (rad), from the view bank's view nearest to it."""
     given = camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))
     nearest = (camera_rotation(bank.azimuth, bank.elevation) * given).sum((-2, -1)).argmax()
-    masks, luminance = bank.masks[:, nearest], bank.luminance[:, nearest]
-    return torch.stack([_match(masks, luminance, template) for template in _templates(image)]).amax(0)
+    views = bank.silhouettes[:, nearest], bank.luminance[:, nearest], bank.contrast[:, nearest]
+    return _match(*views, _templates(image)).amax(0)
 
 
 def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
@@ -100,15 +102,16 @@ def offset_from_expected(bank: ViewBank, image: ObjectImage) -> float:
 
     Below 0.02 in 476 of 480 images of the training kind, and above in all of the same moved by a tenth.
     """
-    template = _template(image._replace(unseen=None), _box(image.mask))
-    best = _match(bank.masks, bank.luminance, template).flatten().topk(_NEIGHBOURS).indices
+    template = _template(image._replace(unseen=None), bounding_box(image.mask))
+    scores = _match(bank.silhouettes, bank.luminance, bank.contrast, [template])
+    best = scores.flatten().topk(_NEIGHBOURS).indices
     expected = (bank.offsets * (template.size / bank.sizes)[..., None]).flatten(0, 1)[best]
     return float((expected - template.middle).norm(dim=-1).min())
 
 
 def expected_scales(bank: ViewBank, image: ObjectImage) -> Float[Tensor, "views"]:
     """From every direction, the logarithm of how much larger an image shows its object than objects are seen."""
-    left, top, right, bottom = _box(image.mask)
+    left, top, right, bottom = bounding_box(image.mask)
     return math.log(max(right - left, bottom - top) / image.focal) - bank.sizes.log().median(0).values
 
 
@@ -128,7 +131,7 @@ class _Template(NamedTuple):
 def _templates(image: ObjectImage) -> list[_Template]:
     """The image as it is; where an edge cuts the object off, also as it is if more or less lies beyond it."""
     unseen = torch.zeros_like(image.mask) if image.unseen is None else image.unseen
-    left, top, right, bottom = _box(image.mask)
+    left, top, right, bottom = bounding_box(image.mask)
     edges = unseen[:, 0].all(), unseen[0].all(), unseen[:, -1].all(), unseen[-1].all()
     sides = [_TRUNCATION if edge else _TRUNCATION[:1] for edge in edges]
     across, down = right - left, bottom - top
@@ -158,25 +161,29 @@ def _template(image: ObjectImage, box: tuple[float, ...]) -> _Template:
     return _Template(cover, luminance, seen[0, 0], size / image.focal, middle)
 
 
-def _box(mask: Tensor) -> tuple[int, int, int, int]:
-    """Left, top, right, bottom of the object in px; right and bottom lie just behind it."""
-    rows, columns = mask.any(1).nonzero()[:, 0], mask.any(0).nonzero()[:, 0]
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
-
-
 def _match(
-    masks: Bool[Tensor, "*views side side"], luminance: Float16[Tensor, "*views side side"], template: _Template
-) -> Float[Tensor, "*views"]:
+    silhouettes: UInt8[Tensor, "*views bytes"],
+    luminance: Int8[Tensor, "*views pixels"],
+    contrast: Float[Tensor, "*views"],
+    templates: Sequence[_Template],
+) -> Float[Tensor, "templates *views"]:
     """Overlap of the masks (intersection over union) where the image is seen, and a share of the correlation of
     luminance.
     """
-    flat, scores = template.mask.flatten(), []
-    for some, values in zip(masks.split(_MATCHED), luminance.split(_MATCHED), strict=True):
-        views = some.flatten(-2).float()
-        shared = views @ flat
-        overlap = shared / (views @ template.seen.flatten() + flat.sum() - shared)
-        scores.append(overlap + _LUMINANCE_WEIGHT * (values.flatten(-2).float() @ template.luminance.flatten()))
-    return torch.cat(scores)
+    mask, light, seen = (
+        torch.stack([getattr(template, part).flatten() for template in templates], 1)
+        for part in ("mask", "luminance", "seen")
+    )
+    scores = []
+    for packed, values, factor in zip(
+        *(part.split(_MATCHED) for part in (silhouettes.flatten(0, -2), luminance.flatten(0, -2), contrast.flatten())),
+        strict=True,
+    ):
+        views = unpack_bits(packed)
+        shared = views @ mask
+        overlap = shared / (views @ seen + mask.sum(0) - shared)
+        scores.append(overlap + _LUMINANCE_WEIGHT * factor[:, None] * (values.float() @ light))
+    return torch.cat(scores).T.reshape(len(templates), *contrast.shape)
 
 
 def _spaced_out(scores: Float[Tensor, "views"], count: int) -> Int[Tensor, "count"]:

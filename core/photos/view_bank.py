@@ -2,103 +2,132 @@
 
 Prototypes are clouds of surface points, splatted onto small images. Every view is normalised to its own bounding box,
 so a match says from where an object is seen whatever its size in the photo; the ratio of the two sizes then says from
-how far.
+how far. A bank is made by :func:`build_view_bank`, once per model and user: it is kept in the cache folder.
 """
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float, Float16
+from jaxtyping import Float, Int8, UInt8
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
 from torch import Tensor
-from torch.nn import functional
 
 from core.caches import CACHE, Kind
+from core.files import VIEW_BANKS, atomic_file, cache_folder
 from core.geometry.camera import camera_rotation
 from core.models.codes import Codes
-from core.models.layers import pad_rows
 from core.models.model import Model
-from core.models.precision import autocast
+from core.models.occupied_cells import pack
 from core.models.viewpoint import directions
+from core.photos.surface import surface_points
 
 PROTOTYPES = 120
 """With 60 of them, fits of a model's own objects end in worse codes; with 240, fits of others are no better."""
 SIDE = 24
 """px, of a view"""
-_CELLS = 40
-"""along the longest side of the model's box"""
-_MIN_THICKNESS = 0.05
-"""of a block's optical depth over a cell: more may be the fringe of something"""
+FORMAT = "view-bank-1"
+"""of the files; another one is made anew"""
 _MIN_POINTS = 20
 """of a prototype that is worth keeping"""
 _SPLATTED = 24
 """views at a time: the points of more leave the cache, and take much memory"""
+_TENSORS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
+"""of the files, beside the codes and the distance"""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewBank:
-    """Small views of prototypes, each normalised to its bounding box."""
+    """Small views of prototypes from the directions of :func:`core.models.viewpoint.directions`, each normalised to its
+    bounding box. Raises ``ValueError`` where the parts do not fit together.
+    """
 
     codes: Codes
     """of the prototypes, (prototypes, latent); the first is the mean object"""
-    azimuth: Float[Tensor, "views"]
-    elevation: Float[Tensor, "views"]
-    """rad"""
-    masks: Bool[Tensor, "prototypes views side side"]
-    luminance: Float16[Tensor, "prototypes views side side"]
-    """luminance less its mean over the object, of unit norm; 0 off the object"""
+    distance: float
+    """scene units, from which all views are seen"""
+    silhouettes: UInt8[Tensor, "prototypes views bytes"]
+    """masks, pixels row by row, eight to a byte, the lowest bit first"""
+    luminance: Int8[Tensor, "prototypes views pixels"]
+    """luminance less its mean over the object, -127 to 127; 0 off the object"""
+    contrast: Float[Tensor, "prototypes views"]
+    """factor that gives a view's luminance unit norm"""
     sizes: Float[Tensor, "prototypes views"]
     """the longer side of the bounding box, in focal lengths"""
     offsets: Float[Tensor, "prototypes views 2"]
     """the middle of the bounding box (x, y) less that of the image, in focal lengths"""
-    distance: float
-    """scene units, from which all views are seen"""
+
+    def __post_init__(self) -> None:
+        count = len(self.codes.shape), len(self.azimuth)
+        shapes = [(*count, SIDE * SIDE // 8), (*count, SIDE * SIDE), count, count, (*count, 2)]
+        if [getattr(self, name).shape for name in _TENSORS] != shapes:
+            raise ValueError(f"the parts of a view bank do not fit {count[0]} prototypes")
+        finite = all(bool(part.isfinite().all()) for part in (self.contrast, self.sizes, self.offsets))
+        if not (finite and 0 < self.distance < math.inf):
+            raise ValueError("the numbers of a view bank must be finite")
+
+    @property
+    def azimuth(self) -> Float[Tensor, "views"]:
+        """rad"""
+        return directions()[0]
+
+    @property
+    def elevation(self) -> Float[Tensor, "views"]:
+        """rad"""
+        return directions()[1]
 
     @property
     def size(self) -> int:
         """bytes"""
-        return self.masks.nbytes + self.luminance.nbytes
+        return sum(getattr(self, name).nbytes for name in _TENSORS)
 
 
 class EmptyBankError(ValueError):
     """A model renders nothing that a view bank could hold."""
 
 
-_in_progress: dict[str, Generator[None, None, ViewBank]] = {}
+_in_progress: dict[str, Generator[float, None, ViewBank]] = {}
 """Begun and not finished: the next caller continues from there."""
 
 
 def view_bank(model: Model) -> ViewBank:
-    """The model's view bank, built once (seconds) and kept in memory as far as there is room.
+    """The view bank that :func:`build_view_bank` has made, in this process or an earlier one.
 
-    Raises :class:`EmptyBankError` where the model shows no objects.
+    Raises ``ValueError`` where that has not been run, :class:`EmptyBankError` where the model shows no objects.
     """
-    stream = build_view_bank(model)
-    while True:
-        try:
-            next(stream)
-        except StopIteration as made:
-            return made.value
+    bank = _kept(model)
+    if bank is None:
+        raise ValueError("this model has no view bank yet: run build_view_bank(model) to its end first")
+    if not len(bank.codes.shape):
+        raise EmptyBankError("the model shows no objects: all of its prototypes are empty")
+    return bank
 
 
-def build_view_bank(model: Model) -> Generator[None, None, ViewBank]:
-    """Build the model's view bank, where it is not there yet, a prototype at a time, so that nobody waits for it later.
+def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
+    """The job that :func:`core.photos.photo.load_photo` and fits need done: finds the bank of the model (at once), or
+    makes it, a prototype at a time (seconds), and keeps it.
 
-    Two callers in turn share the work.
+    Yields which share (0..1) is done; returns the bank. Two callers in turn share the work. Where the cache folder
+    cannot be written, the bank lasts as long as the process.
     """
-    key = model.fingerprint
-    while (bank := CACHE.get(Kind.BANK, key)) is None:
+    key = _key(model)
+    while (bank := _kept(model)) is None:
         building = _in_progress.pop(key, None) or _build(model)
         try:
-            next(building)
+            done = next(building)
         except StopIteration as made:
             CACHE.put(Kind.BANK, key, made.value, made.value.size)
+            if len(made.value.codes.shape):
+                _save(made.value, _path(key))
             return made.value
         else:
             _in_progress[key] = building
-            yield None
+            yield done
     return bank
 
 
@@ -112,7 +141,7 @@ class SizeRange(NamedTuple):
 
 
 def apparent_size(model: Model) -> SizeRange:
-    """How large the model's objects are in images of the training kind."""
+    """How large the model's objects are in images of the training kind. Raises as :func:`view_bank` does."""
     bank = view_bank(model)
     scale = model.focal / model.image_size
     from_above = (bank.elevation > 0) & (bank.elevation < math.radians(50))
@@ -120,68 +149,74 @@ def apparent_size(model: Model) -> SizeRange:
     return SizeRange(scale * median, scale * float(bank.sizes.min()), scale * float(bank.sizes.max()))
 
 
-def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
-    """Points on an object's surface, on a grid in the model's box, and their colours seen from outside."""
-    extent = model.extent_tensor
-    cell = 2 * float(extent.max()) / _CELLS
-    # Blocks of two cells a side: where a block and its neighbours are all empty, its cells are not evaluated.
-    counts = [math.ceil(float(half) / cell) for half in extent]
-    bias = model.field.shape_bias(codes.shape)
-    with torch.no_grad(), autocast(model.device):
-        blocks = _density(model, _grid(counts, 2 * cell, extent.device), bias) * cell > _MIN_THICKNESS
-        near = _dilate(blocks).repeat_interleave(2, 0).repeat_interleave(2, 1).repeat_interleave(2, 2)
-        grid = _grid([2 * count for count in counts], cell, extent.device)
-        inside = torch.zeros_like(near)
-        inside[near] = _density(model, grid[near], bias) * cell > 0.5
-        points = grid[inside & _dilate(~inside)]
-        padded = pad_rows(points)
-        features = model.field.density(padded, bias)[1]
-        inward = model.field.direction_bias(-functional.normalize(padded, dim=-1))
-        colours = model.field.colour(features, inward, model.field.texture_bias(codes.texture))
-    return points, colours[: len(points)].clamp(0, 1)
+# Keeping
 
 
-def _grid(counts: Sequence[int], step: float, device: torch.device) -> Float[Tensor, "x y z 3"]:
-    """Centres of cells around the origin."""
-    axes = [(torch.arange(count, device=device) + 0.5 - count / 2) * step for count in counts]
-    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+def _key(model: Model) -> str:
+    """A model and the galleries of its objects share a fingerprint, and have different prototypes."""
+    return f"{model.fingerprint}-{len(model.codes)}"
 
 
-def _density(model: Model, points: Float[Tensor, "*batch 3"], bias: Tensor) -> Float[Tensor, "*batch"]:
-    parts = points.reshape(-1, 3).split(8192)
-    found = [model.field.density(pad_rows(part), bias)[0][: len(part)] for part in parts]
-    return torch.cat(found).reshape(points.shape[:-1])
+def _path(key: str) -> Path:
+    return cache_folder() / VIEW_BANKS / f"{key}.{FORMAT}.safetensors"
 
 
-def _dilate(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
-    """With all cells beside them."""
-    return functional.max_pool3d(cells.float()[None], 3, 1, 1)[0] > 0.5
+def _kept(model: Model) -> ViewBank | None:
+    """From memory, else from its file; None where there is none, or a damaged one."""
+    key = _key(model)
+    bank: ViewBank | None = CACHE.get(Kind.BANK, key)
+    if bank is None and (bank := _read(_path(key))):
+        CACHE.put(Kind.BANK, key, bank, bank.size)
+    return bank
 
 
-def _build(model: Model) -> Generator[None, None, ViewBank]:
-    yield from model.find_occupied_cells()
+def _read(path: Path) -> ViewBank | None:
+    """With memory mapping: what is not looked at is not read."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            codes = Codes(file.get_tensor("shape"), file.get_tensor("texture"))
+            distance = float(file.get_tensor("distance"))
+            return ViewBank(codes, distance, *(file.get_tensor(name) for name in _TENSORS))
+    except (OSError, SafetensorError, ValueError, RuntimeError, TypeError):
+        return None
+
+
+def _save(bank: ViewBank, path: Path) -> None:
+    tensors = {name: getattr(bank, name) for name in _TENSORS}
+    tensors |= {"shape": bank.codes.shape, "texture": bank.codes.texture, "distance": torch.tensor(bank.distance)}
+    with suppress(OSError, ValueError, SafetensorError):  # a folder that cannot be written to
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(path) as partial:
+            save_file({name: tensor.cpu().contiguous() for name, tensor in tensors.items()}, partial)
+
+
+# Building
+
+
+def _build(model: Model) -> Generator[float, None, ViewBank]:
+    for _ in model.find_occupied_cells():
+        yield 0.0
     azimuth, elevation = directions()
-    prototypes, kept = _prototypes(model), list[Codes]()
+    prototypes, kept = _prototypes(model), list[int]()
     # In its place from the start: small results among large temporaries keep the memory of these from being returned.
-    shape = len(prototypes), len(azimuth)
-    masks = torch.empty(*shape, SIDE, SIDE, dtype=torch.bool)
-    luminance = torch.empty(*shape, SIDE, SIDE, dtype=torch.half)
-    sizes, offsets = torch.empty(shape), torch.empty(*shape, 2)
-    for codes in prototypes:
+    shape, pixels = (len(prototypes), len(azimuth)), SIDE * SIDE
+    silhouettes = torch.empty(*shape, pixels // 8, dtype=torch.uint8)
+    luminance = torch.empty(*shape, pixels, dtype=torch.int8)
+    contrast, sizes, offsets = torch.empty(shape), torch.empty(shape), torch.empty(*shape, 2)
+    parts = silhouettes, luminance, contrast, sizes, offsets
+    for number, codes in enumerate(prototypes):
         points, colours = (part.cpu() for part in surface_points(model, codes))
         if len(points) >= _MIN_POINTS:
             for start in range(0, len(azimuth), _SPLATTED):
                 some = slice(start, start + _SPLATTED)
-                splatted = _splat(points, colours, azimuth[some], elevation[some], model.distance)
-                for part, whole in zip(splatted, (masks, luminance, sizes, offsets), strict=True):
+                masks, light, size, offset = _splat(points, colours, azimuth[some], elevation[some], model.distance)
+                packed = pack(masks > 0).reshape(len(masks), -1), *_quantised(light.flatten(1)), size, offset
+                for part, whole in zip(packed, parts, strict=True):
                     whole[len(kept), some] = part
-            kept.append(codes)
-        yield None
-    if not kept:
-        raise EmptyBankError("the model shows no objects: all of its prototypes are empty")
-    codes = Codes(torch.stack([one.shape for one in kept]), torch.stack([one.texture for one in kept]))
-    masks, luminance, sizes, offsets = (part[: len(kept)] for part in (masks, luminance, sizes, offsets))
-    return ViewBank(codes, azimuth, elevation, masks, luminance, sizes, offsets, model.distance)
+            kept.append(number)
+        yield (number + 1) / len(prototypes)
+    shapes, textures = (torch.stack([getattr(one, kind) for one in prototypes]) for kind in ("shape", "texture"))
+    return ViewBank(Codes(shapes[kept], textures[kept]), model.distance, *(part[: len(kept)] for part in parts))
 
 
 def _prototypes(model: Model) -> list[Codes]:
@@ -209,7 +244,7 @@ def _splat(
     elevation: Float[Tensor, "views"],
     distance: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """A cloud of points seen from every view: masks, luminance, sizes and offsets as :class:`ViewBank` holds them."""
+    """A cloud of points seen from every view: masks, normalised luminance, sizes and offsets."""
     x, y, z = (camera_rotation(azimuth, elevation) @ points.T).unbind(1)  # (views, points) each
     depth = (distance - z).clamp_min(1e-3)
     projected = torch.stack((x, -y), 1) / depth[:, None]
@@ -235,3 +270,17 @@ def normalised_luminance(
     mean = (luminance * mask).sum((-2, -1), keepdim=True) / area
     centred = (luminance - mean) * mask
     return centred / centred.square().sum((-2, -1), keepdim=True).sqrt().clamp_min(1e-3)
+
+
+# Packing
+
+
+def unpack_bits(packed: UInt8[Tensor, "views bytes"]) -> Float[Tensor, "views pixels"]:
+    """The masks (0 or 1) of :attr:`ViewBank.silhouettes`."""
+    return ((packed[..., None] >> torch.arange(8, dtype=torch.uint8)) & 1).flatten(-2).float()
+
+
+def _quantised(values: Float[Tensor, "views pixels"]) -> tuple[Int8[Tensor, "views pixels"], Float[Tensor, "views"]]:
+    """Whole numbers up to 127, and the factors that give the values back."""
+    scale = values.abs().amax(1).clamp_min(1e-6) / 127
+    return (values / scale[:, None]).round().to(torch.int8), scale

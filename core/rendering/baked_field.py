@@ -19,6 +19,7 @@ from torch.nn import functional
 from core.caches import CACHE, Kind
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, ray_points
+from core.models.cells import corners_of, divide
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
@@ -125,12 +126,7 @@ def _blocks(
 
 def cell_corners(cells: Bool[Tensor, "x y z"], divisions: int) -> Int[Tensor, "corners"]:
     """The indices of all corners of these cells, each divided, row by row."""
-    found = cells
-    for axis in range(3):
-        along = found.repeat_interleave(divisions, axis).movedim(axis, 0)
-        found = functional.pad(along.movedim(0, -1), (0, 1)) | functional.pad(along.movedim(0, -1), (1, 0))
-        found = found.movedim(-1, axis)
-    return found.flatten().nonzero()[:, 0]
+    return corners_of(divide(cells, divisions)).flatten().nonzero()[:, 0]
 
 
 def _texels(folded: FoldedField, block: _Block) -> UInt8[Tensor, "corners 4"]:

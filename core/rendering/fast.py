@@ -22,6 +22,7 @@ from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, Tolerances, tolerances
 from core.rendering.reference import Rendered
+from core.streams import run_to_end
 
 CHUNK_RAYS = 4096
 """Rays evaluated at a time, about 32k evaluations: what a newer job waits for."""
@@ -64,7 +65,7 @@ def render_steps(
         with torch.inference_mode():
             canvas.add(chunk, _shade(folded, chunk))
         size, done = size + chunk.size, done + chunk.share
-        # What is held until the view is whole counts as kept already; a view that will be too large is not held.
+        # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
         keep = keep and CACHE.make_room(Kind.VIEW, round(size / done))
         seen.append(chunk) if keep else seen.clear()
         yield None
@@ -77,12 +78,7 @@ def render(
     model: Model, codes: Codes, camera: Camera, samples: int, complete: bool = True, cutoff: Tolerances | None = None
 ) -> Rendered:
     """The result of :func:`render_steps`, in one call."""
-    stream = render_steps(model, codes, camera, samples, complete, cutoff)
-    while True:
-        try:
-            next(stream)
-        except StopIteration as done:
-            return done.value
+    return run_to_end(render_steps(model, codes, camera, samples, complete, cutoff))
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,11 +17,11 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn import functional
 
+from core.models.cells import contains
 from core.models.codes import Codes
 from core.models.field import Field, encode
 from core.models.layers import linear_relu, pad_rows, relu_
 from core.models.model import Model
-from core.models.occupied_cells import contains
 from core.models.precision import matmul_dtype
 
 _CHUNK_POINTS = 16384
@@ -164,19 +164,29 @@ def batch_colour(
     return torch.cat(found).reshape(points.shape)
 
 
-def _features(weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> Tensor:
+def _features(
+    weights: FieldWeights, y: Float[Tensor, "points width"], biases: Sequence[Float[Tensor, "width"]]
+) -> Float[Tensor, "points width"]:
     for weight, bias in zip(weights.shape_blocks, biases, strict=True):
         y = linear_relu(y, weight, bias)
     return y
 
 
-def _density(field: Field, weights: FieldWeights, y: Tensor, biases: Sequence[Tensor]) -> tuple[Tensor, Tensor]:
+def _density(
+    field: Field, weights: FieldWeights, y: Float[Tensor, "points width"], biases: Sequence[Float[Tensor, "width"]]
+) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
     y = _features(weights, y, biases)
     logit = functional.linear(y, *weights.density)[:, 0].float()
     return field.config.density_scale * functional.softplus(logit), y
 
 
-def _colour(field: Field, weights: FieldWeights, y: Tensor, direction_bias: Tensor, biases: Sequence[Tensor]) -> Tensor:
+def _colour(
+    field: Field,
+    weights: FieldWeights,
+    y: Float[Tensor, "points width"],
+    direction_bias: Float[Tensor, "#points width"],
+    biases: Sequence[Float[Tensor, "width"]],
+) -> Float[Tensor, "points 3"]:
     y = relu_(functional.linear(y, weights.features).add_(direction_bias))
     for weight, bias in zip(weights.texture_blocks, biases, strict=True):
         y = linear_relu(y, weight, bias)

@@ -10,24 +10,25 @@ _MIN_HEIGHT = 64
 """px of a first frame: a smaller one hardly takes less time, and shows nothing"""
 _MAX_DROP = 2
 """levels at a time, at most: one disturbance must not spoil the image"""
-_PATIENCE, _MAX_PATIENCE = 3, 96
+_FRAMES_BEFORE_FINER, _MAX_FRAMES_BEFORE_FINER = 3, 96
 """Frames in a row with headroom before a finer one is tried; twice as many each time that it was too slow, unless it
 would fit even if all of the time but the fixed part grew with the size: so the image is fine again soon after other
 work has ended."""
-_TRUSTED = 60
-"""frames after which the fixed part is found anew, by a smaller one"""
-_REFUTED = 0.7
-"""share of the fixed part, or of a coarser frame's time: a frame that takes less tells that other work has ended, or
-that another thing moves"""
+_FIXED_COST_EXPIRES = 60
+"""frames after which the fixed part is estimated anew, by a smaller one"""
+_OUTDATED = 0.7
+"""share of the fixed part, or of a coarser frame's time: a frame that takes less shows that the estimate is outdated,
+as other work has ended or another thing moves"""
 
 
 class FrameBudget:
-    """Chooses the size of the first frame from what earlier ones took: at once coarser, or a level finer after a while.
+    """The size of the first frame, from a model of its time: fixed + rays * cost.
 
-    A part of a frame's time is the same at any size: a new shape's occupied cells above all. It follows from frames of
-    two sizes, one after the other, for which a finer one is tried where none may be coarser. No smaller frame saves it,
-    so where it takes most of the budget, rays get more: up to half of what it takes. A finer first frame is tried, ever
-    more seldom if it fails. None is lower than 64 px, if the image is not.
+    Fixed is above all a new shape's occupied cells. Both are estimated from two frames of two sizes in a row; where no
+    coarser one is allowed, a finer one is tried for that. The largest size within the budget is taken: coarser at
+    once, finer a level at a time, after ever more frames each time that it was too slow (exponential back-off). Where
+    the fixed part takes most of the budget, rays get up to half as long again. No first frame is lower than 64 px, if
+    the image is not.
     """
 
     def __init__(self, budget: float = 1 / 30, divisor: int = 8) -> None:
@@ -36,11 +37,11 @@ class FrameBudget:
         self._level, self._floor, self._height = _DIVISORS.index(divisor), 0, 0
         self._learnt = divisor, 0
         """divisor that was last changed to, and the height of image that it is for"""
-        self._headroom, self._patience, self._refined = 0, _PATIENCE, False
+        self._headroom, self._patience, self._refined = 0, _FRAMES_BEFORE_FINER, False
         self._fixed = 0.0
         """s that a frame of any size takes, as far as is known"""
-        self._trust = 0
-        """frames for which that holds, unless refuted"""
+        self._fixed_expires_in = 0
+        """frames for which that holds, unless it is outdated before"""
         self._last = divisor, 0.0
         """divisor and s of the newest frame"""
 
@@ -103,9 +104,9 @@ class FrameBudget:
             (_, coarse), (_, fine) = sorted([(rays_before, before), (rays, now)])
             each = max(0.0, (now - before) / (rays - rays_before))
             self._fixed = max(0.0, min(now - each * rays, before - each * rays_before))
-            self._fixed, self._trust = self._fixed * (fine > _REFUTED * coarse), _TRUSTED
-        self._trust -= 1
-        self._fixed = min(self._fixed, now) if self._trust > 0 and now > _REFUTED * self._fixed else 0.0
+            self._fixed, self._fixed_expires_in = self._fixed * (fine > _OUTDATED * coarse), _FIXED_COST_EXPIRES
+        self._fixed_expires_in -= 1
+        self._fixed = min(self._fixed, now) if self._fixed_expires_in > 0 and now > _OUTDATED * self._fixed else 0.0
         self._last = divisor, seconds
 
     def _predicted(self, seconds: float, divisor: int, level: int) -> float:
@@ -115,11 +116,11 @@ class FrameBudget:
     def _patience_for(self, seconds: float) -> int:
         """Frames with headroom before a finer one is tried, where the last one took so long."""
         finer = self._predicted(seconds, self.divisor, self._level + 1)
-        return _PATIENCE if finer <= self._comfortable else self._patience
+        return _FRAMES_BEFORE_FINER if finer <= self._comfortable else self._patience
 
     def _coarsen(self, seconds: float) -> None:
         if self._refined:
-            self._patience = min(2 * self._patience, _MAX_PATIENCE)
+            self._patience = min(2 * self._patience, _MAX_FRAMES_BEFORE_FINER)
         before = self.divisor
         for _ in range(_MAX_DROP):
             if self._level > self._floor and self._predicted(seconds, before, self._level) > self.limit:

@@ -43,8 +43,10 @@ def render_top_samples(
     shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
-) -> tuple[Float[Tensor, "objects views rays 3"], Float[Tensor, "objects views rays"]]:
-    """Colour and opacity of rays, shaped (objects, views, rays), every object with its own codes.
+) -> Float[Tensor, "objects views rays 5"]:
+    """Red, green, blue, opacity and depth of rays, shaped (objects, views, rays), every object with its own codes.
+
+    The depth is that of the samples (scene units along the ray), summed by their weights: 0 where there is nothing.
 
     Differentiable in rays and biases through ``kept`` samples a ray on average: those of the largest weights among all
     samples of an object. The others keep their density, and their colour is taken to be that of the rest of their ray,
@@ -75,4 +77,5 @@ def render_top_samples(
     light = light.scatter_add(1, ray[..., None].expand(-1, -1, 4), torch.cat((weight * rgb, weight), -1))
     light, opacity = light.reshape(*transmittance.shape, 4), (1 - transmittance)[..., None]
     colour = torch.where(light[..., 3:] > 0, light[..., :3] / light[..., 3:].clamp_min(1e-6), 1.0)
-    return colour * opacity + transmittance[..., None], opacity[..., 0]
+    depth = (weights * depths).sum(-1, keepdim=True)
+    return torch.cat((colour * opacity + transmittance[..., None], opacity, depth), -1)

@@ -1,15 +1,15 @@
 """The Jacobian of rendered rays: how every pixel changes with every parameter of a hypothesis.
 
 A ray depends on no other ray, so one backward pass through the field gives the derivatives of all rays in one channel
-at once: red, green, blue and opacity go back together. While they are still per sample they are taken to the estimated
-parameters; then they are summed over each ray. Autograd would keep the four passes apart.
+at once: red, green, blue, opacity and depth go back together. While they are still per sample they are taken to the
+estimated parameters; then they are summed over each ray. Autograd would keep the passes apart.
 """
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn import functional
 from torch.nn.functional import pad
@@ -36,15 +36,14 @@ class BiasJacobians(NamedTuple):
 
 
 class RenderedJacobian(NamedTuple):
-    """Rays, and how each of their channels (red, green, blue, opacity) changes."""
+    """The channels of rays (red, green, blue, opacity and perhaps depth), and how each of them changes."""
 
-    colour: Float[Tensor, "objects views rays 3"]
-    opacity: Float[Tensor, "objects views rays"]
-    origin: Float[Tensor, "objects views rays 4 3"]
+    channels: Float[Tensor, "objects views rays channels"]
+    origin: Float[Tensor, "objects views rays channels 3"]
     """derivatives along the ray's origin"""
-    direction: Float[Tensor, "objects views rays 4 3"]
+    direction: Float[Tensor, "objects views rays channels 3"]
     """derivatives along the ray's direction, through the samples' positions and the viewing direction"""
-    codes: Float[Tensor, "objects views rays 4 numbers"]
+    codes: Float[Tensor, "objects views rays channels numbers"]
     """derivatives along the parameters of the shape, then of the texture"""
 
 
@@ -58,9 +57,10 @@ def render_with_jacobian(
     texture_bias: Float[Tensor, "objects more_blocks width"],
     bias_jacobians: BiasJacobians,
     cells: Bool[Tensor, "#objects x y z"] | None = None,
+    with_depth: bool = False,
 ) -> RenderedJacobian:
     """What :func:`core.rendering.importance.render_top_samples` renders, with its Jacobian; shaped (objects, views,
-    rays) likewise.
+    rays) likewise. The depth, which is one channel more to take back, only on request.
     """
     depths, edges = sample_intervals(model, rays, samples)
     points = ray_points(rays, depths).flatten(1, 3)
@@ -78,13 +78,16 @@ def render_with_jacobian(
         )
         activations.append(forward)
     composited = _composite(colours, sample_weights, transmittance, top)
+    if with_depth:
+        composited = _with_depth(composited, sample_weights, depths, top)
     density_derivative = _softplus_derivative(model, density.flatten(1).gather(1, top))
     # An interval without end is opaque whatever its density.
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
-    by_density = composited.by_depth * lengths.where(lengths < 1e9, 0.0)
+    by_density = composited.by_thickness * lengths.where(lengths < 1e9, 0.0)
     depth = depths.flatten(1).gather(1, top)
     numbers = bias_jacobians.shape.shape[-1] + bias_jacobians.texture.shape[-1]
-    summed = torch.zeros(transmittance.numel(), 4 * (6 + numbers), device=top.device)
+    channels = composited.channels.shape[-1]
+    summed = torch.zeros(transmittance.numel(), channels * (6 + numbers), device=top.device)
     row = ray + objects * transmittance[0].numel()
     for some, forward in zip(chunks, activations, strict=True):
         entered = BiasJacobians(bias_jacobians.shape[some[0]], bias_jacobians.texture[some[0]])
@@ -92,20 +95,24 @@ def render_with_jacobian(
             model, forward, composited.by_colour[some], by_density[some], density_derivative[some], depth[some], entered
         )
         summed.index_add_(0, row[some].flatten(), derivatives.flatten(0, 1).flatten(1))
-    summed = summed.reshape(*transmittance.shape, 4, -1)
-    return RenderedJacobian(composited.colour, composited.opacity, *summed.split((3, 3, numbers), -1))
+    summed = summed.reshape(*transmittance.shape, channels, -1)
+    return RenderedJacobian(composited.channels, *summed.split((3, 3, numbers), -1))
 
 
 class _Composited(NamedTuple):
     """Rays composed of their samples; how they change with the colours and optical depths of those that are kept."""
 
-    colour: Float[Tensor, "objects views rays 3"]
-    opacity: Float[Tensor, "objects views rays"]
+    channels: Float[Tensor, "objects views rays channels"]
     by_colour: Float[Tensor, "objects kept 3"]
-    by_depth: Float[Tensor, "objects kept 4"]
+    by_thickness: Float[Tensor, "objects kept channels"]
 
 
-def _composite(colours: Tensor, sample_weights: Tensor, transmittance: Tensor, top: Tensor) -> _Composited:
+def _composite(
+    colours: Float[Tensor, "objects kept 3"],
+    sample_weights: Float[Tensor, "objects views rays samples"],
+    transmittance: Float[Tensor, "objects views rays"],
+    top: Int[Tensor, "objects kept"],
+) -> _Composited:
     samples = sample_weights.shape[-1]
     objects, count = len(transmittance), transmittance[0].numel()
     ray = top // samples
@@ -124,35 +131,55 @@ def _composite(colours: Tensor, sample_weights: Tensor, transmittance: Tensor, t
     at = top[..., None].expand(-1, -1, 3)
     behind = colour.gather(1, index[..., :3]) - given.gather(1, at)
     dimmed = remaining.gather(1, ray[..., None])
-    by_depth = torch.cat((passing * colours - behind, dimmed), -1)
+    by_thickness = torch.cat((passing * colours - behind, dimmed), -1)
     by_colour = (weight * ((1 - remaining) / total).gather(1, ray[..., None])).expand(-1, -1, 3)
-    return _Composited(colour.reshape(*transmittance.shape, 3), 1 - transmittance, by_colour, by_depth)
+    channels = torch.cat((colour.reshape(*transmittance.shape, 3), 1 - transmittance[..., None]), -1)
+    return _Composited(channels, by_colour, by_thickness)
 
 
-def _softplus_derivative(model: Model, density: Tensor) -> Tensor:
+def _with_depth(
+    composited: _Composited,
+    sample_weights: Float[Tensor, "objects views rays samples"],
+    depths: Float[Tensor, "objects views rays samples"],
+    top: Int[Tensor, "objects kept"],
+) -> _Composited:
+    """The same with the depth as a channel more: it changes with the optical depths of samples as a colour would."""
+    given = (sample_weights * depths).cumsum(-1)
+    behind = (given[..., -1:] - given).flatten(1).gather(1, top)
+    passing = 1 - sample_weights.cumsum(-1).flatten(1).gather(1, top)
+    changes = passing * depths.flatten(1).gather(1, top) - behind
+    channels = torch.cat((composited.channels, given[..., -1:]), -1)
+    return _Composited(channels, composited.by_colour, torch.cat((composited.by_thickness, changes[..., None]), -1))
+
+
+def _softplus_derivative(model: Model, density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
     """The derivative of density along its logit, a sigmoid, from the density itself."""
     scale = model.field.config.density_scale
     return scale * -torch.expm1(-density / scale)
 
 
 class _Activations(NamedTuple):
-    """What the backward pass needs of some samples' forward pass, shaped (objects, samples, width)."""
+    """The part of some samples' forward pass that the backward pass needs."""
 
-    position_derivative: Tensor
+    position_derivative: Float[Tensor, "objects samples encoded"]
     """derivative of the encoded position along the axes, as :func:`core.models.field.encode` orders it"""
-    direction_derivative: Tensor
+    direction_derivative: Float[Tensor, "objects samples more_encoded"]
     """the same of the direction"""
-    shape: tuple[Tensor, ...]
+    shape: tuple[Float[Tensor, "objects samples width"], ...]
     """activations after each layer of the shape part"""
-    texture: tuple[Tensor, ...]
+    texture: tuple[Float[Tensor, "objects samples _"], ...]
     """and of the texture part"""
-    rgb_derivative: Tensor
+    rgb_derivative: Float[Tensor, "objects samples 3"]
     """derivative of rgb along the last layer's output"""
 
 
 def _forward(
-    model: Model, points: Tensor, directions: Tensor, shape_bias: Tensor, texture_bias: Tensor
-) -> tuple[_Activations, Tensor]:
+    model: Model,
+    points: Float[Tensor, "objects samples 3"],
+    directions: Float[Tensor, "objects samples 3"],
+    shape_bias: Float[Tensor, "objects blocks width"],
+    texture_bias: Float[Tensor, "objects more_blocks width"],
+) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
     """The activations of some samples, and their colours."""
     config, weights = model.field.config, field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
@@ -181,7 +208,7 @@ def _forward(
     return _Activations(position_derivative, direction_derivative, tuple(shape), tuple(texture), rgb_derivative), colour
 
 
-def _encoding_derivative(encoded: Tensor, frequencies: int) -> Tensor:
+def _encoding_derivative(encoded: Float[Tensor, "*batch encoded"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
     """The derivative of each encoded value along its axis."""
     scales = (2.0 ** torch.arange(frequencies, device=encoded.device)).repeat_interleave(3)
     values, sines, cosines = encoded.split((3, 3 * frequencies, 3 * frequencies), -1)
@@ -191,23 +218,22 @@ def _encoding_derivative(encoded: Tensor, frequencies: int) -> Tensor:
 def _backward(
     model: Model,
     activations: _Activations,
-    by_colour: Tensor,
-    by_density: Tensor,
-    density_derivative: Tensor,
-    depth: Tensor,
+    by_colour: Float[Tensor, "objects samples 3"],
+    by_density: Float[Tensor, "objects samples channels"],
+    density_derivative: Float[Tensor, "objects samples"],
+    depth: Float[Tensor, "objects samples"],
     bias_jacobians: BiasJacobians,
-) -> Float[Tensor, "objects samples 4 numbers"]:
-    """Derivatives of the four channels of each sample's ray along origin, direction and codes.
+) -> Float[Tensor, "objects samples channels numbers"]:
+    """Derivatives of the channels of each sample's ray along origin, direction and codes.
 
     Args:
-        by_colour: (objects, samples, 3), of a channel along the sample's own.
-        by_density: (objects, samples, 4).
-        density_derivative: (objects, samples), of the density along its logit.
-        depth: (objects, samples), distance from the ray's origin.
+        by_colour: of a channel along the sample's own.
+        density_derivative: of the density along its logit.
+        depth: scene units from the ray's origin.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
     dtype = weights.features.dtype
-    # Texture does not reach the opacity: its channel comes in where the density does.
+    # Texture does not reach opacity and depth: their channels come in where the density does.
     gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
     gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
     gradient, texture = _backward_blocks(
@@ -219,7 +245,7 @@ def _backward(
     gradient = by_logit
     gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
     by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
-    by_direction = pad(by_direction, (0, 0, 0, 1)).addcmul_(by_position, depth[..., None, None])
+    by_direction = pad(by_direction, (0, 0, 0, by_density.shape[-1] - 3)).addcmul_(by_position, depth[..., None, None])
     derivatives = torch.zeros(*by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=depth.device)
     parts = by_position, by_direction, shape, texture
     # torch.cat is slower where formats differ.
@@ -229,8 +255,11 @@ def _backward(
 
 
 def _backward_blocks(
-    gradient: Tensor, activations: Sequence[Tensor], blocks: Sequence[Tensor], bias_jacobians: Tensor
-) -> tuple[Tensor, Tensor]:
+    gradient: Float[Tensor, "objects samples channels width"],
+    activations: Sequence[Float[Tensor, "objects samples width"]],
+    blocks: Sequence[Float[Tensor, "width width"]],
+    bias_jacobians: Float[Tensor, "objects blocks width numbers"],
+) -> tuple[Float[Tensor, "objects samples channels width"], Float[Tensor, "objects samples channels numbers"]]:
     """Gradients taken back through blocks and the ReLU before them, and those along the blocks' parameters."""
     numbers = torch.zeros((), dtype=gradient.dtype, device=gradient.device)
     for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(bias_jacobians.unbind(1)), strict=True):
@@ -240,7 +269,9 @@ def _backward_blocks(
     return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, gradient.shape[1:3])
 
 
-def _along_axes(gradient: Tensor, encoded: Tensor) -> Tensor:
+def _along_axes(
+    gradient: Float[Tensor, "objects samples channels encoded"], encoded: Float[Tensor, "objects samples encoded"]
+) -> Float[Tensor, "objects samples channels 3"]:
     """From the encoded values to the three axes."""
     axes = torch.eye(3, device=gradient.device).repeat(gradient.shape[-1] // 3, 1)
     return (gradient.float() * encoded[:, :, None]) @ axes

@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
+from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
 from core.models.layers import pad_rows
 from core.models.model import Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
@@ -80,9 +81,9 @@ class Occupancy:
                 corners = _densities_around(folded, known, rows)
             else:
                 corners = _complete_densities(folded, known, limit)
-        self.cells: Bool[Tensor, "cells cells cells"] = _max_pool_corners(corners) > limit
+        self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
         self._flat = self.cells.flatten()
-        self._min_density = -_max_pool_corners(-corners).flatten()
+        self._min_density = -max_of_corners(-corners).flatten()
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
@@ -93,16 +94,11 @@ class Occupancy:
 
     def _around(self) -> Bool[Tensor, "all"]:
         """Which corners are those of the occupied cells and of all that touch them."""
-        around = functional.pad(self.cells, (2,) * 6)
-        for _ in range(3):  # of the four cells in a row around each corner
-            around = around[:-1] | around[1:]
-            around = (around[:-2] | around[2:]).movedim(0, 2)
-        return around.flatten()
+        return corners_of(with_neighbours(self.cells)).flatten()
 
     def contains(self, points: Float[Tensor, "*batch 3"]) -> Bool[Tensor, "*batch"]:
         """Whether each point of the box lies in an occupied cell."""
-        cells = ((points + self.extent) / self.cell).long().clamp_(0, CELLS - 1)
-        return self._flat[(cells[..., 0] * CELLS + cells[..., 1]) * CELLS + cells[..., 2]]
+        return contains(self.cells[None], points.reshape(1, -1, 3), self.extent).reshape(points.shape[:-1])
 
     def intersect(self, rays: Rays, step: float, termination: float) -> OccupiedIntervals:
         """Which intervals of each ray, ``step`` long and counted from ``near``, can hold any of the object: those whose
@@ -199,7 +195,7 @@ def _complete_densities(folded: FoldedField, known: _Corners, limit: float) -> F
     """Densities at all corners, 0 where training objects have nothing and this shape has not either."""
     found = torch.zeros(len(known.corner), device=known.corner.device)
 
-    def evaluate(rows: slice) -> Tensor:
+    def evaluate(rows: slice) -> Float[Tensor, "rows"]:
         parts = known.activations[rows].split(_BLOCK)
         return torch.cat([folded.density(part)[0] for part in parts])
 
@@ -221,13 +217,6 @@ def _densities_around(
     return found.reshape(CELLS + 1, CELLS + 1, CELLS + 1)
 
 
-def _max_pool_corners(corners: Float[Tensor, "corners corners corners"]) -> Float[Tensor, "cells cells cells"]:
-    for axis in range(3):
-        length = corners.shape[axis]
-        corners = torch.maximum(corners.narrow(axis, 0, length - 1), corners.narrow(axis, 1, length - 1))
-    return corners
-
-
 @lru_cache(maxsize=1)  # 53 MB, and a fraction of a second
 def _corners(model: Model, dtype: torch.dtype) -> _Corners:
     """The corners of the grid, with their first-layer activations."""
@@ -236,8 +225,7 @@ def _corners(model: Model, dtype: torch.dtype) -> _Corners:
     second[::2, ::2, ::2] = fourth[::4, ::4, ::4] = True
     turn = torch.where(likely, 0, torch.where(second, 1, 2)).flatten()
     corner = turn.argsort(stable=True)
-    axes = [torch.linspace(-half, half, CELLS + 1, device=model.device) for half in model.extent]
-    points = torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)[corner]
+    points = corner_points(model.extent_tensor, CELLS)[corner]
     folded = FoldedField(model, model.codes.mean)
     assert folded.dtype == dtype
     with torch.inference_mode():
@@ -250,7 +238,4 @@ def _likely_corners(model: Model) -> Bool[Tensor, "corners corners corners"]:
     """The corners of the cells that training objects occupy, all where the model's file does not tell these cells."""
     if model.stored_cells is None:
         return torch.ones((CELLS + 1,) * 3, dtype=torch.bool, device=model.device)
-    cells = model.stored_cells.to(model.device).float()
-    for axis in range(3):
-        cells = cells.repeat_interleave(CELLS // STORED_CELLS, axis)
-    return functional.max_pool3d(functional.pad(cells[None], (1,) * 6), 2, 1)[0] > 0
+    return corners_of(divide(model.stored_cells.to(model.device), CELLS // STORED_CELLS))

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from jaxtyping import Float32, Int32, UInt8
 
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.fast import is_cached, render_steps
@@ -93,7 +93,7 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
     for at in range(max(cached, default=0), len(stages)):
         stage = stages[at]
         rendered = yield from render_steps(model, job.codes, *stage.arguments, supersampling=stage.supersampling)
-        image = (rendered.colour.clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+        image = to_bytes(rendered.colour)
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()

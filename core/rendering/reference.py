@@ -45,7 +45,13 @@ def sample_intervals(
     return midpoints(edges), edges
 
 
-def render_rays(model: Model, rays: Rays, samples: int, shape_bias: Tensor, texture_bias: Tensor) -> Rendered:
+def render_rays(
+    model: Model,
+    rays: Rays,
+    samples: int,
+    shape_bias: Float[Tensor, "... blocks width"],
+    texture_bias: Float[Tensor, "... more_blocks width"],
+) -> Rendered:
     """Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.
 
     Args:

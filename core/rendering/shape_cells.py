@@ -1,14 +1,14 @@
-"""The cells of the scene's box that single shapes occupy: what is asked often pays for finding them first."""
+"""Occupancy grid of one shape, computed once where many rays follow."""
 
 from functools import lru_cache
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
-from torch.nn import functional
 
+from core.models.cells import corner_points, corners_of, with_neighbours
 from core.models.model import Model
-from core.models.occupied_cells import CELLS, cells_at_corners, corners, with_neighbours
+from core.models.occupied_cells import CELLS, cells_at_corners
 from core.rendering.folded_field import batch_density
 
 
@@ -33,6 +33,5 @@ def shape_cells(
 def _corners(model: Model) -> tuple[Int[Tensor, "some"], Float[Tensor, "some 3"]]:
     """The corners of the cells that training objects occupy: which of all, and where."""
     assert model.occupied_cells is not None
-    cells = functional.pad(model.occupied_cells[None].float(), (1,) * 6)
-    index = (functional.max_pool3d(cells, 2, 1)[0] > 0).flatten().nonzero()[:, 0].to(model.device)
-    return index, corners(model.extent_tensor)[index]
+    index = corners_of(model.occupied_cells).flatten().nonzero()[:, 0].to(model.device)
+    return index, corner_points(model.extent_tensor, CELLS)[index]

@@ -14,7 +14,7 @@ from core.training.augmentation import Crops, augment_photo, on_white, recrop, r
 from core.training.viewpoint import BATCH_SIZE, ViewpointDataset, ViewpointStep, train_classifier
 
 _LABEL_SMOOTHING = 0.02
-"""keeps the network from being more certain than its data are varied"""
+"""avoids over-confidence"""
 _LOW = math.radians(35)
 """rad; elevation up to which an object turned on its side is no view of it any more"""
 _MAX_PARTS = 6

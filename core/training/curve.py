@@ -1,12 +1,12 @@
 """Training curves: PSNR on held-out views against steps and seconds, as JSON and as a chart."""
 
-import json
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from core.files import write_json
+from core.reading import read_json, reading, typed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,11 +27,9 @@ def read_curve(path: Path) -> list[CurvePoint]:
     """The points of a curve that :func:`write_curve` wrote; none where there is no file."""
     if not path.exists():
         return []
-    try:
-        (points,) = json.loads(path.read_text()).values()
-        return [CurvePoint(**point) for point in points]
-    except (json.JSONDecodeError, UnicodeDecodeError, TypeError, ValueError, AttributeError) as error:
-        raise ValueError(f"{path}: not a training curve ({error})") from None
+    with reading(path, "a training curve"):
+        (points,) = typed(dict[str, tuple[CurvePoint, ...]], read_json(path), name="curve").values()
+        return list(points)
 
 
 def write_curve(path: Path, name: str, points: list[CurvePoint]) -> None:

@@ -14,7 +14,7 @@ from core.datasets.srn import Dataset
 from core.metrics import psnr
 from core.models.codes import CodeBook, farthest_first
 from core.models.model import Model
-from core.rendering.views import render_view
+from core.rendering.images import render_image
 
 GALLERY_SIZE = 150
 """More than the view bank has prototypes."""
@@ -29,7 +29,7 @@ def training_psnr(model: Model, dataset: Dataset) -> dict[str, float]:
     index, found = model.codes.index, dict[str, float]()
     for views in dataset.objects:
         if views.name in index:
-            colour = render_view(model, model.codes[index[views.name]], views.cameras[-1]).colour.clamp(0, 1).cpu()
+            colour = render_image(model, model.codes[index[views.name]], views.cameras[-1]).colour.clamp(0, 1).cpu()
             found[views.name] = psnr(colour, torch.from_numpy(views.images[-1]).float() / 255)
     return found
 

@@ -2,7 +2,6 @@
 
 import copy
 import math
-import pickle
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from core.models.ablations import build_field
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
 from core.models.precision import autocast, matmul_dtype, require_device
+from core.reading import first_line
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.reference import render_exact
 from core.training.ray_dataset import RayBatch, RayDataset
@@ -183,8 +183,8 @@ class Trainer:
                 optimiser.load_state_dict(saved)
             self.generator.set_state(state["generator"].cpu())
             self.step, self.seconds = state["progress"]
-        except (OSError, KeyError, ValueError, RuntimeError, pickle.UnpicklingError) as error:
-            raise ValueError(f"{path} does not fit this dataset and these settings: {error}") from None
+        except Exception as error:  # torch's reader raises whatever its parsers raise
+            raise ValueError(f"{path} does not fit this dataset and these settings: {first_line(error)}") from error
 
     def _optimise_step(self) -> tuple[float, float]:
         """One optimisation step; its loss and its squared error."""

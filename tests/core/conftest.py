@@ -1,13 +1,23 @@
 """A tiny model to fit and render; rendering datasets needs OpenGL through EGL (Mesa's software one will do)."""
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import pytest
 
 from core.datasets.rasteriser import Rasteriser
 from core.models.model import Model
-from tests.conftest import no_opengl
+from tests.conftest import make_view_bank, no_opengl, unchecked_shapes
 from tests.core.tiny import tiny_model
+
+UNCHECKED = {"benchmarks", "cli", "evaluation"}
+"""Packages whose tests run what those of other packages have checked."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _checks_where_they_tell(request: pytest.FixtureRequest) -> Iterator[None]:
+    with unchecked_shapes() if request.path.parent.name in UNCHECKED else nullcontext():
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -23,5 +33,7 @@ def rasteriser() -> Iterator[Rasteriser]:
 
 @pytest.fixture(scope="session")
 def tiny() -> Model:
-    """The one of :mod:`tests.core.tiny`, made once."""
-    return tiny_model()
+    """The one of :mod:`tests.core.tiny`, made once, ready to be fitted."""
+    model = tiny_model()
+    make_view_bank(model)
+    return model

@@ -1,8 +1,10 @@
+import shutil
+import sys
 from pathlib import Path
 
 import pytest
 
-from core.files import atomic_file, atomic_folder
+from core.files import atomic_file, atomic_folder, require_writable
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path):
@@ -29,3 +31,40 @@ def test_a_folder_is_replaced_on_demand_only_and_by_a_whole_one(tmp_path: Path):
         (partial / "new").touch()
     assert [file.name for file in path.iterdir()] == ["new"]
     assert [file.name for file in tmp_path.iterdir()] == ["a"]
+
+
+def test_what_cannot_be_read_back_does_not_replace_what_was_there(tmp_path: Path):
+    path = tmp_path / "a.txt"
+    path.write_text("before")
+
+    def check(partial: Path) -> None:
+        raise ValueError(f"no {partial.read_text()}")
+
+    with pytest.raises(ValueError, match=r"cannot be read back.*no after"), atomic_file(path, check) as partial:
+        partial.write_text("after")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+
+
+def test_a_name_as_long_as_systems_allow_is_written(tmp_path: Path):
+    for path in (tmp_path / ("a" * 251 + ".txt"), tmp_path / ("a." + "b" * 250)):
+        with atomic_file(path) as partial:
+            partial.write_text("whole")
+        require_writable(path)
+        assert path.read_text() == "whole"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="a folder that takes no files, also from root")
+def test_a_place_that_takes_no_files_is_named_before_the_work():
+    path = Path("/proc/a.txt")
+    for write in (lambda: require_writable(path), lambda: atomic_file(path).__enter__()):
+        with pytest.raises(ValueError, match=r"cannot write /proc/a\.txt: "):
+            write()
+
+
+def test_a_place_that_is_gone_at_the_end_does_not_hide_why(tmp_path: Path):
+    (tmp_path / "b").mkdir()
+    with (
+        pytest.raises(ValueError, match=r"cannot write .*a\.txt: No such file"),
+        atomic_file(tmp_path / "b/a.txt") as _,
+    ):
+        shutil.rmtree(tmp_path / "b")

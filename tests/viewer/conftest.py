@@ -2,17 +2,17 @@
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 from imgui_bundle import imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
 from core.models.model import Model
 from core.rendering.progressive import render_progressively
-from tests.conftest import no_opengl, random_model
+from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_photo
 from viewer.app import App
@@ -23,12 +23,6 @@ from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.quality import Quality
 from viewer.workspace import Workspace
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _one_thread() -> None:
-    """Threads of a tiny network wait for each other, for ages where other tests run beside."""
-    torch.set_num_threads(1)
 
 
 @pytest.fixture(autouse=True)
@@ -68,7 +62,7 @@ def worker() -> Iterator[Worker]:
 def session(worker: Worker, backend: Backend) -> Session:
     """A session with its model open and everything rendered, without a window."""
     session = Session(worker, backend, seed=0)
-    session.view.quality = Quality(32, 96)
+    session.view = replace(session.view, quality=Quality(32, 96))
     session.open_model("chairs")
     finish(session)
     return session
@@ -135,7 +129,7 @@ def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFacto
         folder: Path | None = None,
     ) -> None:
         session = Session(Worker(), backend, seed=0)
-        session.view.quality = Quality(32, 96)
+        session.view = replace(session.view, quality=Quality(32, 96))
         app = App(session, size, folder, headless=True, native_dialogs=False)
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
@@ -146,7 +140,8 @@ def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFacto
             act(driver)
 
         try:
-            testing.run(test_function=test, runner_params=app.params, add_ons_params=window.add_ons())
+            with unchecked_shapes():
+                testing.run(test_function=test, runner_params=app.params, add_ons_params=window.add_ons())
         finally:
             session.jobs.worker.close()
 

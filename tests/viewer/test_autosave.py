@@ -1,23 +1,19 @@
-import base64
-import io
 import json
 import os
 import subprocess
 import sys
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
-from core.models.scene import Scene
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import endless_fit
 from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.project import Project
@@ -51,42 +47,13 @@ def edit(session: Session, photo: Path) -> None:
     workspace.player.seek(1.5)
     editor.show_object("object 2")
     workspace.player.add_key()
-    workspace.player.set_turns(-2)
-
-
-def older_text(editor: Editor, model: str) -> str:
-    """As versions before projects wrote a session."""
-    scene, mix, timeline = editor.scene, editor.state.mix, editor.state.timeline
-
-    def one(codes: object, camera: object = scene.camera) -> dict:
-        return json.loads(Scene(scene.model, codes, camera).to_json())
-
-    def photo(found: object) -> str:
-        file, pixels = io.BytesIO(), (255 * found.pixels.numpy()).astype(np.uint8)
-        Image.fromarray(np.dstack((pixels, 255 * found.mask.numpy().astype(np.uint8)))).save(file, "PNG")
-        return base64.b64encode(file.getvalue()).decode()
-
-    return json.dumps(
-        {
-            "opened": model,
-            "scene": one(scene.codes),
-            "mix": {"a": mix.a, "b": mix.b, "shape": mix.shape, "texture": mix.texture},
-            "timeline": {
-                "keys": [(key.seconds, one(*key.view)) for key in timeline.keys],
-                **{name: getattr(timeline, name) for name in ("length", "loop", "turns", "smooth")},
-            },
-            "things": [
-                {"name": added.name, "scene": one(added.codes), "photo": added.photo and photo(added.photo)}
-                for added in editor.objects.added
-            ],
-        }
-    )
+    workspace.player.change(turns=-2)
 
 
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
     """A launch."""
     session = Session(worker, backend, seed=1)
-    session.mine = Mine(folder / "mine")
+    session.user_objects = UserObjects(folder / "mine")
     autosave = Autosave(session, folder, clock)
     session.open_model(autosave.model or "chairs")
     deliver(session, lambda: session.workspace is not None)
@@ -135,7 +102,7 @@ def test_the_next_launch_goes_on_with_every_model(
     autosave.close()
     session, autosave = begun(worker, backend, tmp_path, clock)
     assert session.model_name == "cars"
-    assert not autosave.left
+    assert not autosave.recoverable
     workspace = opened(session)
     assert workspace.editor.history == made[1]
     assert [one.psnr for one in workspace.fitting.history.steps] == [one.psnr for one in steps]
@@ -184,14 +151,14 @@ def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
     opened(session).close()
     session, autosave = begun(worker, backend, tmp_path, clock)
     assert not opened(session).editor.history.past
-    assert len(autosave.left) == 1
+    assert len(autosave.recoverable) == 1
     autosave.restore()
-    assert not autosave.left
+    assert not autosave.recoverable
     assert opened(session).fitting.running
     finish(session, lambda: not opened(session).fitting.running)
     assert opened(session).editor.objects.names[0] == "block"
     assert len(opened(session).editor.history.past) == 1
-    assert opened(session).fitting.ready is not None
+    assert "block" in opened(session).fitting.results.unseen
 
 
 _RUN = """
@@ -226,11 +193,10 @@ while True:  # written again and again, so that it is killed in the middle of th
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals on Windows")
-@pytest.mark.parametrize(("first", "fitted"), [("cars", "chairs"), ("chairs", "cars")])
 def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path, first: str, fitted: str
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
 ) -> None:
-    folder = tmp_path / "config"
+    folder, first, fitted = tmp_path / "config", "cars", "chairs"
     folder.mkdir()
     command = [sys.executable, "-c", _RUN, str(folder), str(photo), first, fitted]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as run:
@@ -238,7 +204,7 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
             assert run.stdout.readline() == b"written\n"
         run.kill()
     session, autosave = begun(worker, backend, folder, clock)
-    assert len(autosave.left) == 1
+    assert len(autosave.recoverable) == 1
     autosave.restore()
     deliver(session, lambda: session.model_name == fitted)
     assert session.messages.errors == []
@@ -249,6 +215,57 @@ def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
     session.open_model(first)
     finish(session)
     assert opened(session).editor.state.mix.a.shape == "object 2"
+
+
+def test_restoring_adds_to_what_was_made_meanwhile(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    edit(session, photo)
+    clock.now += 10.0
+    autosave.tick()
+    lost = opened(session).editor.history
+    (written,) = tmp_path.glob("session-*.codenerf")
+    written.rename(tmp_path / "session-999999999.codenerf")
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    opened(session).editor.show_object("object 5")
+    before = opened(session).editor.history
+    offer = session.messages.shown[-1]
+    assert f"{len(lost.past)} steps, 1 objects" in offer.text
+    offer.buttons[0].press()
+    history = opened(session).editor.history
+    assert history.now == before.now
+    assert history.past == (*lost.states, *before.past)
+    assert opened(session).editor.objects.own == ["block"]
+    assert not list(tmp_path.glob("session-999999999*"))
+
+
+def test_a_session_in_which_nothing_was_made_is_not_offered(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
+) -> None:
+    Project("chairs", ()).save(tmp_path / "session-999999999.codenerf")
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert not autosave.recoverable
+    assert not session.messages.shown
+
+
+def test_a_photo_whose_fit_was_interrupted_makes_one_object(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
+    opened(session).fitting.start(photo)
+    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    clock.now += 10.0
+    autosave.tick()
+    (written,) = tmp_path.glob("session-*.codenerf")
+    written.rename(tmp_path / "session-999999999.codenerf")
+    opened(session).fitting.stop()  # its object is kept, the end of the fit is written no more
+    session.tick()
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    assert opened(session).editor.objects.own == ["block"]
+    autosave.restore()
+    finish(session, lambda: not opened(session).fitting.running)
+    assert opened(session).editor.objects.own == ["block"]
 
 
 def test_a_session_that_ends_the_program_is_not_begun_with_again(
@@ -332,20 +349,6 @@ def test_a_kept_session_that_is_broken_is_reported_and_stays(
     assert [path.read_text() for path in autosave.earlier] == ["broken"]
 
 
-def test_what_an_older_version_wrote_is_read(session: Session, editor: Editor, photo: Path, tmp_path: Path) -> None:
-    edit(session, photo)
-    state = editor.state
-    folder = tmp_path / "config"
-    folder.mkdir()
-    (folder / "session-999999999.json").write_text(older_text(editor, "chairs"))
-    session.new()
-    autosave = Autosave(session, folder)
-    autosave.restore()
-    assert not autosave.left
-    assert opened(session).editor.state == state
-    assert [one.name for one in opened(session).editor.objects.added] == ["block"]
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="not known on Windows")
 def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", "pass"]) as ended:
@@ -353,7 +356,7 @@ def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) 
     for number in (ended.pid, os.getppid()):
         (tmp_path / f"session-{number}.codenerf").write_text("{}")
     autosave = Autosave(session, tmp_path)
-    assert [path.name for path in autosave.left] == [f"session-{ended.pid}.codenerf"]
+    assert [path.name for path in autosave.recoverable] == [f"session-{ended.pid}.codenerf"]
     autosave.discard()
     assert [path.name for path in tmp_path.iterdir()] == [f"session-{os.getppid()}.codenerf"]
 
@@ -363,31 +366,36 @@ def test_of_several_that_were_left_the_last_is_offered_first(session: Session, t
         (tmp_path / f"session-{name}.codenerf").write_text("{}")
         os.utime(tmp_path / f"session-{name}.codenerf", (age, age))
     autosave = Autosave(session, tmp_path)
-    assert autosave.times == (0, 1, 2)
+    assert [path.stat().st_mtime for path in autosave.recoverable] == [0, 1, 2]
     autosave.discard()
     autosave.discard()
     assert [path.name for path in tmp_path.iterdir()] == ["session-999999999-a.codenerf"]
-    assert autosave.left
+    assert autosave.recoverable
 
 
-@pytest.mark.parametrize("harm", ["{", "[]", "model only", "no key", "another model", "bad timeline", "no such object"])
+@pytest.mark.parametrize("harm", ["{", "no key", "another model", "bad timeline", "no such object"])
 def test_what_cannot_be_read_is_reported_and_changes_nothing(
     session: Session, editor: Editor, tmp_path: Path, harm: str
 ) -> None:
     editor.show_object("object 3")
-    about = json.loads(older_text(editor, "chairs"))
-    if harm == "model only":
-        about = {"opened": "chairs"}
-    elif harm == "no key":
-        del about["mix"]["a"]
+    path = tmp_path / "session-999999999.codenerf"
+    session.project().save(path)
+    with zipfile.ZipFile(path) as file:
+        parts = {name: file.read(name) for name in file.namelist()}
+    about = json.loads(parts["project.json"])
+    now = about["sessions"][0]["history"]["now"]
+    if harm == "no key":
+        del now["mix"]["a"]
     elif harm == "another model":
-        about["scene"]["model"] = "another"
+        now["scene"]["model"] = "another"
     elif harm == "bad timeline":
-        about["timeline"]["length"] = -1.0
+        about["timelines"][now["timeline"]]["length"] = -1.0
     elif harm == "no such object":
-        about["mix"]["b"] = "gone"
-    text = harm if harm in ("{", "[]") else json.dumps(about)
-    (tmp_path / "session-999999999.json").write_text(text)
+        now["mix"]["b"] = "gone"
+    parts["project.json"] = harm.encode() if harm == "{" else json.dumps(about).encode()
+    with zipfile.ZipFile(path, "w") as file:
+        for name, content in parts.items():
+            file.writestr(name, content)
     before = editor.history
     autosave = Autosave(session, tmp_path)
     autosave.restore()

@@ -35,7 +35,7 @@ def test_every_edit_can_be_undone_and_redone(
         lambda: editor.reset_to_object("texture"),
         lambda: workspace.viewport.reset_view(),
         lambda: workspace.player.add_key(),
-        lambda: workspace.player.set_turns(2),
+        lambda: workspace.player.change(turns=2),
         lambda: session.open_scene(tmp_path / "saved.json"),
     )
     states = [editor.state]

@@ -1,15 +1,20 @@
 import json
+import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.models.scene import Scene, save_image
 from tests.conftest import random_model
-from tests.viewer.driver import finish
+from tests.viewer.driver import deliver, finish
+from tests.viewer.stand_ins import endless_fit, quick_fit
 from viewer.editor import Editor
 from viewer.services.backend import Backend
+from viewer.services.messages import MessageKind
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
@@ -90,6 +95,35 @@ def test_an_image_dropped_while_the_model_loads_is_fitted_then(worker: Worker, b
     session.open_model("chairs")
     finish(session, lambda: session.workspace is not None and not session.fitting_runs)
     assert opened(session).editor.objects.names[0] == "block"
+
+
+def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
+    worker: Worker, backend: Backend, photo: Path
+) -> None:
+    made, order = threading.Event(), list[str]()
+
+    def view_bank(model: Model) -> Iterator[float]:
+        yield 0.25
+        while not made.is_set():
+            yield 0.5
+        order.append("made")
+        yield 1.0
+
+    def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        order.append("fitted")
+        yield from quick_fit(model, job)
+
+    session = Session(worker, replace(backend, view_bank=view_bank, fit=fit))
+    session.open_model("chairs")
+    session.fit_photos(photo)
+    deliver(session, lambda: session.workspace is not None and session.workspace.preparing == 0.5)
+    assert session.fitting_runs
+    assert not order
+    made.set()
+    finish(session, lambda: not session.fitting_runs)
+    finish(session)
+    assert opened(session).preparing is None
+    assert "made" in order[: order.index("fitted")]
 
 
 def test_scenes_come_back_exactly(session: Session, editor: Editor, workspace: Workspace, tmp_path: Path) -> None:
@@ -228,9 +262,22 @@ def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
     assert opened(session).editor.history == before
 
 
-def test_a_photo_of_nothing_known_is_fitted_and_a_person_is_told(session: Session, photo: Path) -> None:
+def test_a_photo_of_nothing_known_is_fitted_unless_a_person_stops_it(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
     session.fit_photos(photo)
     finish(session, lambda: not session.fitting_runs)
     assert opened(session).editor.objects.names[0] == "block"
-    assert "block: this does not look like a chair" in [one.text for one in session.messages.all]
+    (note,) = [one for one in session.messages.all if one.text == "block: this does not look like a chair"]
+    assert note.kind is MessageKind.NOTE
+    before = opened(session).fitting.history
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    session.fit_photos(photo)
+    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    note.buttons[1].press()  # of a fit that is over: nothing happens
+    assert session.fitting_runs
+    stop = session.messages.all[-1].buttons[1]
+    assert stop.label == "Stop"
+    stop.press()
+    assert not session.fitting_runs
+    assert opened(session).fitting.history is before
+    assert opened(session).editor.objects.own == ["block"]

@@ -9,6 +9,7 @@ import torch
 
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.models.model import Model
 from core.models.precision import autocast
 from core.rendering.progressive import Frame
@@ -140,6 +141,6 @@ def _thumbnail(model: Model, hypothesis: Hypothesis) -> Frame:
     camera = hypothesis.cameras[0].resized(_SIZE, _SIZE)
     with torch.inference_mode(), autocast(model.device):
         rendered = render_exact(model, hypothesis.codes, replace(camera, focal=_CLOSER * camera.focal), _SAMPLES)
-    image = (rendered.colour.float().clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy()
+    image = to_bytes(rendered.colour.float())
     depth, opacity = rendered.depth.float().cpu().numpy(), rendered.opacity.float().cpu().numpy()
     return Frame(image, depth, opacity, 0, 1, _SAMPLES, 0.0)

@@ -79,7 +79,7 @@ class Exporting:
         """Give the file under way up; no half-written file stays."""
         if self.path:
             self._jobs.cancel("export")
-            self._jobs.notify(f"Cancelled: {self.path.name} was not written")
+            self._jobs.messages.notify(f"Cancelled: {self.path.name} was not written")
             self.path = None
 
     def scene(self, path: Path, scene: Scene | None = None) -> None:
@@ -87,9 +87,9 @@ class Exporting:
         try:
             (scene or self._editor.scene).save(path)
         except ValueError as error:
-            self._jobs.report("Cannot save the scene", error)
+            self._jobs.messages.report("Cannot save the scene", error)
         else:
-            self._jobs.notify(f"Saved {path.name}")
+            self._jobs.messages.notify(f"Saved {path.name}")
 
     def _picture(self, model: Model, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(model, scene, self._editor.state.timeline)[0]
@@ -116,7 +116,7 @@ class Exporting:
     def _ended(self, error: Exception | None) -> None:
         path, self.path = self.path, None
         if path and error:
-            self._jobs.report(f"Cannot export {path.name}", error)
+            self._jobs.messages.report(f"Cannot export {path.name}", error)
         elif path:
             self.saved = path
-            self._jobs.notify(f"Saved {path.name}")
+            self._jobs.messages.notify(f"Saved {path.name}")

@@ -1,7 +1,6 @@
 """What a fit in the window is asked for, and the stream of what it finds; it runs on the worker."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
@@ -10,7 +9,7 @@ from core.models.model import Model
 from viewer.services.backend import Backend
 from viewer.values.fit_history import FitRequest, FittedPhoto
 
-CHOICES = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
+WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
 """Presets to choose from; the paper's own recipe is a baseline for the command line."""
 _RESUMED_SHARE = 3
 """A fit that is resumed has one of so many steps of the preset: there is no search."""
@@ -37,10 +36,9 @@ def fit_stream(
     backend: Backend, model: Model, request: FitRequest, settings: FitSettings
 ) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
     """The photos that have not been read, what the first shows, then the steps."""
-    history, resume_from = request
-    if resume_from is None:
-        with suppress(ValueError):  # without a view bank, the steps that need one raise
-            yield from backend.view_bank(model)
+    history, resume_from = request.history, request.resume_from
+    for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it
+        yield None
     photos = [fitted.photo for fitted in history.photos]
     for source in history.sources[len(photos) :]:
         photos.append(backend.load_photo(source.path, model, *source[1:]))

@@ -36,7 +36,9 @@ class Grid:
         wanted = tuple(dict.fromkeys((*self.names, *names)))
         self.names = wanted[:MAX_OBJECTS]
         if left_out := wanted[MAX_OBJECTS:]:
-            self._jobs.notify(f"A grid holds {MAX_OBJECTS} objects; there is no room for {', '.join(left_out)}")
+            self._jobs.messages.notify(
+                f"A grid holds {MAX_OBJECTS} objects; there is no room for {', '.join(left_out)}"
+            )
 
     def remove(self, name: str) -> None:
         """Take an object out."""

@@ -3,8 +3,9 @@
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
-from core.export.keyframes import MIN_GAP, Timeline, View
+from core.export.keyframes import MAX_LENGTH, MIN_GAP, Timeline, View
 from core.geometry.camera import Camera
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
@@ -21,6 +22,8 @@ _RATE = 12.0
 _DETAIL = 128
 """px along the shorter side"""
 _SETTINGS = RenderSettings(samples=96, divisors=(1,))
+_STEP = 1.0
+"""s from the last keyframe to one that is appended"""
 _MAX_FRAMES = 720
 """kept: a minute"""
 
@@ -111,7 +114,7 @@ class Player:
         self.seconds = passed % length if self.timeline.loop else min(passed, length)
         self._show()
         if self._viewport.is_baked(self._editor.scene.codes):
-            self._viewport.turn("timeline")
+            self._viewport.show_baked("timeline")
         elif newest := self._newest_frame():
             self._viewport.display(*newest, "timeline")
         if passed >= length and not self.timeline.loop:
@@ -121,14 +124,18 @@ class Player:
     # Edits of the timeline
 
     def add_key(self) -> None:
-        """What is shown becomes a keyframe at this time, in place of one that is there."""
+        """What is shown becomes a keyframe at the playhead; where one is there, a second after the last one."""
         self.pause()
-        here = self.key
-        if here is None:
-            self._editor.set_timeline(self.timeline.added(self.seconds, self._shown))
-            self.seconds = min(self.seconds, self.timeline.keys[-1].seconds)  # a loop has no key at its very end
-        else:
-            self.replace_key(here)
+        timeline = self.timeline
+        gap = MIN_GAP if timeline.loop else 0.0
+        seconds = min(self.seconds, timeline.length - gap)
+        if timeline.nearest(seconds) is not None:
+            seconds = min(timeline.keys[-1].seconds + _STEP, MAX_LENGTH - gap)
+            room = seconds + (_STEP if timeline.loop else 0.0)
+            timeline = replace(timeline, length=min(MAX_LENGTH, max(timeline.length, room)))
+        self._editor.set_timeline(timeline.added(seconds, self._shown))
+        self.seconds = seconds
+        self._jobs.messages.notify(f"Keyframe {(self.key or 0) + 1} of {len(self.timeline.keys)}, at {seconds:.1f} s")
 
     def replace_key(self, index: int) -> None:
         """What is shown takes the place of a keyframe."""
@@ -176,10 +183,8 @@ class Player:
         if self.copied is None:
             return
         self.pause()
-        here, view = self.key, self.copied
-        self._editor.set_timeline(
-            self.timeline.added(self.seconds, view) if here is None else self.timeline.replaced(here, view)
-        )
+        here, view, timeline = self.key, self.copied, self.timeline
+        self._editor.set_timeline(timeline.added(self.seconds, view) if here is None else timeline.replaced(here, view))
         self.go_to_key(self.timeline.nearest(min(self.seconds, self.timeline.keys[-1].seconds)) or 0)
 
     def duplicate_key(self, index: int) -> None:
@@ -199,20 +204,13 @@ class Player:
         self.seconds = share * stretched.length
         self._editor.set_timeline(stretched, "timeline length")
 
-    def set_loop(self, loop: bool) -> None:
-        """Continue from the last keyframe to the first, or end."""
+    def change(self, **settings: Any) -> None:
+        """Change turns, smoothness or loop of the timeline by their names."""
         self.pause()
-        self._editor.set_timeline(self.timeline.looped(loop))
-
-    def set_turns(self, turns: int) -> None:
-        """Let the camera go round so many times more."""
-        self.pause()
-        self._editor.set_timeline(replace(self.timeline, turns=turns))
-
-    def set_smooth(self, smooth: bool) -> None:
-        """Go through the keyframes without corners, or straight from one to the next."""
-        self.pause()
-        self._editor.set_timeline(replace(self.timeline, smooth=smooth))
+        if "loop" in settings:
+            self._editor.set_timeline(self.timeline.looped(settings["loop"]))
+        else:
+            self._editor.set_timeline(replace(self.timeline, **settings))
 
     def _stop(self) -> None:
         if self._began is not None:

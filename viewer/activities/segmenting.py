@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 from PIL import Image
 
+from core.geometry.pixels import to_bytes
 from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.photo import Crop, prepare_photo
@@ -76,7 +76,7 @@ class Segmenting:
         def ended(error: Exception | None) -> None:
             if error:
                 self.close()
-                self._jobs.report("Cannot open this image", error)
+                self._jobs.messages.report("Cannot open this image", error)
 
         self._jobs.submit(Job("segmentation", lambda: (read_rgba(source.path),), read, ended))
 
@@ -137,7 +137,7 @@ class Segmenting:
             if isinstance(error, ValueError):
                 self.result, self.problem = None, error_text(error)
             elif error:
-                self._jobs.report("Cannot segment the photo", error)
+                self._jobs.messages.report("Cannot segment the photo", error)
 
         self._jobs.submit(Job("segmentation", stream, keep, ended, urgent=True))
 
@@ -150,7 +150,7 @@ def _segment(image: Image.Image, hints: Hints) -> Segmentation:
 
 def _cropped(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
     photo = prepare_photo(result.found, model, crop=crop)
-    pixels = (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+    pixels = to_bytes(photo.pixels)
     return replace(result, cropped=pixels, crop=crop)
 
 

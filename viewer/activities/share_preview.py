@@ -25,8 +25,8 @@ class SharePreview:
         """what it shows"""
 
     def update(self, settings: ShareSettings) -> None:
-        """To be called once a frame while it is looked at. A film without keyframes has no first frame."""
-        if settings.kind == "film" and not self._editor.state.timeline.keys:
+        """To be called once a frame while it is looked at. A video without keyframes has no first frame."""
+        if settings.kind == "video" and not self._editor.state.timeline.keys:
             return
         state, model = self._editor.state, self._editor.model
         framing = settings.kind, settings.fill, settings.frames, settings.rate

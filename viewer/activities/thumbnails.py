@@ -92,7 +92,7 @@ class Thumbnails:
         def ended(error: Exception | None) -> None:
             if error:
                 self._failed.update(key for key, _ in batch if key not in self._frames)
-                self._jobs.report("Cannot render the thumbnails", error)
+                self._jobs.messages.report("Cannot render the thumbnails", error)
 
         self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=_SHARE))
 

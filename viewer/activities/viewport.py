@@ -1,11 +1,13 @@
-"""The view: how its image is rendered, how large and how fine, and what is on screen."""
+"""The view: what it shows and from where, how its image is rendered, and what is on screen."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal
 
+from core.export.keyframes import View
+from core.geometry.camera import Camera
 from core.models.codes import Codes
+from core.models.scene import Scene
 from core.rendering.baked_field import BakedField
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
@@ -13,37 +15,28 @@ from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
+from viewer.values.view_request import ViewRequest, ViewSettings
 
 Source = Literal["scene", "timeline", "fit"]
+LIVE = RenderSettings(samples=48, divisors=(2,))
+"""of a fit on its way"""
 _SUPERSAMPLING = 2
 """Pixels rendered across each pixel of the finished image."""
-_REST = 0.4
+_FULL_RESOLUTION_DELAY = 0.4
 """s without a change after which the image is rendered at the view's own resolution"""
-_STILL = 0.15
-"""s without a change after which the exact picture is rendered that replaces one drawn by OpenGL"""
+_EXACT_DELAY = 0.15
+"""s without a change after which the exact image is rendered that replaces one drawn by OpenGL"""
 _BAKE_SHARE = 0.5
 """of the worker's time"""
-_REST_SHARE = 0.5
-"""of the worker's time, for that"""
-
-
-@dataclass(eq=False)
-class ViewSettings:
-    """How the object is seen, whichever model is open."""
-
-    panel: tuple[int, int] = (512, 512)
-    """px, the size of the view"""
-    pan: tuple[float, float] = (0.0, 0.0)
-    """how far the object is moved right and down in the view, in shares of its shorter side"""
-    quality: Quality = QUALITIES[DEFAULT_QUALITY]
-    budget: FrameBudget = field(default_factory=FrameBudget)
-    baking: bool = False
-    """objects are baked, and drawn by OpenGL while they are turned"""
+_FULL_RESOLUTION_SHARE = 0.5
+"""of the worker's time"""
 
 
 class Viewport:
-    """Renders the edited scene, coarse to fine, unless the timeline or a fit displays its own. Nothing is an edit."""
+    """Shows the edited scene; while one of them displays frames, the timeline or the fit. Nothing here is an edit.
+
+    A fit is followed until codes are edited or the timeline plays; turning the view is no such edit.
+    """
 
     def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
         self._jobs, self._editor, self.settings = jobs, editor, settings
@@ -57,128 +50,103 @@ class Viewport:
         """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
         self.sharp = False
         """the frame on screen is finished, of the scene as it is now, and has every pixel of the view"""
+        self.budget = FrameBudget()
         self.baked: BakedField | None = None
         """the object, of which what is drawn by OpenGL"""
-        self.turning: orbit.PanelCrop | None = None
+        self.baked_frame: orbit.PanelCrop | None = None
         """what is to be seen of :attr:`baked` now; None: the frame is shown"""
-        self._turned = 0.0
-        """s on the monotonic clock, when it was turned last"""
         self._baked_of: Codes | None = None
         """what is baked, or being baked"""
-        self._rested: float | None = None
+        self._last_orbit = 0.0
+        """s on the monotonic clock, when the baked object was turned last"""
+        self._last_render: float | None = None
         """s on the monotonic clock, when the image was finished that has fewer pixels than the view"""
-        self.keep_following: Callable[[], bool] = lambda: False
-        """called after an edit while a fit is shown: whether it still is"""
-        editor.scene_changed = self._scene_changed
+        self._live: View | None = None
+        """the newest object of the fit, from the photo's camera at the model's size"""
+        self._followed_since: Scene | None = None
+        """what was edited when following the fit began; None: no fit is followed"""
+        editor.scene_changed.connect(self._refresh)
 
     def close(self) -> None:
         """Render no more."""
-        self._jobs.cancel("view", "bake")
+        self._jobs.cancel("view", "bake", "fit view")
 
-    def resize(self, width: int, height: int) -> None:
-        """The view has another size."""
-        if (width, height) != self.settings.panel and min(width, height) > 0:
-            self.settings.panel = width, height
-            self.render()
+    @property
+    def camera(self) -> Camera:
+        """From where the view sees what it shows: where orbit and zoom begin."""
+        return self.request.camera
+
+    @property
+    def request(self) -> ViewRequest:
+        """All that the image depends on that the view is to show now."""
+        scene, live = self._editor.scene, self._live if self.source == "fit" else None
+        return self._request_live(live) if live else ViewRequest(scene.codes, scene.camera, self.settings)
+
+    def _request_live(self, live: View) -> ViewRequest:
+        """The fit, from the photo's camera until a person turns it."""
+        camera = self._editor.scene.camera if self.turned else live.camera
+        return ViewRequest(live.codes, camera, self.settings)
+
+    def change(self, **settings: Any) -> None:
+        """Change :class:`~viewer.values.view_request.ViewSettings` by their names; rendered again where it matters."""
+        before, self.settings = self.settings, replace(self.settings, **settings)
+        as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
+        if not as_before or (self.baked_frame and not self.settings.baked):
+            self._refresh()
 
     def pan_by(self, across: float, down: float) -> None:
         """Move the object in the view."""
-        self.settings.pan = orbit.panned(self.settings.pan, across, down)
-        self.render()
+        self.change(pan=orbit.panned(self.settings.pan, across, down))
 
     def reset_view(self) -> None:
         """Back to where a model is first seen from."""
-        if self.settings.pan != (0.0, 0.0):
-            self.settings.pan = 0.0, 0.0
-            self.render()
+        self.change(pan=(0.0, 0.0))
         self._editor.set_camera(orbit.home(self._editor.model))
-
-    def set_quality(self, quality: Quality) -> None:
-        """Render coarser or finer."""
-        self.settings.quality = quality
-        self.render()
 
     def render(self) -> None:
         """Render the scene, in place of a render under way; not while the timeline plays or a fit is followed."""
         if self.source != "scene":
             return
-        self._rested, self.sharp = None, False
-        if self.is_baked(self._editor.scene.codes):
+        self._last_render, self.sharp = None, False
+        request = self.request
+        if self.is_baked(request.codes):
             self._jobs.cancel("view")
-            self._turn()
+            self._show_baked(request)
             return
-        self.turning = None
-        if self._baked_of not in (None, self._editor.scene.codes):
+        self.baked_frame = None
+        if self._baked_of not in (None, request.codes):
             self._jobs.cancel("bake")
             self.baked = self._baked_of = None
-        budget, detail = self.settings.budget, min(self.settings.quality.detail, self._sides)
-        stages = budget.divisors(detail)
-
-        def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
-            earlier = self.times if self.full_frame and self.full_frame[1] is crop else ()
-            self.times = (*earlier, (frame.resolution, frame.seconds))
-            self._show(frame, crop)
-            self.sharp = frame.final and detail == self._sides
-            if frame.stage == 0:
-                budget.observe(stages[0], frame.seconds)
-            if frame.final and not self.sharp:
-                self._rested = time.monotonic()
-
-        self._submit(detail, stages, rendered, urgent=True)
+        self._submit(request, request.preview, self.budget.divisors(request.preview), urgent=True)
 
     def tick(self) -> None:
         """Once a frame: give the image all pixels of the view, once the hand rests and no fit needs the time; bake."""
+        now, request = time.monotonic(), self.request
         if self.source == "scene" and not self._jobs.busy("view"):
-            if self.settings.baking:
-                self._bake(self._editor.scene.codes)
-            if self.turning:
-                self._replace_turning()
-        if self._rested is None or time.monotonic() - self._rested < _REST or self._jobs.busy("fit"):
-            return
-        self._rested = None
+            if self.settings.baked:
+                self._bake(request.codes)
+            if self.baked_frame and now - self._last_orbit >= _EXACT_DELAY:
+                # As large as the one that OpenGL draws until it is there.
+                self._submit(request, request.preview if self._jobs.busy("fit") else request.full)
+        rests = self._last_render is not None and now - self._last_render >= _FULL_RESOLUTION_DELAY
+        if rests and not self._jobs.busy("fit"):
+            self._last_render = None
+            self._submit(request, request.full, continues=True)
 
-        def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
-            self.times = (*self.times, (frame.resolution, self.times[-1][1] + frame.seconds))
-            self._show(frame, crop)
-            self.sharp = frame.final
-
-        self._submit(self._sides, (1,), rendered, share=_REST_SHARE)
-
-    def set_baking(self, baking: bool) -> None:
-        """Whether OpenGL may draw the object while it is turned."""
-        if baking != self.settings.baking:
-            self.settings.baking = baking
-            if self.turning:
-                self.render()
+    # Baked by core, drawn by OpenGL
 
     def is_baked(self, codes: Codes) -> bool:
         """OpenGL can draw this object now."""
-        return self.settings.baking and self.baked is not None and codes == self._baked_of
+        return self.settings.baked and self.baked is not None and codes == self._baked_of
 
-    def turn(self, source: Source) -> None:
+    def show_baked(self, source: Source) -> None:
         """Let OpenGL draw the scene's object in the place of this source's frames; it :meth:`is_baked`."""
         self.hold(source)
-        self._turn()
+        self._show_baked(self.request)
 
-    def _turn(self) -> None:
-        self.turning = orbit.fit_to_panel(
-            self._editor.scene.camera, *self.settings.panel, self._sides, self.settings.pan
-        )
-        self._turned, self.sharp = time.monotonic(), False
-
-    def _replace_turning(self) -> None:
-        """Render the exact picture once the hand rests, as large as the one that OpenGL draws until it is there."""
-        if time.monotonic() - self._turned < _STILL:
-            return
-        detail = min(self.settings.quality.detail, self._sides) if self._jobs.busy("fit") else self._sides
-
-        def rendered(frame: Frame, crop: orbit.PanelCrop) -> None:
-            earlier = self.times if self.full_frame and self.full_frame[1] is crop else ()
-            self.times = (*earlier, (frame.resolution, frame.seconds))
-            self._show(frame, crop)
-            self.sharp = frame.final and detail == self._sides
-
-        self._submit(detail, (1,), rendered)
+    def _show_baked(self, request: ViewRequest) -> None:
+        self.baked_frame, self.sharp = request.crop(request.full), False
+        self._last_orbit = time.monotonic()
 
     def _bake(self, codes: Codes) -> None:
         """Bake an object, unless it is the one that is baked already."""
@@ -193,32 +161,11 @@ class Viewport:
         ended = self._jobs.reporting("Cannot bake the object")
         self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=_BAKE_SHARE))
 
-    @property
-    def _sides(self) -> int:
-        """px of the view's shorter side."""
-        return min(self.settings.panel)
-
-    def _submit(
-        self,
-        detail: int,
-        stages: tuple[int, ...],
-        rendered: Callable[[Frame, orbit.PanelCrop], None],
-        urgent: bool = False,
-        share: float = 1.0,
-    ) -> None:
-        """Render the scene, so many px along the view's shorter side."""
-        scene, frames, model = self._editor.scene, self._jobs.backend.frames, self._editor.model
-        crop = orbit.fit_to_panel(scene.camera, *self.settings.panel, detail, self.settings.pan)
-        settings = RenderSettings(self.settings.quality.samples, stages, supersampling=_SUPERSAMPLING)
-        job = RenderJob(scene.codes, crop.camera, settings)
-        ended = self._jobs.reporting("Cannot render the object")
-        self._jobs.submit(
-            Job("view", lambda: frames(model, job), lambda frame: rendered(frame, crop), ended, urgent, share)
-        )
+    # Frames of the timeline, and of a fit
 
     def hold(self, source: Source) -> None:
         """Render no scene until :meth:`release`: this source will display frames of its own."""
-        self.source, self._rested, self.turning = source, None, None
+        self.source, self._last_render, self.baked_frame = source, None, None
         self._jobs.cancel("view")
 
     def display(self, frame: Frame, crop: orbit.PanelCrop, source: Source) -> None:
@@ -232,12 +179,97 @@ class Viewport:
             self.source = "scene"
             self.render()
 
-    def _scene_changed(self) -> None:
-        """The timeline edits the scene while it plays; an edit of codes ends following a fit."""
-        if self.source == "fit" and not self.keep_following():
+    @property
+    def following(self) -> bool:
+        """The view shows the fit: nobody has edited codes since that began, and the timeline rests."""
+        since = self._followed_since
+        return self.source != "timeline" and since is not None and self._editor.scene.codes is since.codes
+
+    @property
+    def turned(self) -> bool:
+        """A person sees the fit from a camera of their own."""
+        since = self._followed_since
+        return since is not None and self._editor.scene.camera != since.camera
+
+    def follow(self) -> None:
+        """Show the fit from now on, from the photo's camera."""
+        self._followed_since = self._editor.scene
+        self._editor.end_gesture()
+        self._render_live()
+
+    def unfollow(self) -> None:
+        """Show the scene again; the fit is over."""
+        self._followed_since = self._live = None
+        self._jobs.cancel("fit view")
+        self.release("fit")
+
+    def update_live(self, newest: View) -> None:
+        """Keep how far the fit has come, seen from the photo's camera at the model's size."""
+        self._live = newest
+
+    def render_turned(self) -> None:
+        """Show how far the fit has come, where a person sees it from elsewhere."""
+        if self.turned and not self._jobs.busy("fit view"):
+            self._render_live()
+
+    def _render_live(self) -> None:
+        """Show the newest object of the fit at once, if there is one."""
+        if not (self._live and self.following):
+            return
+        request = self._request_live(self._live)
+        crop = request.crop(self._live.camera.height)
+        job = RenderJob(request.codes, crop.camera, LIVE)
+
+        def rendered(frame: Frame) -> None:
+            if self.following:
+                self.display(frame, crop, "fit")
+
+        frames, model = self._jobs.backend.frames, self._editor.model
+        ended = self._jobs.reporting("Cannot show the search")
+        self._jobs.submit(Job("fit view", lambda: frames(model, job), rendered, ended, urgent=True))
+
+    def _refresh(self) -> None:
+        """Show the scene, or the fit, as it is now. An edit of codes ends following a fit."""
+        if self.following:
+            self._render_live()
+        elif self.source == "fit":
             self.source = "scene"
         self.render()
 
+    # On the way
+
+    def _submit(
+        self,
+        request: ViewRequest,
+        detail: int,
+        stages: tuple[int, ...] = (1,),
+        urgent: bool = False,
+        continues: bool = False,
+    ) -> None:
+        """Render so many px along the view's shorter side.
+
+        Args:
+            continues: it is one stage more of the image on screen.
+        """
+        crop, before = request.crop(detail), self.times if continues else ()
+        render = RenderSettings(request.settings.quality.samples, stages, supersampling=_SUPERSAMPLING)
+        job = RenderJob(request.codes, crop.camera, render)
+
+        def rendered(frame: Frame) -> None:
+            earlier = self.times if self.full_frame and self.full_frame[1] is crop else before
+            self.times = (*earlier, (frame.resolution, frame.seconds + (before[-1][1] if before else 0.0)))
+            self._show(frame, crop)
+            self.sharp = frame.final and detail == request.full
+            if urgent and frame.stage == 0:
+                self.budget.observe(stages[0], frame.seconds)
+            if urgent and frame.final and not self.sharp:
+                self._last_render = time.monotonic()
+
+        frames, model = self._jobs.backend.frames, self._editor.model
+        ended = self._jobs.reporting("Cannot render the object")
+        share = _FULL_RESOLUTION_SHARE if continues else 1.0
+        self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent, share))
+
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
-        self.turning = None
+        self.baked_frame = None

@@ -5,22 +5,21 @@ from dataclasses import replace
 
 from imgui_bundle import hello_imgui, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.values import orbit
-from viewer.widgets.controls import action_button, flow, tooltip
+from viewer.widgets.controls import action_button, end_gesture, flow, tooltip
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
 _NUMBER = 9
 """em, a number to drag"""
 
 
-class CameraPanel:
+class CameraPanel(Panel):
     """Azimuth, elevation and distance to drag or to type, and a button for each usual view."""
 
     title = "Camera"
     dock = "Drawer"
     folded = True
-    waiting = "The camera comes with the model"
 
     def draw(self, context: PanelContext) -> None:
         """The buttons above the numbers."""
@@ -60,7 +59,6 @@ def _number(
     imgui.set_next_item_width(hello_imgui.em_size(_NUMBER))
     clamp = imgui.SliderFlags_.always_clamp
     changed, to = imgui.drag_float(f"##{name}", value, speed, *limits, f"{name.capitalize()}  {form}", clamp)
-    if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+    end_gesture(context)
     tooltip(f"{text}. Drag, or Ctrl+click to type")
     return to if changed else None

@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.activities.candidates import Tile
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.frusta import OverviewCamera, box, frustum, ring
 from viewer.widgets import object_tiles
@@ -23,13 +23,12 @@ _INSET = 0.45
 """of the panel's width"""
 
 
-class CandidatesPanel:
+class CandidatesPanel(Panel):
     """Live while a fit runs; a click prefers a hypothesis to all others."""
 
     title = "Candidates"
     dock = "Drawer"
     folded = True
-    waiting = "The candidates come with a photo"
 
     def __init__(self) -> None:
         self._overview = OverviewCamera()

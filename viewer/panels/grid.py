@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, icons_fontawesome_4, imgui
 from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame
 from viewer.activities.grid import MAX_OBJECTS
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed, packed
 from viewer.values.history import Pair
@@ -21,13 +21,12 @@ _INVITATION = (
 )
 
 
-class GridPanel:
+class GridPanel(Panel):
     """Chosen objects along both borders, and every pair of them; a click makes a pair current."""
 
     title = "Shape × texture grid"
     dock = "Right"
     folded = True
-    waiting = "The grid comes with the model"
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, and the grid as large as the panel allows."""

@@ -4,20 +4,18 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import packed
 from viewer.values.history import State
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
 
-class HistoryPanel:
+class HistoryPanel(Panel):
     """The oldest on the left; what undo took back is on the right of what is shown, paler."""
 
     title = "History"
     dock = "Strip"
-    folded = False
-    waiting = "Every state that undo remembers comes here"
 
     def __init__(self) -> None:
         self._shown = -1

@@ -2,12 +2,12 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.objects import ObjectLibrary
 from viewer.values.part import PARTS
 from viewer.values.variety import family, readable
-from viewer.widgets import mine, object_tiles
+from viewer.widgets import object_tiles, user_objects
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
@@ -16,16 +16,14 @@ _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
 _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
 
 
-class LibraryPanel:
+class LibraryPanel(Panel):
     """Click an object to show it (it is A), drag it to a slot, or right click it to choose."""
 
     title = "Library"
     dock = "Left"
-    folded = False
-    waiting = "The objects come with the model"
 
     def __init__(self) -> None:
-        self._mine_menu = mine.MineMenu()
+        self._user_menu = user_objects.UserObjectMenu()
         self._unfolded = set[str]()
         """the objects whose variants are shown"""
 
@@ -37,7 +35,7 @@ class LibraryPanel:
         )
         action_button(context, "fit_image", label, -1, context.palette.accent)
         self._draw_objects(context, library)
-        self._mine_menu.apply(context)
+        self._user_menu.apply(context)
 
     def _draw_objects(self, context: PanelContext, library: ObjectLibrary) -> None:
         if imgui.begin_child("objects"):
@@ -75,7 +73,7 @@ class LibraryPanel:
     def _draw_tile(self, context: PanelContext, name: str, side: float, height: float) -> None:
         corner, after = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
         imgui.set_next_item_allow_overlap()
-        _draw_object(context, name, corner, ImVec2(side, height), self._mine_menu)
+        _draw_object(context, name, corner, ImVec2(side, height), self._user_menu)
         head = name in context.editor.objects.families
         paint_caption(context, readable(family(name) if head else name), corner + ImVec2(0, side), side)
         if variants := context.editor.objects.families.get(name, ()):
@@ -101,12 +99,14 @@ class LibraryPanel:
         draw.add_text(low + ImVec2(0.25 * em, 0), packed(context.palette.text), label)
 
 
-def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2, mine_menu: mine.MineMenu) -> None:
+def _draw_object(
+    context: PanelContext, name: str, corner: ImVec2, size: ImVec2, user_menu: user_objects.UserObjectMenu
+) -> None:
     editor, side = context.editor, size.x
     if imgui.invisible_button(f"show {name}", size):
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
-    about = f"{readable(name)}{mine.about(editor.objects[name])}"
+    about = f"{readable(name)}{user_objects.about(editor.objects[name])}"
     tooltip(f"{about}\nClick to show it, drag it to a slot, right click to choose")
     if imgui.begin_drag_drop_source():
         context.dragged = name
@@ -116,7 +116,7 @@ def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2,
     if imgui.begin_popup_context_item():
         _draw_menu(context, name)
         if name in editor.objects.own:
-            mine_menu.draw(context, name)
+            user_menu.draw(context, name)
         imgui.end_popup()
     object_tiles.paint(context, name, corner, side)
     draw = imgui.get_window_draw_list()
@@ -125,7 +125,7 @@ def _draw_object(context: PanelContext, name: str, corner: ImVec2, size: ImVec2,
         object_tiles.mark(corner + ImVec2(number * 1.3 * hello_imgui.em_size(), 0), label, colour)
     if hovered:
         draw.add_rect_filled(corner, corner + ImVec2(side, side), packed((1, 1, 1), 0.12), object_tiles.rounding())
-    mine.draw_dot(context, name, corner, side)
+    user_objects.draw_dot(context, name, corner, side)
 
 
 def _draw_menu(context: PanelContext, name: str) -> None:

@@ -2,18 +2,18 @@
 
 from imgui_bundle import imgui
 
-from viewer.context import PanelContext
-from viewer.services.messages import Kind
+from viewer.context import Panel, PanelContext
+from viewer.services.messages import MessageKind
 from viewer.widgets.text import caption
 
 
-class LogPanel:
+class LogPanel(Panel):
     """The newest at the top."""
 
     title = "Log"
     dock = "Drawer"
     folded = True
-    waiting = ""
+    needs_model = False
 
     def draw(self, context: PanelContext) -> None:
         """A line for each, and under it what is for developers alone."""
@@ -21,7 +21,7 @@ class LogPanel:
         if not log:
             imgui.text_disabled("Nothing has been said yet")
         for message in reversed(log):
-            colour = context.palette.error if message.kind is Kind.ERROR else context.palette.text
+            colour = context.palette.error if message.kind is MessageKind.PROBLEM else context.palette.text
             imgui.push_style_color(imgui.Col_.text, (*colour, 1.0))
             imgui.text_wrapped(f"{message.written:%H:%M:%S}  {message.text}")
             imgui.pop_style_color()

@@ -8,6 +8,7 @@ from imgui_bundle import hello_imgui, imgui
 from core.models.library import sample_images, shipped_models
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
+from viewer.values.printable import printable
 from viewer.widgets.controls import button, tooltip
 
 _SWITCH_HELP = "What you have made stays with its model, and comes back with it"
@@ -88,9 +89,9 @@ def _draw_recent(context: PanelContext) -> None:
     recent = context.preferences.recent
     if imgui.begin_menu("Open recent", context.ready and bool(recent)):
         for number, name in enumerate(recent):
-            if imgui.menu_item_simple(f"{Path(name).name}###recent {number + 1}"):
+            if imgui.menu_item_simple(f"{printable(Path(name).name)}###recent {number + 1}"):
                 context.drop([name])
-            tooltip(name)
+            tooltip(printable(name))
         imgui.end_menu()
 
 
@@ -108,6 +109,8 @@ def _draw_status(context: PanelContext) -> None:
     session = context.session
     parts = [f"Loading {session.loading} …"] if session.loading else []
     if context.ready:
+        if preparing := context.workspace.preparing:
+            parts.append(f"Preparing {preparing:.0%}")
         if context.fitting.running:
             parts.append(f"Rebuilding {context.fitting.history.progress:.0%}")
         if context.exporting.running:

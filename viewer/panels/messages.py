@@ -5,13 +5,21 @@ import textwrap
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import PanelContext
-from viewer.services.messages import Kind, Message
+from viewer.services.messages import Message, MessageKind
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
 _WIDTH, _BESIDE = 24, 6
 """em: the longest line, what is beside it"""
 _SMALL, _NARROW, _BADGE = 16, 40, 2.4
 """em: a view that has no room for messages, nor for message and badge side by side; the height of the badge"""
+
+_ICONS = {
+    MessageKind.DONE: icons_fontawesome_4.ICON_FA_CHECK,
+    MessageKind.NOTE: icons_fontawesome_4.ICON_FA_INFO_CIRCLE,
+    MessageKind.PROBLEM: icons_fontawesome_4.ICON_FA_EXCLAMATION_CIRCLE,
+}
+_COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PROBLEM: "error"}
+"""of the palette"""
 
 
 def draw(context: PanelContext) -> None:
@@ -24,7 +32,9 @@ def draw(context: PanelContext) -> None:
     up = 0.7 + (_BADGE if high.x - low.x < _NARROW * em else 0.0)
     imgui.set_next_window_pos(high - ImVec2(0.7 * em, up * em), imgui.Cond_.always, (1, 1))
     imgui.set_next_window_bg_alpha(0.94)
-    if imgui.begin("Messages", None, OVERLAY_FLAGS)[0]:
+    pressed = any(message.buttons or message.kind is MessageKind.PROBLEM for message in due)
+    # What cannot be pressed lets the mouse through to what is below it.
+    if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         for number, message in enumerate(due):
             _draw(context, message, number)
@@ -41,19 +51,22 @@ def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
 
 
 def _draw(context: PanelContext, message: Message, number: int) -> None:
-    wrong = message.kind is Kind.ERROR
-    colour = context.palette.error if wrong else context.palette.accent
-    icons = icons_fontawesome_4
-    icon = icons.ICON_FA_EXCLAMATION_CIRCLE if wrong else icons.ICON_FA_CHECK
-    imgui.text_colored((*colour, 1.0), icon)
+    colour = getattr(context.palette, _COLOURS[message.kind])
+    imgui.text_colored((*colour, 1.0), _ICONS[message.kind])
     imgui.same_line()
     low, high = _room(context)
     width = min(hello_imgui.em_size(_WIDTH), high.x - low.x - hello_imgui.em_size(_BESIDE))
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
     imgui.text_unformatted(textwrap.shorten(message.text, 400))
     imgui.pop_text_wrap_pos()
-    if wrong:
+    for place, one in enumerate(message.buttons):
+        if place:
+            imgui.same_line()
+        if imgui.small_button(f"{one.label}###{one.label.lower()} {number}"):
+            context.session.messages.dismiss(message)
+            one.press()
+    if message.kind is MessageKind.PROBLEM:
         imgui.same_line()
-        if imgui.small_button(f"{icons.ICON_FA_TIMES}###dismiss {number}"):
+        if imgui.small_button(f"{icons_fontawesome_4.ICON_FA_TIMES}###dismiss {number}"):
             context.session.messages.dismiss(message)
         tooltip("Dismiss this message")

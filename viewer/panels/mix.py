@@ -2,12 +2,12 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
 from viewer.values.part import PARTS, Part
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import button, flow, labelled_slider, tooltip
+from viewer.widgets.controls import button, end_gesture, flow, labelled_slider, tooltip
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _OPEN, _LOCKED = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
@@ -17,13 +17,11 @@ _PAD_WORDS = "Across: shape. Up: texture."
 _PAD_HELP = "Drag: to the right the shape goes from A to B, upwards the texture does"
 
 
-class MixPanel:
+class MixPanel(Panel):
     """Two slots to take a shape and a texture from, and a pad and two sliders that mix them with B's."""
 
     title = "Mix"
     dock = "Right"
-    folded = False
-    waiting = "The objects come with the model"
 
     def draw(self, context: PanelContext) -> None:
         """The slots, the pad, the sliders."""
@@ -77,8 +75,7 @@ class MixPanel:
         if imgui.is_item_active():
             at = (imgui.get_mouse_pos() - corner) / side
             editor.mix_both(_within(at.x), _within(1 - at.y), gesture="mix pad")
-        if imgui.is_item_deactivated():
-            editor.end_gesture()
+        end_gesture(context)
         if not imgui.is_item_active():  # it would cover the pad
             tooltip(_PAD_HELP)
         _paint_pad(context, corner, side)
@@ -92,8 +89,7 @@ class MixPanel:
             imgui.end_disabled()
             if moved:
                 context.editor.mix(part, _within(to), gesture=f"mix {part}")
-            if imgui.is_item_deactivated():
-                context.editor.end_gesture()
+            end_gesture(context)
             tooltip(f"Slide the {part} from A to B; the other stays as it is. Ctrl+click to type 0 to 1")
 
 

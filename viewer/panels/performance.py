@@ -5,7 +5,7 @@ from imgui_bundle import hello_imgui, imgui
 from core.caches import CACHE
 from core.models.precision import matmul_dtype
 from core.rendering.progressive import Frame
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.widgets.controls import tooltip
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg
@@ -13,13 +13,12 @@ _NARROW = 34
 """em: less has no room for both tables side by side"""
 
 
-class PerformancePanel:
+class PerformancePanel(Panel):
     """The stages of the frame on the left, the machine on the right, or below where it is narrow."""
 
     title = "Performance"
     dock = "Drawer"
     folded = True
-    waiting = "The numbers come with the first render"
 
     def draw(self, context: PanelContext) -> None:
         """Two tables."""
@@ -53,8 +52,8 @@ class PerformancePanel:
 
 
 def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
-    budget, device = context.viewport.settings.budget, context.editor.model.device
-    baked = context.viewport.baked if context.bakes else None
+    budget, device = context.viewport.budget, context.editor.model.device
+    baked = context.viewport.baked if context.viewport.settings.baked else None
     evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
     return [
         ("Samples a ray", f"{frame.samples}{evaluated}"),

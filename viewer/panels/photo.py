@@ -4,16 +4,17 @@ from functools import partial
 
 from imgui_bundle import icons_fontawesome_4, imgui
 
-from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
+from core.fitting.confidence import RIGHT_DEGREES, in_words
 from core.photos.decode import IMAGE_SUFFIXES
-from viewer.activities.fit_stream import CHOICES
+from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.activities.fitting import Fitting
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.widgets.comparison import Comparison
 from viewer.widgets.controls import action_button, button, choose, flow, tooltip
 from viewer.widgets.fit_curve import FitCurve
 from viewer.widgets.text import heading
+from viewer.widgets.welcome import Samples
 
 _ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
 _ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS
@@ -30,20 +31,16 @@ for a camera that was not found"""
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
 _TALLEST = 1.0
 """height of the comparison, relative to the panel's width"""
-_SURE = 0.9
-"""Nearly all cameras of more confidence were right."""
 
 
-class PhotoPanel:
+class PhotoPanel(Panel):
     """Live while a fit runs; afterwards it shows how the last one went."""
 
     title = "Photo"
     dock = "Right"
-    folded = False
-    waiting = "Rebuilding comes with the model"
 
     def __init__(self) -> None:
-        self._comparison = Comparison()
+        self._comparison, self._samples = Comparison(), Samples()
         self._curve = FitCurve()
 
     def draw(self, context: PanelContext) -> None:
@@ -56,8 +53,10 @@ class PhotoPanel:
             _draw_start(context, fitting)
         if fitting.history.photo is None:
             imgui.spacing()
-            what = f"Reading {fitting.history.sources[0].path.name} …" if fitting.running else _invitation(context)
+            what = f"Reading {fitting.history.sources[0].name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
+            if not fitting.running:
+                self._samples.draw(context)
         else:
             if not fitting.running:
                 _draw_more(context, fitting)
@@ -104,8 +103,8 @@ def _draw_queue(fitting: Fitting) -> None:
         imgui.same_line()
         if button("Clear###clear queue", "Forget the photos that wait"):
             fitting.clear_queue()
-    if fitting.result:
-        imgui.text_disabled(f"{fitting.result.name} can be used already")
+    if fitting.results.checking:
+        imgui.text_disabled(f"{fitting.results.checking.name} can be used already")
 
 
 def _draw_start(context: PanelContext, fitting: Fitting) -> None:
@@ -127,7 +126,9 @@ def _draw_start(context: PanelContext, fitting: Fitting) -> None:
 
 def _draw_preset(fitting: Fitting) -> None:
     """How the next fit is made."""
-    fitting.options.preset = choose("preset", fitting.options.preset, {name: name for name in CHOICES}, _PRESET_HELP)
+    fitting.options.preset = choose(
+        "preset", fitting.options.preset, {name: name for name in WINDOW_PRESETS}, _PRESET_HELP
+    )
     flow("Estimate focal length        ")
     fitting.options.estimate_focal = imgui.checkbox("Estimate focal length", fitting.options.estimate_focal)[1]
     tooltip("For photos from nearer or further away than the model's training images")
@@ -138,7 +139,7 @@ def _draw_more(context: PanelContext, fitting: Fitting) -> None:
     flow(_CAMERA)
     label = "Jump to the camera that the photo was found to be taken from"
     if button(f"{_CAMERA}###photo camera", label, enabled=bool(fitting.history.steps)):
-        context.editor.set_camera(fitting.camera)
+        context.editor.set_camera(fitting.view.camera)
     flow(_REFIT)
     if button(f"{_REFIT}###refit", "Rebuild from the same photo once more: ways to begin"):
         imgui.open_popup("refit")
@@ -146,10 +147,10 @@ def _draw_more(context: PanelContext, fitting: Fitting) -> None:
         _draw_ways(fitting)
         imgui.end_popup()
     _draw_confidence(context, fitting)
-    if (other := fitting.other_camera) is not None:
-        flow("Try other viewpoint")
-        if button("Try other viewpoint###other viewpoint", _RUNNER_UP_HELP):
-            context.editor.set_camera(other)
+    other = fitting.view.other_camera
+    flow("Try other viewpoint")
+    if button("Try other viewpoint###other viewpoint", _RUNNER_UP_HELP, enabled=other is not None) and other:
+        context.editor.set_camera(other)
 
 
 def _draw_ways(fitting: Fitting) -> None:
@@ -167,9 +168,12 @@ def _draw_ways(fitting: Fitting) -> None:
 
 
 def _draw_confidence(context: PanelContext, fitting: Fitting) -> None:
-    """How sure the camera is."""
+    """How sure the camera is; the line stays while a step without that is shown."""
     step = fitting.history.step
     if step is None or step.confidence is None or step.uncertainty is None:
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled("Camera: not rated")
+        tooltip("Only the end of a search is")
         return
     words = in_words(step.confidence)
     label = f"Camera: {words}"
@@ -198,16 +202,9 @@ def _draw_photos(fitting: Fitting) -> None:
             imgui.same_line()
         imgui.begin_disabled(number >= len(history.photos))
         if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
-            fitting.show_photo(number)
+            fitting.view.show_photo(number)
         imgui.end_disabled()
-        tooltip(source.path.name + (", its camera known" if source.pose else ""))
-
-
-def in_words(confidence: float) -> str:
-    """The confidence of a fitted camera (0..1), in a word."""
-    if confidence < DOUBTFUL:
-        return "doubtful"
-    return "sure" if confidence > _SURE else "likely"
+        tooltip(source.name + (", its camera known" if source.pose else ""))
 
 
 def _invitation(context: PanelContext) -> str:

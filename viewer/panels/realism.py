@@ -2,12 +2,12 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import Colour
 from viewer.values.part import PARTS, Part
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import flow, labelled_slider, tooltip
+from viewer.widgets.controls import end_gesture, flow, labelled_slider, tooltip
 from viewer.widgets.text import caption
 
 _REACH = 3.0
@@ -26,13 +26,12 @@ _HELP = (
 )
 
 
-class RealismPanel:
+class RealismPanel(Panel):
     """For each code a meter, which is the slider that scales it, and the trained object that is nearest."""
 
     title = "Realism"
     dock = "Right"
     folded = True
-    waiting = "The meters come with the model"
 
     def draw(self, context: PanelContext) -> None:
         """Shape and texture side by side."""
@@ -56,8 +55,7 @@ class RealismPanel:
         imgui.pop_style_color()
         if moved and abs(to - distance) > 1e-4:
             editor.scale_to_distance(part, to, gesture=f"distance {part}")
-        if imgui.is_item_deactivated():
-            editor.end_gesture()
+        end_gesture(context)
         tooltip(_HELP.format(part=part))
 
     def _draw_nearest(self, context: PanelContext, part: Part) -> None:

@@ -6,14 +6,14 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.photos.photo import Crop
 from core.photos.segmentation import Hints, Stroke
-from viewer.actions import chord
+from viewer.actions import chord, is_pressed
 from viewer.activities.segmenting import Segmenting
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, labelled_slider, tooltip
 
 _TITLE = "Cut out###segment"
-_FARTHEST = 8.0
+_MAX_ZOOM = 8.0
 """times: the largest zoom"""
 _TOOLS = ("Box", "Add", "Remove")
 _TIPS = (
@@ -107,7 +107,7 @@ class SegmentingDialog:
         if imgui.is_item_hovered() and io.mouse_wheel:
             at = imgui.get_mouse_pos() - corner
             mouse = at.x / size.x, at.y / size.y
-            before, self._zoom = self._zoom, max(1.0, min(_FARTHEST, self._zoom * 1.2**io.mouse_wheel))
+            before, self._zoom = self._zoom, max(1.0, min(_MAX_ZOOM, self._zoom * 1.2**io.mouse_wheel))
             self._left, self._top = (
                 place + share * (1 / before - 1 / self._zoom)
                 for place, share in zip((self._left, self._top), mouse, strict=True)
@@ -149,7 +149,7 @@ class SegmentingDialog:
         self._draw_threshold(segmenting)
         if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last box or stroke back (Ctrl+Z)"):
             segmenting.undo()
-        if imgui.is_key_chord_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
+        if is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
         imgui.same_line()
         if button(

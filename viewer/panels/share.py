@@ -1,4 +1,4 @@
-"""The Share dialog: turntable, film, picture or mesh, with a preview, into a file."""
+"""The Share dialog: turntable, video, picture or mesh, with a preview, into a file."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,19 +17,20 @@ from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
+from viewer.values.printable import printable
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
 from viewer.widgets.controls import action_button, button, choose, draw_progress, flow, tooltip
 
 _SAVE = icons_fontawesome_4.ICON_FA_DOWNLOAD
 _ICONS = {
     "turntable": icons_fontawesome_4.ICON_FA_SYNC,
-    "film": icons_fontawesome_4.ICON_FA_FILM,
+    "video": icons_fontawesome_4.ICON_FA_FILM,
     "picture": icons_fontawesome_4.ICON_FA_CAMERA,
     "mesh": icons_fontawesome_4.ICON_FA_CUBE,
 }
 _ABOUT = {
     "turntable": "The object turning once round, as a video",
-    "film": "The timeline as a video",
+    "video": "The timeline as a video",
     "picture": "The object as an image. A png holds shape, texture and camera: drop it here to bring them back",
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
@@ -87,7 +88,7 @@ class ShareDialog:
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
         frame = context.exporting.preview.frame
-        if settings.kind == "film" and not context.player.timeline.keys:
+        if settings.kind == "video" and not context.player.timeline.keys:
             frame = None
         if frame is None or context.images is None:
             imgui.dummy((side, side))
@@ -221,7 +222,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     """The button that saves, or how far that is; then where the file is."""
     exporting = context.exporting
     if not draw_progress(context, *KINDS):
-        ready = settings.kind != "film" or bool(context.player.timeline.keys)
+        ready = settings.kind != "video" or bool(context.player.timeline.keys)
         idle = ready and not exporting.running
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle):
             share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))
@@ -233,7 +234,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
             imgui.text_disabled("Add keyframes in Timeline first")
     if (saved := exporting.saved) is not None:
         imgui.align_text_to_frame_padding()
-        imgui.text(f"Saved to {saved.parent.name}/{saved.name}")
+        imgui.text(printable(f"Saved to {saved.parent.name}/{saved.name}"))
         tooltip(str(saved))
         flow("Show in folder")
         if button("Show in folder###show in folder", "Open the folder that the file is in"):

@@ -7,13 +7,13 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, choose, flow, tooltip
+from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, tooltip
 from viewer.widgets.directions import FILTER, DirectionMenu, NewDirection, in_words
 from viewer.widgets.text import push_small
 
@@ -34,13 +34,11 @@ _HELP = "In standard deviations σ; 0 is the mean. Ctrl+click to type, right cli
 _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
 
 
-class SlidersPanel:
+class SlidersPanel(Panel):
     """The named directions, and a column of principal ones for each part. A slider changes its strength only."""
 
     title = "Sliders"
     dock = "Right"
-    folded = False
-    waiting = "The sliders come with the model"
 
     def __init__(self) -> None:
         self._all = False
@@ -150,8 +148,7 @@ class SlidersPanel:
         moved, to = imgui.slider_float(f"##{key}", value, -_REACH, _REACH, "")
         if moved and abs(to - value) > 1e-6:
             editor.move_along(direction, to, gesture=key)
-        if imgui.is_item_deactivated():
-            editor.end_gesture()
+        end_gesture(context)
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             editor.move_along(direction, 0.0)
         if imgui.begin_item_tooltip():

@@ -5,14 +5,19 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.export.keyframes import Keyframe
 from viewer.activities.player import Player
 from viewer.activities.thumbnails import SIZE
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import mixed, packed
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, flow, tooltip
+from viewer.widgets.controls import action_button, button, end_gesture, flow, tooltip
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
 _ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
-_FILM = icons_fontawesome_4.ICON_FA_FILM
+_VIDEO = icons_fontawesome_4.ICON_FA_FILM
+_SWITCHES = (
+    ("Smooth", "smooth", "Through the keys without corners (Catmull-Rom), or straight from one to the next"),
+    ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
+)
+"""label, name in the timeline, tooltip"""
 _LENGTH = 4.5
 """em"""
 _LOOPS = 1.5
@@ -20,13 +25,12 @@ _LOOPS = 1.5
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
 
-class TimelinePanel:
+class TimelinePanel(Panel):
     """Buttons above a line of time with the keys on it."""
 
     title = "Timeline"
     dock = "Drawer"
     folded = True
-    waiting = "The timeline comes with the model"
 
     def __init__(self) -> None:
         self._loop_error: tuple[object, float] = None, 0.0
@@ -43,15 +47,20 @@ class TimelinePanel:
         here, gap = player.key, hello_imgui.em_size(0.3)
         action_button(context, "play", _PAUSE if player.playing else _PLAY, width=2.4)
         imgui.same_line(0, gap)
-        action_button(context, "add_key", f"{_ADD}  {'Key' if here is None else 'Replace'}", width=6)
+        action_button(context, "add_key", f"{_ADD}  Key")
+        flow("Replace")
+        if button("Replace###replace key", "What is shown takes the place of this keyframe", enabled=here is not None):
+            player.replace_key(here or 0)
         flow(_REMOVE)
         if button(f"{_REMOVE}###remove key", "Take the keyframe at this time out", enabled=here is not None):
-            player.remove_key(here if here is not None else 0)
+            player.remove_key(here or 0)
         flow("length", _LENGTH)
         self._draw_numbers(context, player)
-        flow(f"{_FILM}  Share…")
-        if button(f"{_FILM}  Share…###share film", "Write the timeline as a video", enabled=bool(player.timeline.keys)):
-            context.share("film")
+        flow(f"{_VIDEO}  Share…")
+        if button(
+            f"{_VIDEO}  Share…###share video", "Write the timeline as a video", enabled=bool(player.timeline.keys)
+        ):
+            context.share("video")
 
     def _draw_numbers(self, context: PanelContext, player: Player) -> None:
         timeline = player.timeline
@@ -59,8 +68,7 @@ class TimelinePanel:
         changed, length = imgui.drag_float("##length", timeline.length, 0.05, 0.2, 600.0, "%.1f s")
         if changed:
             player.stretch(length)
-        if imgui.is_item_deactivated():
-            context.editor.end_gesture()
+        end_gesture(context)
         tooltip("How long the timeline is. Drag, or Ctrl+click to type")
         flow(10 * "0")
         imgui.set_next_item_width(hello_imgui.em_size(5))
@@ -68,18 +76,14 @@ class TimelinePanel:
             "##turns", timeline.turns, 0.05, -3, 3, "%d turns", imgui.SliderFlags_.always_clamp
         )
         if changed and turns != timeline.turns:
-            player.set_turns(turns)
+            player.change(turns=turns)
         tooltip("Full turns of the camera around the object in the whole timeline, besides what the keyframes do. Drag")
-        flow("Smooth" + 6 * " ")
-        changed, smooth = imgui.checkbox("Smooth", timeline.smooth)
-        if changed:
-            player.set_smooth(smooth)
-        tooltip("Through the keys without corners (Catmull-Rom), or straight from one to the next")
-        flow("Loop" + 6 * " ")
-        changed, loop = imgui.checkbox("Loop", timeline.loop)
-        if changed:
-            player.set_loop(loop)
-        tooltip("After the last keyframe comes the first again, so that it can be shown over and over")
+        for label, name, text in _SWITCHES:
+            flow(label + 6 * " ")
+            changed, on = imgui.checkbox(label, getattr(timeline, name))
+            if changed:
+                player.change(**{name: on})
+            tooltip(text)
         flow("Camera path" + 6 * " ")
         changed, path = imgui.checkbox("Camera path", context.preferences.camera_path)
         if changed:
@@ -107,8 +111,7 @@ def _draw_line(context: PanelContext, player: Player) -> None:
     imgui.invisible_button("time", (room.x, ruler))
     if imgui.is_item_active():
         player.seek((imgui.get_mouse_pos().x - left) / width * timeline.length)
-    if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+    end_gesture(context)
     tooltip("Click or drag to move the playhead; right click to paste a keyframe")
     if imgui.begin_popup_context_item("paste here"):
         if imgui.menu_item_simple("Paste at the playhead", enabled=player.copied is not None):
@@ -138,8 +141,7 @@ def _draw_key(
     across = imgui.get_io().mouse_delta.x
     if imgui.is_item_active() and across and imgui.is_mouse_dragging(imgui.MouseButton_.left):
         player.move_key(index, player.timeline.keys[index].seconds + across / width * player.timeline.length)
-    if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+    end_gesture(context)
     tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it in time, right click to choose")
     if imgui.begin_popup_context_item():
         if imgui.menu_item_simple("Replace with what is shown"):

@@ -7,14 +7,14 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.rendering.progressive import Frame
 from viewer.actions import ACTIONS, run_keys
 from viewer.activities.viewport import Viewport
-from viewer.context import PanelContext
+from viewer.context import Panel, PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, packed
 from viewer.values import orbit
 from viewer.values.preferences import TURNING
 from viewer.values.quality import QUALITIES
 from viewer.values.view_modes import MODES, in_mode
 from viewer.widgets.camera_path import CameraPath
-from viewer.widgets.controls import action_button, button, choose, tooltip
+from viewer.widgets.controls import action_button, button, choose, end_gesture, tooltip
 from viewer.widgets.welcome import Welcome
 
 _KEY_TURN = 0.12
@@ -40,13 +40,12 @@ _NARROW, _SMALL = 26.0, 11.0
 """em: in a narrower view the mode is among the options"""
 
 
-class ViewPanel:
+class ViewPanel(Panel):
     """The scene, with a badge that says whether it is a preview or the finished render."""
 
     title = "View"
     dock = "View"
-    folded = False
-    waiting = ""
+    needs_model = False
 
     def __init__(self) -> None:
         self._nudged = 0.0
@@ -66,8 +65,7 @@ class ViewPanel:
             _note(corner + size * 0.5, f"Loading {loading} …" if loading else "No model")
             return
         viewport = context.viewport
-        viewport.resize(*pixels)
-        viewport.set_baking(context.bakes)
+        viewport.change(panel=pixels, opengl=context.opengl_turns)
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
@@ -102,14 +100,15 @@ class ViewPanel:
         """What the view shows: the baked object while it is turned, else the newest frame."""
         viewport = context.viewport
         assert context.canvas and context.baked_canvas and viewport.frame
-        if viewport.turning and viewport.baked:
-            return context.baked_canvas.draw(viewport.baked, viewport.turning, context.palette)
+        if viewport.baked_frame and viewport.baked:
+            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette)
         smooth = context.preferences.smooth and viewport.frame.final
-        return context.canvas.draw(self._in_mode(viewport, context.view_mode), pixels, context.palette, smooth)
+        return context.canvas.draw(self._in_mode(viewport), pixels, context.palette, smooth)
 
-    def _in_mode(self, viewport: Viewport, mode: str) -> Frame:
+    def _in_mode(self, viewport: Viewport) -> Frame:
         """The frame as the mode shows it, computed once."""
         assert viewport.frame is not None
+        mode = viewport.settings.mode
         if viewport.full_frame and (self._cached is None or self._cached[:2] != (viewport.frame, mode)):
             frame, crop = viewport.full_frame
             self._cached = viewport.frame, mode, crop.cropped(in_mode(frame, crop.camera, mode))
@@ -122,19 +121,16 @@ class ViewPanel:
             share = (_FINE if io.key_shift else 1.0) / min(size.x, size.y)
             across, down = io.mouse_delta.x * share, io.mouse_delta.y * share
             if imgui.is_mouse_down(imgui.MouseButton_.left):
-                editor.set_camera(orbit.dragged(context.fitting.following.camera, across, down), gesture="orbit")
+                editor.set_camera(orbit.dragged(context.viewport.camera, across, down), gesture="orbit")
                 context.set_preference(newcomer=False)
             else:
                 context.viewport.pan_by(across, down)
-        if imgui.is_item_deactivated():
-            editor.end_gesture()
+        end_gesture(context)
         if imgui.is_item_hovered():
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
                 context.viewport.reset_view()
             if io.mouse_wheel:
-                self._nudge(
-                    context, orbit.zoomed(context.fitting.following.camera, io.mouse_wheel, editor.model), "zoom"
-                )
+                self._nudge(context, orbit.zoomed(context.viewport.camera, io.mouse_wheel, editor.model), "zoom")
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(context)
         if self._nudged and imgui.is_any_item_active():
@@ -144,7 +140,7 @@ class ViewPanel:
             self._nudged = 0.0
 
     def _keys(self, context: PanelContext) -> None:
-        camera, step = context.fitting.following.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
+        camera, step = context.viewport.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
             return
         turns = {"left_arrow": (-step, 0), "right_arrow": (step, 0), "up_arrow": (0, step), "down_arrow": (0, -step)}
@@ -166,7 +162,7 @@ def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) 
     """Whether the image is as sharp as the view; the numbers are in its tooltip."""
     width, height = frame.resolution
     live = viewport.source == "fit"
-    baked = viewport.baked if viewport.turning else None
+    baked = viewport.baked if viewport.baked_frame else None
     words = "Rebuilding …" if live else "Sharp" if viewport.sharp else "Sharpening …"
     if baked:
         words = "Baked preview"
@@ -181,8 +177,8 @@ def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) 
     draw.add_text(ImVec2(low.x + 1.4 * em, low.y + 0.25 * em), packed(ON_PLATE), words)
     imgui.set_cursor_screen_pos(low)
     imgui.invisible_button("badge", high - low)
-    if baked and viewport.turning:
-        shown = f"{viewport.turning.width} x {viewport.turning.height} px"
+    if baked and viewport.baked_frame:
+        shown = f"{viewport.baked_frame.width} x {viewport.baked_frame.height} px"
         tooltip(f"{shown}, drawn by OpenGL from {baked.cells} cells a side; the exact picture follows at rest")
         return
     stage = "finished" if frame.final else f"stage {frame.stage + 1} of {frame.stage_count}"
@@ -216,7 +212,8 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 def _draw_mode(context: PanelContext) -> None:
     hint = ACTIONS["next_mode"].hint()
-    context.view_mode = choose("mode", context.view_mode, _MODES, f"What the view shows: {hint}", _MODE)
+    mode = choose("mode", context.viewport.settings.mode, _MODES, f"What the view shows: {hint}", _MODE)
+    context.viewport.change(mode=mode)
 
 
 def _draw_quality(context: PanelContext) -> None:
@@ -229,7 +226,7 @@ def _draw_quality(context: PanelContext) -> None:
     moved, to = imgui.slider_int("##quality", level, 0, last, "", imgui.SliderFlags_.always_clamp)
     if moved and to != level:
         context.set_preference(quality=to)
-        context.viewport.set_quality(QUALITIES[to])
+        context.viewport.change(quality=QUALITIES[to])
     tooltip(f"At once {quality.detail} px, {quality.samples} samples; all pixels of the view when the hand rests")
 
 

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
+from core.geometry.pixels import to_bytes
 from core.rendering.progressive import Frame
 from viewer.screen.theme import Palette, mixed
 
@@ -157,7 +158,7 @@ class Images:
 
 def with_alpha(frame: Frame) -> np.ndarray:
     """A frame as RGBA, still on white, opacity in the fourth channel."""
-    opacity = (frame.opacity.clip(0, 1) * 255 + 0.5).astype(np.uint8)
+    opacity = to_bytes(frame.opacity)
     return np.dstack((frame.image, opacity))
 
 

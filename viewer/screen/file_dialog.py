@@ -11,6 +11,8 @@ from typing import Protocol, runtime_checkable
 from imgui_bundle import hello_imgui, imgui
 from imgui_bundle import portable_file_dialogs as dialogs
 
+from viewer.values.printable import printable
+
 _TITLE = "Choose a file###ask"
 
 
@@ -85,7 +87,7 @@ class FileDialog:
         if self._native:
             self._dialog = self._open_native(request, self.folder)
         else:
-            self._text, self._fresh, self._to_replace = str(self.folder / request.name), True, None
+            self._text, self._fresh, self._to_replace = printable(self.folder / request.name), True, None
 
     def draw(self) -> None:
         """Look for the native answer, or draw the line to type in; to be called once a frame."""

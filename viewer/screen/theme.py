@@ -101,7 +101,7 @@ def apply(palette: Palette) -> None:
     dark = sum(palette.panel) < 1.5
     base = imgui.style_colors_dark if dark else imgui.style_colors_light
     base()
-    style.frame_border_size = 0.0 if dark else 1.0
+    style.frame_border_size = style.window_border_size = 0.0 if dark else 1.0
     for name, colour in _colours(palette).items():
         style.set_color_(getattr(imgui.Col_, name), ImVec4(*colour, 1.0))
     style.set_color_(imgui.Col_.modal_window_dim_bg, ImVec4(*palette.back, 0.55))
@@ -141,7 +141,7 @@ def set_spacing() -> None:
     style.window_rounding, style.frame_rounding, style.popup_rounding = 6, 5, 6
     style.grab_rounding, style.tab_rounding, style.child_rounding = 4, 5, 6
     style.scrollbar_rounding, style.scrollbar_size, style.grab_min_size = 6, 11, 11
-    style.window_border_size, style.frame_border_size, style.popup_border_size = 0, 0, 1
+    style.popup_border_size = 1
     style.tab_min_width_shrink = 44  # all tabs of a narrow panel are seen, if abbreviated
     style.tab_bar_border_size, style.docking_separator_size = 0, 3
     style.window_menu_button_position = imgui.Dir.none

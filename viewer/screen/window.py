@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 from imgui_bundle import glfw_utils, hello_imgui, immapp  # before glfw, so that both use the same library
@@ -13,18 +12,6 @@ import moderngl
 NAME = "CodeNeRF Viewer"
 SMALLEST = 900, 600
 """px of a 96 ppi screen: the smallest size of the window"""
-_RENAMED_PANELS = {
-    "Codes": "Sliders",
-    "Fit": "Photo",
-    "Grid": "Shape × texture grid",
-    "Objects": "Library",
-    "Plausible": "Realism",
-    "Race": "Candidates",
-    "Sheet": "Shape × texture grid",
-    "Speed": "Performance",
-    "Visited": "History",
-}
-"""as layouts of older versions have them, and as they are called now"""
 
 
 class NoDisplayError(RuntimeError):
@@ -86,7 +73,6 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
     params.ini_disable = folder is None
     if folder:
         folder.mkdir(parents=True, exist_ok=True)
-        _rename_panels(folder / "window.ini")
         params.ini_folder_type = hello_imgui.IniFolderType.absolute_path
         params.ini_filename = str(folder / "window.ini")
     # The default, 8 samples, costs more than half the frame rate where OpenGL is done in software.
@@ -98,16 +84,6 @@ def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.Runner
         hello_imgui.DefaultImGuiWindowType.provide_full_screen_dock_space
     )
     return params
-
-
-def _rename_panels(layout: Path) -> None:
-    """Let a layout that an older version wrote hold for the panels as they are called now."""
-    with suppress(OSError, ValueError):
-        text = before = layout.read_text("utf-8")
-        for old, new in _RENAMED_PANELS.items():
-            text = text.replace(f"[Window][{old}]", f"[Window][{new}]")
-        if text != before:
-            layout.write_text(text, "utf-8")
 
 
 def make_headless(params: hello_imgui.RunnerParams, finish: Callable[[], None]) -> None:

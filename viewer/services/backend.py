@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from core.export.mesh import export_mesh
 from core.export.video import write_video
+from core.fitting.category_check import guess_category
 from core.fitting.fit import FitJob, FitStep, fit
-from core.fitting.plausibility import guess_category
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
@@ -24,7 +24,7 @@ class Backend:
     load_photo: Callable[..., Photo] = load_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
-    view_bank: Callable[[Model], Iterator[None]] = build_view_bank
+    view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     video: Callable[..., Iterator[int]] = write_video
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from viewer.services.backend import Backend
+from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
 
@@ -13,10 +14,7 @@ class Jobs:
 
     worker: Worker
     backend: Backend
-    notify: Callable[[str], None]
-    """shows a line of information"""
-    report: Callable[[str, Exception], None]
-    """shows what could not be done, and why"""
+    messages: Messages
 
     def submit(self, job: Job) -> None:
         """Start a job, in place of an older one of its name."""
@@ -33,4 +31,4 @@ class Jobs:
 
     def reporting(self, what: str) -> Callable[[Exception | None], None]:
         """For the end of a job: reports what went wrong, if anything did."""
-        return lambda error: self.report(what, error) if error else None
+        return lambda error: self.messages.report(what, error) if error else None

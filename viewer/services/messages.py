@@ -4,15 +4,17 @@ import json
 import logging
 import re
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 from enum import Enum
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import torch
 
-_SECONDS, _ERROR_SECONDS = 5.0, 15.0
-"""for which information stays on screen, and an error"""
+from viewer.values.printable import printable
+
 _MAX_OLDER, _MAX_ERRORS = 3, 2
 """lines of information that stay beside a new one until they fade, and errors shown at a time"""
 _LOGGED = 500
@@ -24,11 +26,19 @@ _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>
 UNFORESEEN = "an error in the program; the log has it (menu Panels)"
 
 
-class Kind(Enum):
-    """How grave a message is."""
+class MessageKind(Enum):
+    """What a message is about, and for how many seconds it is on screen."""
 
-    INFO = "info"
-    ERROR = "error"
+    DONE = 5.0
+    NOTE = 10.0
+    PROBLEM = 15.0
+
+
+class Button(NamedTuple):
+    """Something that a message offers; it takes the message away."""
+
+    label: str
+    press: Callable[[], None]
 
 
 @dataclass(frozen=True)
@@ -36,17 +46,21 @@ class Message:
     """One line for the person at the window."""
 
     text: str
-    kind: Kind = Kind.INFO
+    kind: MessageKind = MessageKind.DONE
     detail: str = ""
     """for the log alone: what an error nobody foresaw says of itself"""
+    buttons: tuple[Button, ...] = ()
+    lasts: bool = False
+    """until it is answered or dismissed"""
     born: float = field(default_factory=time.monotonic)
     """s on the monotonic clock"""
     written: datetime = field(default_factory=datetime.now)
 
     @property
     def faded(self) -> bool:
-        """Everything goes from the screen by itself, an error later."""
-        return time.monotonic() - self.born > (_ERROR_SECONDS if self.kind is Kind.ERROR else _SECONDS)
+        """It goes from the screen by itself, later where there is something to press."""
+        seconds = max(self.kind.value, MessageKind.NOTE.value if self.buttons else 0.0)
+        return not self.lasts and time.monotonic() - self.born > seconds
 
 
 class Messages:
@@ -60,22 +74,26 @@ class Messages:
     @property
     def errors(self) -> list[str]:
         """What went wrong and was not dismissed, on screen or not any more."""
-        return [message.text for message in self.all if message.kind is Kind.ERROR]
+        return [message.text for message in self.all if message.kind is MessageKind.PROBLEM]
 
     @property
     def shown(self) -> list[Message]:
         """What is on screen: information that has not faded, and the newest errors."""
         due = [message for message in self.all if not message.faded]
-        errors = [message for message in due if message.kind is Kind.ERROR][-_MAX_ERRORS:]
-        return [message for message in due if message.kind is Kind.INFO or message in errors]
+        errors = [message for message in due if message.kind is MessageKind.PROBLEM][-_MAX_ERRORS:]
+        return [message for message in due if message.kind is not MessageKind.PROBLEM or message in errors]
 
-    def notify(self, text: str, kind: Kind = Kind.INFO, detail: str = "") -> None:
-        """Show a line, in place of the same one, if that is still there."""
+    def notify(self, text: str, kind: MessageKind = MessageKind.DONE, **more: Any) -> None:
+        """Show a line, in place of the same one, if that is still there; ``more`` are fields of a :class:`Message`."""
+        text = printable(text)
+        if "detail" in more:
+            more["detail"] = printable(more["detail"])
         left = [message for message in self.all if (message.text, message.kind) != (text, kind)]
-        infos = [message for message in left if message.kind is Kind.INFO]
-        gone = [message for message in infos if message.faded or message not in infos[-_MAX_OLDER:]]
-        self.all = [*(message for message in left if message not in gone), Message(text, kind, detail)][-_LOGGED:]
-        self.log = [*self.log, self.all[-1]][-_LOGGED:]
+        passing = [one for one in left if one.kind is not MessageKind.PROBLEM and not one.lasts]
+        gone = [message for message in passing if message.faded or message not in passing[-_MAX_OLDER:]]
+        newest = Message(text, kind, **more)
+        self.all = [*(message for message in left if message not in gone), newest][-_LOGGED:]
+        self.log = [*self.log, newest][-_LOGGED:]
 
     def report(self, what: str, error: Exception) -> None:
         """Show what went wrong; what nobody foresaw is logged with its trace as well."""
@@ -83,7 +101,7 @@ class Messages:
         if not isinstance(error, ValueError | OSError | MemoryError):
             logging.getLogger(__name__).error(what, exc_info=error)
             detail = f"{type(error).__name__}: {error}"
-        self.notify(f"{what}: {error_text(error)}", Kind.ERROR, detail)
+        self.notify(f"{what}: {error_text(error)}", MessageKind.PROBLEM, detail=detail)
 
     def dismiss(self, message: Message) -> None:
         """Take a message away."""

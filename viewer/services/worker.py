@@ -53,13 +53,12 @@ class Worker:
     def __init__(
         self,
         wake: Callable[[], None] = lambda: None,
-        before_step: Callable[[], None] = lambda: None,
         at_rest: Callable[[], None] = lambda: None,
     ) -> None:
         """All are called from the worker's thread: ``wake`` whenever there is something to deliver, ``at_rest`` once
         there has been nothing to do for a while.
         """
-        self.wake, self._before_step, self._at_rest, self._rests = wake, before_step, at_rest, False
+        self.wake, self._at_rest, self._rests = wake, at_rest, False
         self._running: list[_Running] = []
         self._next: dict[str, Job] = {}
         self._delivery: deque[tuple[_Running, Callable[[], None]]] = deque()
@@ -122,7 +121,6 @@ class Worker:
         if sys.platform == "linux":  # the window stays at its frame rate beside torch on few cores
             os.nice(10)  # of this thread alone
         while (entry := self._pick()) is not None:
-            self._before_step()
             began = time.perf_counter()
             self._step(entry)
             entry.spent += (time.perf_counter() - began) / entry.job.share

@@ -1,12 +1,11 @@
 """Frozen values as JSON, by the types of their fields; tensors, timelines and photos stand beside it, each once."""
 
 import io
-import types
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 import torch
@@ -15,8 +14,13 @@ from PIL import Image
 from torch import Tensor
 
 from core.export.keyframes import Timeline
+from core.geometry.pixels import to_bytes
 from core.photos.photo import Photo
+from core.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
+
+_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000
+"""bytes of the pixels of one photo, and of all in a project; a photo at a model's size has 65,536"""
 
 
 @dataclass(eq=False)
@@ -28,6 +32,8 @@ class Parts:
     """PNG files, the mask as opacity"""
     timelines: list[Any] = field(default_factory=list)
     """as JSON"""
+    left: int = _MAX_PHOTOS
+    """bytes that the pixels of photos may take still, when they are read"""
     _known: dict[int, tuple[object, int]] = field(default_factory=dict)
     """by their identity, the values that are in already, kept alive, and their numbers"""
 
@@ -61,67 +67,71 @@ def encode(value: Any, parts: Parts) -> Any:
 def decode(kind: Any, value: Any, parts: Parts) -> Any:
     """What :func:`encode` was given, of a type; fields that are not there have their defaults.
 
-    Raises ``ValueError``, ``TypeError``, ``KeyError`` or ``IndexError`` where it is no such value.
+    Raises ``ValueError`` where it is no such value.
     """
-    origin, arguments = get_origin(kind), get_args(kind)
-    if origin in (Union, types.UnionType):
-        (only,) = (one for one in arguments if one is not types.NoneType)
-        return None if value is None else decode(only, value, parts)
-    if origin is Literal:
-        return arguments[arguments.index(value)]
-    if origin is tuple:
-        every = arguments[:1] * len(value) if arguments[-1] is ... else arguments
-        return tuple(decode(one, part, parts) for one, part in zip(every, value, strict=True))
+    return typed(kind, value, lambda one: _reader(one, parts), getattr(kind, "__name__", "it"))
+
+
+def _reader(kind: Any, parts: Parts) -> Callable[[Any], Any] | None:
+    """Of a type that is not in JSON itself."""
     if kind in _SPECIAL:
-        return _SPECIAL[kind](value, parts)
-    if issubclass(kind, AbstractArray):
-        return _checked(parts.tensors[value], kind)
-    if is_dataclass(kind) or hasattr(kind, "_fields"):
-        return _decode_fields(kind, value, parts)
-    if kind is Path:
-        return Path(value)
-    return _checked(float(value) if kind is float and type(value) is int else value, kind)
+        return lambda value: _SPECIAL[kind](value, parts)
+    if isinstance(kind, type) and issubclass(kind, AbstractArray):
+        return lambda number: _tensor(_part(parts.tensors, number), kind)
+    return None
 
 
 def encode_photo(photo: Photo) -> bytes:
     """A photo as a PNG, its mask as opacity."""
-    pixels = (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy()
+    pixels = to_bytes(photo.pixels)
     file = io.BytesIO()
     Image.fromarray(np.dstack((pixels, 255 * photo.mask.numpy().astype(np.uint8)))).save(file, "PNG")
     return file.getvalue()
 
 
-def decode_photo(file: bytes, **beside: Any) -> Photo:
-    """What :func:`encode_photo` was given, and its other fields. Raises ``ValueError`` where it is no photo."""
-    try:
-        with Image.open(io.BytesIO(file)) as image:
-            rgba = torch.from_numpy(np.array(image.convert("RGBA")))
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(f"no image: {error}") from None
-    return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
+def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
+    """What :func:`encode_photo` was given, and its other fields. Raises ``ValueError`` where it is no photo.
+
+    Args:
+        most: bytes that its pixels may take.
+    """
+    with reading("its photo", "an image"), open_image(io.BytesIO(file), most=most) as image:
+        rgba = torch.from_numpy(np.array(image.convert("RGBA")))
+        return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
 
 
 _BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur"
 """Fields of a photo that a PNG cannot hold."""
 
 
-def _decode_photo(about: dict, parts: Parts) -> Photo:
+def _decode_photo(about: Any, parts: Parts) -> Photo:
     kinds = _kinds(Photo)
     beside = {name: decode(kinds[name], about[name], parts) for name in _BESIDE_IMAGE if name in about}
-    return decode_photo(parts.photos[about["image"]], **beside)
+    photo = decode_photo(_part(parts.photos, about["image"]), min(_MAX_PHOTO, parts.left), **beside)
+    parts.left -= 4 * photo.mask.numel()
+    return photo
 
 
-def _decode_fitted_photo(about: dict, parts: Parts) -> FittedPhoto:
+def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
     source = decode(_kinds(FittedPhoto)["source"], about["source"], parts)
     return FittedPhoto.of(source, _decode_photo(about["photo"], parts))
 
 
-def _decode_timeline(number: int, parts: Parts) -> Timeline:
+def _decode_timeline(number: Any, parts: Parts) -> Timeline:
     """The same one for the same number, once it has been decoded."""
-    found = parts.timelines[number]
+    found = _part(parts.timelines, number)
     if not isinstance(found, Timeline):
-        found = parts.timelines[number] = _decode_fields(Timeline, found, parts)
+        found = parts.timelines[number] = typed(
+            Timeline, found, lambda kind: None if kind is Timeline else _reader(kind, parts), "timeline"
+        )
     return found
+
+
+def _part(stored: list, number: Any) -> Any:
+    """By its number."""
+    if not 0 <= whole(number) < len(stored):
+        raise ValueError(f"part {number} is missing")
+    return stored[whole(number)]
 
 
 _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
@@ -146,12 +156,7 @@ def _encode_fields(value: Any, parts: Parts) -> dict:
     return {name: encode(getattr(value, name), parts) for name in _names(value.__class__)}
 
 
-def _decode_fields(kind: Any, about: dict, parts: Parts) -> Any:
-    kinds = _kinds(kind)
-    return kind(**{name: decode(kinds[name], about[name], parts) for name in _names(kind) if name in about})
-
-
-def _checked(value: Any, kind: Any) -> Any:
-    if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
-        raise ValueError(f"{type(value).__name__} where {kind.__name__} was expected")
-    return value
+def _tensor(value: Any, kind: Any) -> Any:
+    if isinstance(value, kind):
+        return value
+    raise ValueError(f"a tensor of shape {tuple(value.shape)} where {kind.__name__} was expected")

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from jaxtyping import UInt8
 from PIL import Image
 
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
+from viewer.values.printable import printable
 
 MAX_STEPS = 800
 """kept; of more, every other one is forgotten"""
@@ -32,6 +33,11 @@ class PhotoSource(NamedTuple):
     """where the object is, where a person pointed it out"""
     crop: Crop | None = None
 
+    @property
+    def name(self) -> str:
+        """Of its file, as the window can draw it."""
+        return printable(self.path.name)
+
 
 @dataclass(frozen=True, eq=False)
 class FittedPhoto:
@@ -44,7 +50,7 @@ class FittedPhoto:
     @classmethod
     def of(cls, source: PhotoSource, photo: Photo) -> FittedPhoto:
         """With its pixels as bytes."""
-        return cls(source, photo, (photo.pixels.clamp(0, 1) * 255 + 0.5).to(torch.uint8).numpy())
+        return cls(source, photo, to_bytes(photo.pixels))
 
     def doubled_difference(self, render: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "height width 3"]:
         """Twice the absolute difference, at the photo's size; a render that is a preview is smaller."""
@@ -72,7 +78,7 @@ class FitHistory:
     @property
     def name(self) -> str:
         """Of the object: that of its first photo."""
-        return self.sources[0].path.stem if self.sources else ""
+        return printable(self.sources[0].path.stem) if self.sources else ""
 
     @property
     def photo(self) -> FittedPhoto | None:
@@ -117,6 +123,8 @@ class FitRequest(NamedTuple):
 
     history: FitHistory
     resume_from: Hypothesis | None = None
+    restored: bool = False
+    """of a run that ended in it, maybe after its result had joined the objects"""
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:

@@ -102,6 +102,10 @@ class History:
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
 
+    def after(self, earlier: History) -> History:
+        """With all states of another history before these."""
+        return replace(self, past=(*earlier.states, *self.past)[-_DEPTH:])
+
     def renamed(self, names: Mapping[str, str]) -> History:
         """With other names for some objects, in every state."""
         return self._everywhere(lambda state: replace(state, mix=state.mix.renamed(names)))

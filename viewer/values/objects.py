@@ -7,7 +7,7 @@ import torch
 
 from core.models.codes import Codes
 from core.models.model import Model
-from core.photos.photo import Photo
+from viewer.values.printable import printable
 from viewer.values.variety import families
 
 
@@ -17,10 +17,14 @@ class EditableObject:
 
     name: str
     codes: Codes
-    photo: Photo | None = None
-    """what it was fitted to, if it was"""
+    fitted: bool = False
+    """to a photo"""
     confidence: float | None = None
     """the probability that the camera of that photo is right, 0..1; None where that is not known"""
+
+    def __post_init__(self) -> None:
+        if self.confidence is not None and not 0 <= self.confidence <= 1:
+            raise ValueError(f"a confidence is 0 to 1, got {self.confidence}")
 
 
 class ObjectLibrary:
@@ -110,7 +114,7 @@ class ObjectLibrary:
 
 def unique_name(wanted: str, taken: Container[str]) -> str:
     """A name that is not taken: the wanted one, or that with a number."""
-    name, count = wanted, 1
+    name, count = (wanted := printable(wanted)), 1
     while name in taken:
         count += 1
         name = f"{wanted} ({count})"

@@ -1,12 +1,12 @@
 """What the program remembers of a person from one launch to the next, in a small file that may be lost or broken."""
 
-import json
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from core.files import write_json
+from core.reading import optional, read_json
 from viewer.values.quality import DEFAULT_QUALITY, QUALITIES
 from viewer.values.share_settings import ShareSettings
 
@@ -57,10 +57,7 @@ class Preferences:
     @classmethod
     def load(cls, folder: Path) -> "Preferences":
         """Read them; what is missing or makes no sense is as on the first launch."""
-        try:
-            stored = json.loads((folder / _FILE).read_text())
-        except (OSError, ValueError):
-            return cls()
+        stored = optional(lambda: read_json(folder / _FILE))
         if not isinstance(stored, dict):
             return cls()
         default, kept = cls(), _kept(cls(), stored)

@@ -2,21 +2,21 @@
 
 import json
 import zipfile
-import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal, NamedTuple
 
-from safetensors import SafetensorError
 from safetensors.torch import load, save
 
 from core.files import atomic_file
+from core.reading import open_zip, parse_json, reading, typed
 from viewer.values.encoding import Parts
-from viewer.values.saved_session import UNREADABLE, SavedSession
+from viewer.values.saved_session import SavedSession
 
 SUFFIX = ".codenerf"
 _FORMAT = "codenerf-project-1"
 _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
-_MAX_BYTES = 1 << 30
+_MAX_BYTES = 100_000_000
 """of what is unpacked; a project of a day's work has some millions"""
 
 
@@ -30,6 +30,28 @@ class Project:
     path: Path | None = None
     """where a person saved it last, if it is what is kept from launch to launch"""
 
+    @property
+    def summary(self) -> str:
+        """How many steps, objects and photos under way it holds; empty where it holds none."""
+        counts = {
+            "steps": sum(len(one.history.past) + len(one.history.future) for one in self.sessions),
+            "objects": sum(len({each.name for each in one.objects} - {*one.removed}) for one in self.sessions),
+            "photos under way": sum(len(one.pending) for one in self.sessions),
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
+    def shared(self) -> "Project":
+        """To be handed on: without the folders of this machine, except those of photos that have not been read yet."""
+        return Project(self.model, tuple(session.moved(lambda path: Path(path.name)) for session in self.sessions))
+
+    def beside(self, folder: Path) -> "Project":
+        """With the photos that are found by their names in a folder."""
+
+        def move(path: Path) -> Path:
+            return folder / path if not path.is_absolute() and (folder / path).is_file() else path
+
+        return replace(self, sessions=tuple(session.moved(move) for session in self.sessions))
+
     def save(self, path: Path) -> None:
         """Write it, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
         parts = Parts()
@@ -40,7 +62,7 @@ class Project:
             "sessions": [session.encoded(parts) for session in self.sessions],
             "timelines": parts.timelines,
         }
-        with atomic_file(path) as partial, zipfile.ZipFile(partial, "w") as file:
+        with atomic_file(path, Project.load) as partial, zipfile.ZipFile(partial, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
             # A copy each, as safetensors refuses tensors that share memory.
             file.writestr(_TENSORS, save({str(number): one.clone() for number, one in enumerate(parts.tensors)}))
@@ -49,35 +71,28 @@ class Project:
 
     @classmethod
     def load(cls, path: Path) -> "Project":
-        """Read it, also where an older version wrote it. Raises ``ValueError`` where it is no whole project."""
-        try:
-            if not zipfile.is_zipfile(path):
-                return cls._from_older(path.read_text())
-            with zipfile.ZipFile(path) as file:
-                return cls._from_zip(file)
-        except OSError as error:
-            raise ValueError(f"cannot read the project {path.name}: {error.strerror or error}") from None
-        except (*UNREADABLE, RuntimeError, zipfile.BadZipFile, zlib.error, SafetensorError) as error:
-            raise ValueError(f"{path.name} is not a whole project ({error})") from None
+        """Read it. Raises ``ValueError`` where it is no whole project."""
+        with reading(path, "a project"), open_zip(path, _MAX_BYTES) as file:
+            return cls._from_zip(file)
 
     @classmethod
     def _from_zip(cls, file: zipfile.ZipFile) -> "Project":
-        if sum(member.file_size for member in file.infolist()) > _MAX_BYTES:
-            raise ValueError("it is too large")
-        about = json.loads(file.read(_ABOUT))
-        if about["format"] != _FORMAT:
-            raise ValueError(f"its format is {about['format']!r}")
+        about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
         tensors = load(file.read(_TENSORS))
         count = sum(name.startswith("photos/") for name in file.namelist())
         photos = [file.read(_photo(number)) for number in range(count)]
-        parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about["timelines"])
-        sessions = tuple(SavedSession.decoded(one, parts) for one in about["sessions"])
-        return cls(str(about["model"]), sessions, Path(about["path"]) if about.get("path") else None)
+        parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about.timelines)
+        return cls(about.model, tuple(SavedSession.decoded(one, parts) for one in about.sessions), about.path)
 
-    @classmethod
-    def _from_older(cls, text: str) -> "Project":
-        session = SavedSession.from_older(text)
-        return cls(session.model, (session,))
+
+class _About(NamedTuple):
+    """The JSON of a project."""
+
+    format: Literal["codenerf-project-1"]
+    model: str
+    sessions: list
+    timelines: list
+    path: Path | None = None
 
 
 def is_project(path: Path) -> bool:

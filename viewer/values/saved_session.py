@@ -1,25 +1,16 @@
 """All that a person made with a model, as values that can be written down, and how they become JSON and back."""
 
-import base64
-import json
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
-import torch
-
-from core.export.keyframes import Keyframe, Timeline, View
 from core.fitting.fit import Hypothesis
-from core.geometry.camera import Camera
-from core.models.codes import Codes
 from core.models.model import Model
-from core.models.scene import Scene
-from viewer.values.encoding import Parts, decode, decode_photo, encode
+from viewer.values.encoding import Parts, decode, encode
 from viewer.values.fit_history import FitHistory, FitRequest
-from viewer.values.history import History, Mix, Pair, State
+from viewer.values.history import History
 from viewer.values.objects import EditableObject, ObjectLibrary
-
-UNREADABLE = KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RecursionError
-"""What reading raises where text is no session."""
 
 
 class SavedTile(NamedTuple):
@@ -65,23 +56,39 @@ class SavedSession:
         if any(not state.mix.names <= known for state in self.history.states):
             raise ValueError("it mixes objects that are not here")
 
+    def moved(self, move: Callable[[Path], Path]) -> "SavedSession":
+        """With other paths of the photos and poses that have been read."""
+        pending = tuple(one._replace(history=_moved(one.history, move)) for one in self.pending)
+        return replace(self, fit=_moved(self.fit, move), pending=pending)
+
     def encoded(self, parts: Parts) -> Any:
         """As JSON; what it refers to joins the parts."""
         return encode(replace(self, fit=_without_renders(self.fit), pending=tuple(map(_request, self.pending))), parts)
 
     @classmethod
     def decoded(cls, about: Any, parts: Parts) -> "SavedSession":
-        """What :meth:`encoded` was made of. Raises one of :data:`UNREADABLE`."""
-        return decode(cls, about, parts)
+        """What :meth:`encoded` was made of. Raises ``ValueError`` where it is no session."""
+        found: SavedSession = decode(cls, about, parts)
+        for fit in (found.fit, *(request.history for request in found.pending)):
+            _check_cameras(fit)
+        return found
 
-    @classmethod
-    def from_older(cls, text: str) -> "SavedSession":
-        """What versions before projects wrote, as JSON alone. Raises ``ValueError`` where it is no session."""
-        try:
-            about = json.loads(text)
-            return _from_older(about, str(about["opened"] if "opened" in about else about["model"]))
-        except UNREADABLE as error:
-            raise ValueError(f"not a whole session ({error})") from None
+
+def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
+    """What has not been read yet stays where it is."""
+    read = [one._replace(path=move(one.path), pose=one.pose and move(one.pose)) for one in fit.sources]
+    read = read[: len(fit.photos)]
+    photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))
+    return replace(fit, sources=(*read, *fit.sources[len(read) :]), photos=photos)
+
+
+def _check_cameras(fit: FitHistory) -> None:
+    """Raise ``ValueError`` where the cameras of a fit are not of its photos' sizes, at which they are rendered."""
+    sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
+    for step in fit.steps:
+        for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
+            if not {(camera.width, camera.height) for camera in cameras} <= sizes:
+                raise ValueError("the cameras have another size than the photos")
 
 
 def _without_renders(fit: FitHistory) -> FitHistory:
@@ -92,24 +99,3 @@ def _without_renders(fit: FitHistory) -> FitHistory:
 
 def _request(request: FitRequest) -> FitRequest:
     return request._replace(history=_without_renders(request.history))
-
-
-def _from_older(about: dict, model: str) -> SavedSession:
-    mix, timeline = about["mix"], dict(about["timeline"])
-    keys = tuple(Keyframe(float(seconds), _view(found)) for seconds, found in timeline.pop("keys"))
-    objects = tuple(
-        EditableObject(one["name"], _view(one["scene"]).codes, one["photo"] and _photo(one["photo"]))
-        for one in (about["things"] if "things" in about else about["objects"])
-    )
-    scene = Scene(about["scene"]["model"], *_view(about["scene"]))
-    mixed = Mix(Pair(*mix["a"]), mix["b"], float(mix["shape"]), float(mix["texture"]))
-    return SavedSession(model, History(State(scene, mixed, Timeline(keys, **timeline))), objects)
-
-
-def _view(about: dict) -> View:
-    codes = Codes(torch.tensor(about["shape"]).float(), torch.tensor(about["texture"]).float())
-    return View(codes, Camera(**about["camera"]))
-
-
-def _photo(text: str) -> Any:
-    return decode_photo(base64.b64decode(text))

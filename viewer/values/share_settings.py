@@ -10,7 +10,7 @@ from core.export.video import WHITE, Rgb, VideoSettings
 from core.models.model import Model
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 
-KINDS = {"turntable": "Turntable", "film": "Film", "picture": "Picture", "mesh": "Mesh"}
+KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}
 """what can be shared, and its name"""
 USUAL_METRES = {"chairs": 0.9, "cars": 4.5}
 """the longest side of an object of a category"""
@@ -105,12 +105,12 @@ class ShareSettings:
         return replace(self, background="colour", red=red, green=green, blue=blue)
 
     def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
-        """What is rendered, one after another. A film keeps its cameras, but for coming nearer, all by the same."""
+        """What is rendered, one after another. A video keeps its cameras, but for coming nearer, all by the same."""
         if self.kind == "turntable":
             shots = turntable(scene.codes, scene.camera, self.frames)
-        elif self.kind == "film":
+        elif self.kind == "video":
             shots = timeline.views(self.rate)
         else:
             shots = [View(scene.codes, scene.camera)]
         shots = [View(codes, camera.resized(self.size, self.size)) for codes, camera in shots]
-        return filling_frame(model, shots, zoom_out=self.kind != "film") if self.fill else shots
+        return filling_frame(model, shots, zoom_out=self.kind != "video") if self.fill else shots

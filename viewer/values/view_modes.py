@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float, UInt8
 
 from core.geometry.camera import Camera, camera_directions, camera_rotation, pixel_centres
+from core.geometry.pixels import to_bytes
 from core.rendering.progressive import Frame
 
 _OPAQUE = 0.5
@@ -71,7 +72,7 @@ def _depth(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
 
 def _opacity(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
     """White is solid, black is clear."""
-    grey = (255 * frame.opacity.clip(0, 1) + 0.5).astype(np.uint8)
+    grey = to_bytes(frame.opacity)
     return np.repeat(grey[..., None], 3, -1)
 
 

@@ -8,7 +8,7 @@ from core.export.keyframes import Timeline
 from viewer.context import PanelContext
 from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values.orbit_map import HORIZON, moved_to, place
-from viewer.widgets.controls import tooltip
+from viewer.widgets.controls import end_gesture, tooltip
 
 _RADIUS = 4.5
 """em"""
@@ -67,8 +67,7 @@ def _draw_key(context: PanelContext, index: int, middle: ImVec2, radius: float) 
     if imgui.is_item_active() and imgui.is_mouse_dragging(imgui.MouseButton_.left):
         at = (imgui.get_mouse_pos() - middle) / radius
         player.aim_key(index, moved_to(key.view.camera, at.x, at.y))
-    if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+    end_gesture(context)
     tooltip(f"Key {index + 1} at {key.seconds:.2f} s\nClick to show it, drag it to see the object from elsewhere")
     filled = context.palette.accent if player.key == index else ON_PLATE
     imgui.get_window_draw_list().add_circle_filled(there, _DOT * em, packed(filled))

@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on
+from viewer.values.printable import printable
 
 T = TypeVar("T")
 OVERLAY_FLAGS = (
@@ -25,6 +26,12 @@ OVERLAY_FLAGS = (
 def tooltip(text: str) -> None:
     """A tooltip for the last item."""
     imgui.set_item_tooltip(text)
+
+
+def end_gesture(context: PanelContext) -> None:
+    """End the drag of the last item once it is let go, so that the next edit is a step of its own."""
+    if imgui.is_item_deactivated():
+        context.editor.end_gesture()
 
 
 def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colour: Colour | None = None) -> bool:
@@ -124,7 +131,9 @@ def draw_progress(context: PanelContext, *kinds: str) -> bool:
     if exporting.path is None or exporting.kind not in kinds:
         return False
     left = exporting.remaining
-    label = f"{exporting.path.name}   {exporting.progress:.0%}" + (f"   {left:.0f} s left" if left is not None else "")
+    label = f"{printable(exporting.path.name)}   {exporting.progress:.0%}" + (
+        f"   {left:.0f} s left" if left is not None else ""
+    )
     imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), label)
     imgui.same_line()
     if button("Cancel###cancel export", "Give it up; no half-written file stays"):

@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui, implot
 from viewer.activities.fitting import Fitting
 from viewer.context import PanelContext
 from viewer.screen.theme import WARM, packed
-from viewer.widgets.controls import button, tooltip
+from viewer.widgets.controls import button, end_gesture, tooltip
 
 _SCRUB_HELP = "Drag to see any step of the search, here and in the view; undo brings you back"
 _HEIGHT = 5.5
@@ -15,11 +15,6 @@ _HEIGHT = 5.5
 
 class FitCurve:
     """Loss and PSNR, below the comparison."""
-
-    def height(self, fitting: Fitting) -> float:
-        """px"""
-        below = imgui.get_frame_height_with_spacing() if fitting.history.selected is not None else 0.0
-        return _HEIGHT * hello_imgui.em_size() + 2 * imgui.get_style().item_spacing.y + below
 
     def draw(self, context: PanelContext) -> None:
         """The plot, and where it was dragged the step that is shown."""
@@ -65,11 +60,10 @@ class FitCurve:
         nearest = int(np.abs(seconds - (least + across * (most - least))).argmin())
         if imgui.is_item_active():
             if nearest != fitting.history.selected:
-                fitting.scrub(nearest, gesture="scrub")
+                fitting.view.scrub(nearest, gesture="scrub")
         else:
             tooltip(_SCRUB_HELP)
-        if imgui.is_item_deactivated():
-            context.editor.end_gesture()
+        end_gesture(context)
         imgui.set_cursor_screen_pos(after)
         imgui.dummy((0, 0))
         if (at := fitting.history.selected) is not None:
@@ -80,15 +74,16 @@ class FitCurve:
 
 
 def _draw_step(fitting: Fitting) -> None:
-    """Which step is shown, and what to do with it."""
+    """Which step is shown, and what to do with it; disabled at the newest one."""
     history, step = fitting.history, fitting.history.step
-    if history.selected is None or step is None:
-        return
-    label = f"{step.seconds:.1f} s    {step.psnr:.1f} dB"
-    if button(f"{icons_fontawesome_4.ICON_FA_FAST_FORWARD}###newest", "Back to the newest step"):
-        fitting.scrub(None)
+    newest = history.selected is None
+    icon = icons_fontawesome_4.ICON_FA_FAST_FORWARD
+    if button(f"{icon}  Newest###newest", "Back to the newest step", enabled=not newest):
+        fitting.view.scrub(None)
     imgui.same_line()
-    if button("Keep###keep step", "Add this step to the objects"):
+    if button("Keep###keep step", "Add this step to the objects", enabled=not newest):
         fitting.keep()
     imgui.same_line()
-    imgui.text(f"Step {history.selected + 1} of {len(history.steps)}    {label}")
+    if step:
+        number = len(history.steps) if history.selected is None else history.selected + 1
+        imgui.text(f"Step {number} of {len(history.steps)}    {step.seconds:.1f} s    {step.psnr:.1f} dB")

@@ -1,5 +1,6 @@
 """The way in: a large button to open a photo, one sentence, and photos to try; there until something is made."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from PIL import Image
 
 from core.models.library import sample_images
+from core.reading import open_image
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
@@ -27,15 +29,15 @@ class Welcome:
     """A card at the bottom of the view."""
 
     def __init__(self) -> None:
-        self._pixels: dict[Path, np.ndarray] = {}
+        self._samples = Samples()
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
-        """Whether nothing has been made, edited or begun yet."""
-        editor = context.editor
-        return not (
-            editor.history.past or editor.objects.added or context.fitting.running or context.fitting.history.photo
-        )
+        """Whether nothing has been made, edited or begun yet; to turn the object is no edit."""
+        editor, fitting = context.editor, context.fitting
+        first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
+        edited = timeline.keys or any(state.scene.codes is not first for state in editor.history.states)
+        return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """Into the bottom of a rectangle (px) of the window."""
@@ -53,7 +55,7 @@ class Welcome:
             imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
             action_button(context, "fit_image", label, -1, context.palette.accent)
             imgui.pop_style_var()
-            self._draw_samples(context, size.y)
+            self._samples.draw(context, _SAMPLE * size.y)
         imgui.end_child()
         self._height = imgui.get_item_rect_size().y
         imgui.pop_style_var()
@@ -65,14 +67,21 @@ class Welcome:
     def _top(self, corner: ImVec2, size: ImVec2, em: float) -> float:
         return corner.y + max(0.0, size.y - self._height - _MARGIN * em)
 
-    def _draw_samples(self, context: PanelContext, height: float) -> None:
-        """As large as the height of the view allows, whose middle stays free."""
+
+class Samples:
+    """Photos to try, small; a click rebuilds one."""
+
+    def __init__(self) -> None:
+        self._pixels: dict[Path, np.ndarray] = {}
+
+    def draw(self, context: PanelContext, largest: float = math.inf) -> None:
+        """In a line, each so many px wide at the most."""
         em, gap = hello_imgui.em_size(), 0.6 * hello_imgui.em_size()
         paths = sample_images(context.editor.model.category)
         if not paths:
             return
         room = imgui.get_content_region_avail().x
-        side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), _SAMPLE * height)
+        side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), largest)
         if side == object_tiles.THUMBNAIL * em:
             caption(context, "Or try one of these:")
         for number, path in enumerate(paths):
@@ -92,7 +101,7 @@ class Welcome:
     def _of(self, path: Path) -> np.ndarray:
         """The photo, small, on white."""
         if path not in self._pixels:
-            with Image.open(path) as image:
+            with open_image(path) as image:
                 image.thumbnail((128, 128))
                 square = Image.new("RGBA", (max(image.size),) * 2, "white")
                 square.alpha_composite(image.convert("RGBA"), tuple((square.width - side) // 2 for side in image.size))

@@ -3,13 +3,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from core.benchmarks import figures
 from core.benchmarks.figures import FittedPhoto, fit_photo, write_figures
 from core.fitting.fit import PRESETS
 from core.fitting.settings import FitSettings
+from core.models.model import Model
 from tests.conftest import image_size
 from tests.core.tiny import photo_of, tiny_model
 
@@ -18,13 +18,12 @@ QUICK = FitSettings(hypotheses=4, steps=12, rays=64, samples=16, max_restarts=0)
 
 
 @pytest.fixture
-def fitted(monkeypatch: pytest.MonkeyPatch) -> list[FittedPhoto]:
+def fitted(tiny: Model, monkeypatch: pytest.MonkeyPatch) -> list[FittedPhoto]:
     """Two stools, seen from two sides."""
     monkeypatch.setitem(figures.PRESETS, "normal", replace(PRESETS["normal"], **vars(QUICK)))
-    model = tiny_model()
-    photos = [photo_of(model, model.codes[index], model.camera(0.5 + index, 0.4)) for index in (0, 3)]
+    photos = [photo_of(tiny, tiny.codes[index], tiny.camera(0.5 + index, 0.4)) for index in (0, 3)]
     photos = [replace(photo, camera=None) for photo in photos]
-    return [fit_photo(model, photo) for photo in photos]
+    return [fit_photo(tiny, photo) for photo in photos]
 
 
 def cell(path: Path, row: int, column: int) -> np.ndarray:
@@ -58,10 +57,3 @@ def test_a_single_photo_is_edited_towards_a_training_object(fitted: list[FittedP
 def test_no_photo_is_refused(tmp_path: Path):
     with pytest.raises(ValueError, match="no photo"):
         list(write_figures(tiny_model(), [], tmp_path))
-
-
-def test_images_that_are_not_square_stand_on_white_squares():
-    wide = figures._bytes(torch.zeros(10, 20, 3))
-    assert wide.shape == (SIDE, SIDE, 3)
-    assert wide[0, 0].tolist() == [255, 255, 255]
-    assert wide[SIDE // 2, SIDE // 2].tolist() == [0, 0, 0]

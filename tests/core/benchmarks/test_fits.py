@@ -28,9 +28,9 @@ QUICK = {
 
 
 @pytest.fixture(scope="module")
-def found() -> FitResults:
-    targets = tuple(training_object_views(tiny_model(), 2, torch.Generator().manual_seed(0)))
-    *lines, found = fits.run(tiny_model(), targets, QUICK)
+def found(tiny: Model) -> FitResults:
+    targets = tuple(training_object_views(tiny, 2, torch.Generator().manual_seed(0)))
+    *lines, found = fits.run(tiny, targets, QUICK)
     assert all(isinstance(line, str) for line in lines)
     assert isinstance(found, FitResults)
     return found

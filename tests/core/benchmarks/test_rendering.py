@@ -1,12 +1,10 @@
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from core.benchmarks import rendering
 from core.benchmarks.drawing import prepare
-from core.benchmarks.gate import compare_rendering
 from core.benchmarks.rendering import Interaction, RenderingResults, Timing, run
 from core.benchmarks.rendering_charts import add_row, draw_rendering, read_rendering, read_rows
 from core.benchmarks.tables import rendering_table
@@ -80,17 +78,3 @@ def test_charts_are_written(rows: list[Timing | Interaction], found: RenderingRe
     table = rendering_table(found)
     assert (tmp_path / "charts/render.md").read_text() == table
     assert "| naive, float32 | 96 |" in table
-
-
-def test_the_gate_compares_ratios_with_a_baseline(found: RenderingResults) -> None:
-    assert compare_rendering(found, found) == []
-    slow = replace(found, naive=tuple(replace(one, ms=2 * one.ms) for one in found.naive), machine="twice as slow")
-    slow = replace(slow, fast=tuple(replace(one, ms=2 * one.ms) for one in found.fast))
-    assert compare_rendering(slow, found) == []  # all of it: another machine
-    first, *rest = found.fast
-    slower = compare_rendering(replace(found, fast=(replace(first, ms=2 * first.ms), *rest)), found)
-    assert len(slower) == 1
-    assert slower[0].startswith(f"{first.samples} samples: ")
-    assert "times faster, baseline" in slower[0]
-    (worse,) = compare_rendering(replace(found, fast=(replace(first, psnr=first.psnr - 1), *rest)), found)
-    assert "dB (tolerance 0.5 dB)" in worse

@@ -12,6 +12,7 @@ from core.benchmarks.robustness import Measured, RobustnessResults, Trial, name_
 from core.benchmarks.stressors import STRESSORS, Stressor
 from core.benchmarks.tables import robustness_table
 from core.fitting.fit import PRESETS, FitSettings
+from core.models.model import Model
 from tests.conftest import image_size
 from tests.core.tiny import tiny_model
 
@@ -35,7 +36,7 @@ def test_a_wrong_camera_is_named_by_where_it_ended():
 
 
 @pytest.fixture(scope="module")
-def found() -> list[Measured]:
+def found(tiny: Model) -> list[Measured]:
     """Every kind of outcome, of one object."""
     some = {name: STRESSORS[name]._replace(levels=STRESSORS[name].levels[:1]) for name in ("none", "elevation")}
     some |= {name: STRESSORS[name]._replace(levels=(0.0,)) for name in ("random pixels", "another category")}
@@ -45,7 +46,7 @@ def found() -> list[Measured]:
     with patch.context() as changed:
         changed.setattr(robustness, "STRESSORS", some)
         changed.setattr(robustness, "PRESETS", QUICK)
-        return list(run(tiny_model(), (view(),)))
+        return list(run(tiny, (view(),)))
 
 
 def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[Measured]):

@@ -208,3 +208,24 @@ def test_the_manifest_is_plain_json(tmp_path: Path) -> None:
     write_manifest(tmp_path, "chairs", {"a": ("s", "t")})
     content = json.loads((tmp_path / "manifest.json").read_text())
     assert content == {"category": "chairs", "objects": {"a": {"shape_id": "s", "texture_id": "t"}}}
+
+
+def test_what_systems_leave_beside_files_is_no_part_of_a_dataset(tmp_path: Path) -> None:
+    write_object(tmp_path, views("a"))
+    write_manifest(tmp_path, "chairs", {"a": ("s", "t")})
+    expected = read_dataset(tmp_path)
+    for junk in (
+        "a/rgb/._000000.png",
+        "a/pose/._000000.txt",
+        "a/rgb/Thumbs.db",
+        "__MACOSX/a/rgb/000000.png",
+        ".DS_Store",
+    ):
+        (tmp_path / junk).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / junk).write_bytes(b"\0\5\x16\7")
+    for text in ("manifest.json", "a/intrinsics.txt", "a/pose/000000.txt"):
+        (tmp_path / text).write_bytes(b"\xef\xbb\xbf" + (tmp_path / text).read_bytes())
+    found = read_dataset(tmp_path)
+    assert [one.name for one in found.objects] == ["a"]
+    assert found.objects[0].cameras == expected.objects[0].cameras
+    assert found.category == "chairs"

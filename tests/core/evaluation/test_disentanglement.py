@@ -77,7 +77,7 @@ def test_wrong_codes_are_seen(tiny: Model, factorial):
 
 
 def test_a_leaking_field_would_be_caught(tiny: Model, factorial, monkeypatch: pytest.MonkeyPatch):
-    honest = module.render_view
+    honest = module.render_image
 
     def leaking(model, codes: Codes, camera, samples: int | None = None):
         frame = honest(model, codes, camera, samples)
@@ -85,7 +85,7 @@ def test_a_leaking_field_would_be_caught(tiny: Model, factorial, monkeypatch: py
             frame, colour=frame.colour - 0.1 * codes.texture[0], opacity=frame.opacity * (0.75 + codes.texture[0] / 4)
         )
 
-    monkeypatch.setattr(module, "render_view", leaking)
+    monkeypatch.setattr(module, "render_image", leaking)
     score, _ = score_pairs(tiny, [pair for pair in pairs(tiny, factorial) if not pair.trained])
     assert score.opacity_change > 0.4
     assert score.background_change == pytest.approx(0.2, abs=0.01)

@@ -15,6 +15,7 @@ from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.progressive import render_frame
+from core.streams import run_to_end
 from tests.core.tiny import tiny_model
 
 
@@ -25,14 +26,6 @@ def tiny() -> Model:
     field = copy.deepcopy(soft.field)
     field.config = replace(field.config, density_scale=10 * field.config.density_scale)
     return replace(soft, field=field)
-
-
-def drained(stream) -> Mesh:
-    while True:
-        try:
-            next(stream)
-        except StopIteration as end:
-            return end.value
 
 
 def solid(found: Mesh) -> trimesh.Trimesh:
@@ -60,7 +53,7 @@ def ball(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize("resolution", [40, 64, 97])
 def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    found = drained(extract_mesh(model, model.codes[0], resolution))
+    found = run_to_end(extract_mesh(model, model.codes[0], resolution))
     assert solid(found).is_watertight
     assert solid(found).is_winding_consistent
     assert solid(found).volume == pytest.approx(4 / 3 * np.pi * 0.2**3, rel=0.06)
@@ -73,21 +66,21 @@ def test_a_ball_has_its_volume_and_faces_outward(resolution: int, ball, model: M
 
 def test_what_leaves_the_box_is_closed_there(ball, model: Model):
     ball(((0.3, 0.0, 0.0), 0.2))
-    found = drained(extract_mesh(model, model.codes[0], 48))
+    found = run_to_end(extract_mesh(model, model.codes[0], 48))
     assert solid(found).is_watertight
     assert found.vertices[:, 0].max() == pytest.approx(model.extent[0], abs=0.02)
 
 
 def test_pieces_stay_specks_and_hollows_go(ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2), ((0.0, 0.2, 0.35), 0.04), ((0.2, -0.2, -0.35), 0.013), hollow=0.1)
-    found = solid(drained(extract_mesh(model, model.codes[0], 96)))
+    found = solid(run_to_end(extract_mesh(model, model.codes[0], 96)))
     pieces = found.split(only_watertight=False)
     assert sorted(round(float(piece.extents[0]), 2) for piece in pieces) == [0.08, 0.4]
     assert found.is_watertight
 
 
 def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):
-    found = drained(extract_mesh(tiny, tiny.codes[1], 64))
+    found = run_to_end(extract_mesh(tiny, tiny.codes[1], 64))
     assert solid(found).is_watertight
     camera = tiny.camera(1.1, 0.4)
     drawn = render_frame(tiny, tiny.codes[1], camera)
@@ -109,7 +102,7 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     assert all(before <= after for before, after in pairwise(shares))
     assert shares[-1] == 1.0
     assert [entry.name for entry in tmp_path.iterdir()] == [path.name]
-    found = drained(extract_mesh(tiny, tiny.codes[0], 32))
+    found = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
     read = next(iter(trimesh.load_scene(path, process=False).geometry.values()))
     gltf = suffix == ".glb"
     expected = found.vertices @ np.linalg.inv(WORLD_FROM_GLTF).T if gltf else found.vertices
@@ -138,7 +131,7 @@ def test_a_texture_shows_what_the_vertices_do(tiny: Model, tmp_path: Path):
     shares = list(export_mesh(tiny, tiny.codes[0], path, MeshSettings(32, texture=128)))
     assert all(before <= after for before, after in pairwise(shares))
     (read,) = trimesh.load_scene(path, process=False).geometry.values()
-    plain = drained(extract_mesh(tiny, tiny.codes[0], 32))
+    plain = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
     image = np.asarray(read.visual.material.baseColorTexture.convert("RGB"))
     height, width = image.shape[:2]
     here = image[((1 - read.visual.uv[:, 1]) * height).astype(int), (read.visual.uv[:, 0] * width).astype(int)] / 255
@@ -177,11 +170,11 @@ def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
 
 def test_a_mesh_has_as_many_cells_as_its_surface_asks_for(ball, model: Model):
     ball(((0.0, 0.0, 0.0), 0.2))
-    fine, found = drained(extract_mesh(model, model.codes[0], 384)), drained(extract_mesh(model, model.codes[0]))
+    fine, found = run_to_end(extract_mesh(model, model.codes[0], 384)), run_to_end(extract_mesh(model, model.codes[0]))
     radius = np.median(np.linalg.norm(fine.vertices, axis=1))
     middles = found.vertices[found.faces].mean(1)
     assert np.quantile(np.abs(np.linalg.norm(middles, axis=1) - radius), 0.95) < TOLERANCE
     assert len(found.faces) < len(fine.faces) / 3
     # Something thinner than the coarsest grid's cells is found all the same.
     ball(((0.0, 0.0, 0.0), 0.2), *(((0.21 + 0.006 * step, 0.0, 0.0), 0.006) for step in range(15)))
-    assert drained(extract_mesh(model, model.codes[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)
+    assert run_to_end(extract_mesh(model, model.codes[0])).vertices[:, 0].max() == pytest.approx(0.298, abs=0.005)

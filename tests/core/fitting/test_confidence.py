@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from core.fitting.confidence import DOUBTFUL, Calibration, auroc, confidence, fit_calibration
+from core.fitting.confidence import DOUBTFUL, Calibration, auroc, confidence, fit_calibration, in_words
 
 
 def fits(count: int) -> tuple[list[float], list[float], list[bool]]:
@@ -49,3 +49,8 @@ def test_a_wide_margin_is_trusted_and_a_tie_or_a_flat_basin_is_not():
     assert confidence(0.0, 1.5) < DOUBTFUL < confidence(1.0, 1.0)
     assert confidence(0.5, 20.0) < confidence(0.5, 1.0)
     assert 0 <= confidence(-1e9, 0.0) < confidence(1e9, 180.0) <= 1
+
+
+@pytest.mark.parametrize(("confidence", "words"), [(0.95, "sure"), (0.9, "likely"), (0.5, "likely"), (0.2, "doubtful")])
+def test_confidence_has_words(confidence: float, words: str):
+    assert in_words(confidence) == words

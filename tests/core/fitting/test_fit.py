@@ -10,6 +10,7 @@ from core.fitting.fit import FitJob, FitSettings, FitStep, fit
 from core.metrics import psnr, rotation_error
 from core.models.model import Model
 from core.photos.photo import Photo
+from core.photos.view_bank import build_view_bank
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
 from tests.core.tiny import photo_of
@@ -27,10 +28,16 @@ def last_of(model: Model, job: FitJob) -> FitStep:
     return step
 
 
+@pytest.fixture(scope="module")
+def whole_fit(tiny: Model) -> list[FitStep]:
+    """A whole fit, step by step."""
+    return list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
+
+
 # What is found
 
 
-@pytest.mark.parametrize("index, azimuth, elevation", [(0, 1.2, 0.3), (1, 2.9, 0.6), (2, 4.5, 0.2), (3, 6.0, 1.35)])
+@pytest.mark.parametrize("index, azimuth, elevation", [(1, 2.9, 0.6), (2, 4.5, 0.2), (3, 6.0, 1.35)])
 def test_an_unknown_camera_and_the_codes_are_found(tiny: Model, index: int, azimuth: float, elevation: float):
     truth = tiny.camera(azimuth, elevation)
     photo = photo_of(tiny, tiny.codes[index], truth)
@@ -93,24 +100,22 @@ def test_a_reframed_picture_has_its_middle_found_too(tiny: Model):
     assert rotation_error(last(tiny, moved).cameras[0], truth) < 5
 
 
-def test_the_last_step_is_better_than_the_first_ones(tiny: Model):
-    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[3], tiny.camera(0.4, 0.2)),), QUICK)))
-    assert steps[-1].psnr > median(step.psnr for step in steps[: QUICK.steps // 2])
-    assert steps[-1].loss < median(step.loss for step in steps[: QUICK.steps // 2])
+def test_the_last_step_is_better_than_the_first_ones(whole_fit: list[FitStep]):
+    assert whole_fit[-1].psnr > median(step.psnr for step in whole_fit[: QUICK.steps // 2])
+    assert whole_fit[-1].loss < median(step.loss for step in whole_fit[: QUICK.steps // 2])
 
 
 # The search, and resuming
 
 
-def test_hypotheses_are_told_the_leader_first(tiny: Model):
-    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], tiny.camera(1.2, 0.3)),), QUICK)))
-    for step in steps:
+def test_hypotheses_are_told_the_leader_first(whole_fit: list[FitStep]):
+    for step in whole_fit:
         assert [one.loss for one in step.hypotheses] == sorted(one.loss for one in step.hypotheses)
         assert (step.hypotheses[0].origin, step.hypotheses[0].cameras) == (step.origin, step.cameras)
         assert torch.equal(step.hypotheses[0].codes.shape, step.codes.shape)
-    assert len(steps[0].hypotheses) == QUICK.hypotheses
-    assert steps[-1].runner_up is not None
-    assert steps[-1].hypotheses[1].cameras == steps[-1].runner_up.cameras
+    assert len(whole_fit[0].hypotheses) == QUICK.hypotheses
+    assert whole_fit[-1].runner_up is not None
+    assert whole_fit[-1].hypotheses[1].cameras == whole_fit[-1].runner_up.cameras
 
 
 def test_a_fit_resumes_where_another_ended(tiny: Model):
@@ -149,10 +154,9 @@ def test_a_resumed_fit_keeps_known_cameras_and_several_unknown_ones(tiny: Model)
 # What else it could be
 
 
-def test_the_runner_up_is_another_camera_that_is_scored_too(tiny: Model):
-    truth = tiny.camera(1.2, 0.3)
-    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[0], truth),), QUICK)))
-    found = steps[-1]
+def test_the_runner_up_is_another_camera_that_is_scored_too(tiny: Model, whole_fit: list[FitStep]):
+    found = whole_fit[-1]
+    assert rotation_error(found.cameras[0], tiny.camera(1.2, 0.3)) < 10
     assert found.runner_up is not None
     assert found.margin is not None
     assert found.confidence is not None
@@ -162,14 +166,7 @@ def test_the_runner_up_is_another_camera_that_is_scored_too(tiny: Model):
     assert found.uncertainty is not None
     assert 0 < found.uncertainty < 30
     assert 0 <= found.confidence <= 1
-    assert steps[0].runner_up is steps[0].confidence is steps[0].uncertainty is None
-
-
-@pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (8, 9)])
-def test_there_is_a_runner_up_however_short_the_search(tiny: Model, hypotheses: int, steps: int):
-    photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
-    found = last(tiny, photo, settings=FitSettings(hypotheses, steps, rays=8, samples=4))
-    assert found.runner_up is not None
+    assert whole_fit[0].runner_up is whole_fit[0].confidence is whole_fit[0].uncertainty is None
 
 
 def test_a_known_camera_has_no_runner_up(tiny: Model):
@@ -214,15 +211,17 @@ def test_fitting_leaves_the_model_as_it_is(tiny: Model):
 
 
 @pytest.mark.parametrize("hypotheses, steps", [(1, 1), (1, 7), (2, 3), (3, 9), (40, 10)])
-def test_any_number_of_hypotheses_and_steps_ends(tiny: Model, hypotheses: int, steps: int):
+def test_any_number_of_hypotheses_and_steps_ends_and_has_a_runner_up(tiny: Model, hypotheses: int, steps: int):
     photo = photo_of(tiny, tiny.codes[1], tiny.camera(2.0, 0.6))
     found = list(fit(tiny, FitJob((photo,), FitSettings(hypotheses, steps, rays=8, samples=4))))
     assert found[-1].step == found[-1].steps == len(found)
+    assert found[-1].runner_up is not None
 
 
 @pytest.mark.parametrize("painted", [False, True])
 def test_a_model_that_paints_its_ground_and_one_that_does_not(painted: bool):
     model = random_model(1, painted)
+    list(build_view_bank(model))  # an empty one, of a mist
     generator = torch.Generator().manual_seed(0)
     mask = torch.zeros(32, 32, dtype=torch.bool)
     mask[10:22, 8:20] = True

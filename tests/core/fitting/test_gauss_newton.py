@@ -42,7 +42,7 @@ def parameters_of(count: int = 3) -> Parameters:
 @pytest.mark.parametrize("zoom", [-0.3, 0.0, 0.3])
 def test_rays_turn_with_every_number_of_a_camera_as_by_small_steps(tiny: Model, zoom: float):
     pixels, parameters = pixels_of(tiny), parameters_of(1)
-    at = parameters._replace(zoom=torch.full((1, 1), zoom), picture=torch.tensor([[[0.1, 0.3, 0.05, -0.08]]]))
+    at = parameters._replace(zoom=torch.full((1, 1), zoom), crop_transform=torch.tensor([[[0.1, 0.3, 0.05, -0.08]]]))
     parts, small = ((0, 0), (0, 1), (1, None), (2, None), (3, 0), (3, 1), (3, 2), (3, 3)), 1e-3
     for slope, (part, axis) in zip(camera_jacobian(at, hypothesis_rays(tiny, at, pixels)), parts, strict=True):
         there = []
@@ -103,7 +103,7 @@ def test_steps_go_down_and_leave_alone_what_is_given(tiny: Model):
     assert torch.equal(batch.parameters.angles[..., 1], first.parameters.angles[..., 1])
     assert not torch.equal(batch.parameters.angles[..., 0], first.parameters.angles[..., 0])
     assert torch.equal(batch.parameters.zoom, first.parameters.zoom)
-    assert torch.equal(batch.parameters.picture, first.parameters.picture)
+    assert torch.equal(batch.parameters.crop_transform, first.parameters.crop_transform)
 
 
 def test_one_that_diverged_stays_out_and_the_others_go_on(tiny: Model):

@@ -12,7 +12,7 @@ from core.fitting.settings import ALL_COMPONENTS, Components, FitSettings
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.photo import Photo
-from core.photos.view_bank import view_bank
+from core.photos.view_bank import build_view_bank, view_bank
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
 
@@ -95,6 +95,7 @@ def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Cam
 def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
     mist = random_model()
     mist.field.density_layer.bias.fill_(-1e4)
+    list(build_view_bank(mist))
     camera = mist.camera(0.3, 0.3)
     photo = Photo(torch.zeros(32, 32, 3), torch.ones(32, 32, dtype=torch.bool), camera)
     batch = initial(problem_of(mist, [photo]), 6)
@@ -108,7 +109,7 @@ def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model
     assert len(batch) == len(second.unique(dim=0)) == 6
     assert len(first.unique(dim=0)) == 1
     assert not batch.parameters.zoom.any()
-    assert not batch.parameters.picture.any()
+    assert not batch.parameters.crop_transform.any()
 
 
 def test_unknown_cameras_take_turns_in_focal_lengths_a_pair_at_a_time(tiny: Model, given: list[Camera]):

@@ -1,25 +1,25 @@
-"""Each loss term as a value, as weighted residuals and by autograd: all three must agree."""
+"""The objective and its quadratic by autograd, and what each of its terms costs."""
 
 import math
-from collections.abc import Callable
 
 import pytest
 import torch
 
-from core.fitting.gauss_newton import normal_equations
-from core.fitting.hypotheses import Parameters
+from core.fitting.gauss_newton import gauss_newton_step, normal_equations
+from core.fitting.hypotheses import HypothesisBatch, Parameters
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     MOVED_SCALE,
     OCCLUDER_SCALE,
+    TERMS,
     Objective,
+    RenderedPixels,
     Term,
     camera_prior_term,
-    code_prior_term,
     evaluate_objective,
     image_squared_error,
     mask_term,
-    photometric_term,
+    term_value,
     viewpoint_weights,
 )
 from core.fitting.observations import Observation, PixelBatch, sample_pixels
@@ -48,64 +48,73 @@ def pixels_of(model: Model, rays: int = 96) -> PixelBatch:
     return sample_pixels([Observation.of(photo, model)], rays, torch.Generator().manual_seed(0))
 
 
-def agrees(term: Callable[[torch.Tensor], Term], at: torch.Tensor) -> None:
-    """The gradient of a term's value is twice its weighted residual: residuals move as fast as ``at`` does."""
-    at = at.clone().requires_grad_()
-    found = term(at)
-    (gradient,) = torch.autograd.grad(found.value.sum(), at)
-    expected = (2 * found.weight * found.residual).detach()
-    torch.testing.assert_close(gradient, expected.reshape(gradient.shape), rtol=1e-4, atol=1e-7)
-
-
-@pytest.mark.parametrize("occluder_scale", [math.inf, OCCLUDER_SCALE])
-@pytest.mark.parametrize("robust_scale", ROBUST)
-def test_residuals_of_images_have_the_gradient_of_their_value(tiny: Model, robust_scale: float, occluder_scale: float):
-    pixels = pixels_of(tiny)
-    rendered = torch.rand(3, 1, 96, 3, generator=torch.Generator().manual_seed(1))
-    objective = Objective(1e-4, robust_scale=robust_scale, occluder_scale=occluder_scale)
-    agrees(lambda colour: photometric_term(colour, pixels, objective), rendered)
-    agrees(lambda opacity: mask_term(opacity, pixels, objective), rendered[..., 0])
-
-
-def test_residuals_of_codes_have_the_gradient_of_their_value():
-    agrees(lambda code: code_prior_term(code, 1e-3), parameters_of().shape)
-
-
-@pytest.mark.parametrize("expected", [None, torch.linspace(-0.5, 0.5, len(directions()[0]))[None]])
-@pytest.mark.parametrize("elevation", [0.5, -0.9])
-def test_residuals_of_cameras_have_the_gradient_of_their_value(elevation: float, expected: torch.Tensor | None):
-    at, objective = parameters_of(elevation=elevation), Objective(1e-4, expected_scale=expected)
-
-    def term(numbers: torch.Tensor) -> Term:
-        angles, distance, zoom, picture = numbers.split((2, 1, 1, 4), -1)
-        moved = at._replace(angles=angles, distance=distance[..., 0], zoom=zoom[..., 0], picture=picture)
-        return camera_prior_term(moved, objective)
-
-    picture = torch.tensor([0.1, -0.02, 0.03, 0.01]).expand(3, 1, 4)
-    agrees(term, torch.cat((at.angles, at.distance[..., None], at.zoom[..., None], picture), -1))
-
-
-@pytest.mark.parametrize("elevation", [0.5, -0.3])
-@pytest.mark.parametrize("occluder_scale", [math.inf, OCCLUDER_SCALE])
-@pytest.mark.parametrize("robust_scale", ROBUST)
-def test_gauss_newton_sees_the_objective_and_its_gradient(
-    tiny: Model, monkeypatch: pytest.MonkeyPatch, robust_scale: float, occluder_scale: float, elevation: float
-):
-    """With two samples a ray, all of them are differentiated by both; tables would be off in the fourth digit."""
-    monkeypatch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
-    objective = Objective(1e-4, robust_scale=robust_scale, occluder_scale=occluder_scale)
-    stage = Stage(3, 1, 96, 2, robust_scale, 0.3)
-    at = Parameters(*(part.requires_grad_() for part in parameters_of(elevation=elevation)))
-    pixels = pixels_of(tiny)
+def check_gradient(model: Model, at: Parameters, pixels: PixelBatch, objective: Objective) -> None:
+    """Gauss-Newton's against autograd's. With two samples a ray, all of them are differentiated by both."""
+    stage = Stage(3, 1, 96, 2, objective.robust_scale, 0.3)
+    at = Parameters(*(part.requires_grad_() for part in at))
     with use_dtype(torch.float32):
-        found = normal_equations(tiny, Parameters(*(part.detach() for part in at)), pixels, None, stage, objective)
-        expected = evaluate_objective(tiny, at, pixels, stage.samples, objective)
+        found = normal_equations(model, Parameters(*(part.detach() for part in at)), pixels, None, stage, objective)
+        expected = evaluate_objective(model, at, pixels, stage.samples, objective)
     torch.testing.assert_close(found.objective, expected.objective, rtol=1e-4, atol=1e-7)
     torch.testing.assert_close(found.squared_error, expected.squared_error, rtol=1e-4, atol=1e-7)
     parts = torch.autograd.grad(expected.objective.sum(), at)
     gradient = torch.cat([part.flatten(1) for part in parts], 1)
     torch.testing.assert_close(2 * found.gradient, gradient, rtol=1e-4, atol=1e-4 * float(gradient.abs().max()))
     assert bool((torch.linalg.eigvalsh(found.hessian.double()) > -1e-9).all())
+
+
+@pytest.fixture
+def exact(monkeypatch: pytest.MonkeyPatch):
+    """Without tables of the first layer, which are off in the fourth digit."""
+    monkeypatch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
+
+
+@pytest.mark.usefixtures("exact")
+@pytest.mark.parametrize("expected", [None, torch.linspace(-0.5, 0.5, len(directions()[0]))[None]])
+@pytest.mark.parametrize("elevation", [0.5, -0.3])
+@pytest.mark.parametrize("occluder_scale", [math.inf, OCCLUDER_SCALE])
+@pytest.mark.parametrize("robust_scale", ROBUST)
+def test_gauss_newton_sees_the_objective_and_its_gradient(
+    tiny: Model, robust_scale: float, occluder_scale: float, elevation: float, expected: torch.Tensor | None
+):
+    at = parameters_of(elevation=elevation)
+    at.crop_transform[:] = torch.tensor([0.1, -0.02, 0.03, 0.01])
+    objective = Objective(1e-4, expected_scale=expected, robust_scale=robust_scale, occluder_scale=occluder_scale)
+    check_gradient(tiny, at, pixels_of(tiny), objective)
+
+
+def depth_term(pixels: PixelBatch, objective: Objective) -> Term:
+    """A term that the program has not: the object shall be 2.1 scene units away wherever it is seen."""
+    return Term(
+        lambda _, rendered: (rendered.depth - 2.1 * rendered.opacity)[..., None],
+        pixels.weights / len(pixels.weights),
+        needs_depth=True,
+    )
+
+
+@pytest.mark.usefixtures("exact")
+def test_a_term_of_depths_is_one_function(tiny: Model):
+    check_gradient(tiny, parameters_of(), pixels_of(tiny), Objective(1e-4, terms=(*TERMS, depth_term)))
+
+
+def test_a_term_of_depths_moves_cameras_to_where_it_wants_them(tiny: Model):
+    at, pixels = parameters_of(), pixels_of(tiny)
+    objective, stage = Objective(0.0, terms=(depth_term,)), Stage(3, 1, 96, 24, math.inf, 0.3)
+    batch, jitter = HypothesisBatch.of(at), torch.zeros_like(pixels.target_opacity)
+    free = torch.tensor([[False, False, True, False, False, False, False, False]])
+    for _ in range(12):
+        batch = gauss_newton_step(tiny, batch, pixels, jitter, stage, objective, free)
+    with torch.no_grad():
+        before, after = (evaluate_objective(tiny, some, pixels, 24, objective) for some in (at, batch.parameters))
+    assert bool((after.objective < 0.5 * before.objective).all())
+
+
+def test_hypotheses_that_cost_nothing_are_not_held(tiny: Model):
+    """A camera where it is expected has no curvature from its prior; elsewhere it has."""
+    pixels, objective = pixels_of(tiny), Objective(0.0, terms=(camera_prior_term,))
+    for distance, held in ((0.0, False), (0.1, True)):
+        found = normal_equations(tiny, standing(distance), pixels, None, Stage(1, 1, 96, 2, math.inf, 0.3), objective)
+        assert bool(found.hessian.any()) == held
 
 
 def test_autograd_sees_the_objective_as_small_steps_do(tiny: Model):
@@ -115,10 +124,10 @@ def test_autograd_sees_the_objective_as_small_steps_do(tiny: Model):
         value = evaluate_objective(tiny, at, pixels, 2, objective).objective.sum()
         (gradient,) = torch.autograd.grad(value, at.shape)
         for index in range(2):
-            step = 1e-2 * torch.eye(2)[index]
+            step = 1e-3 * torch.eye(2)[index]  # so short that no sample passes a kink on the way
             ends = [at._replace(shape=(at.shape + sign * step).detach()) for sign in (-1, 1)]
             low, high = (float(evaluate_objective(tiny, end, pixels, 2, objective).objective) for end in ends)
-            assert float(gradient[0, index]) == pytest.approx((high - low) / 2e-2, rel=0.05, abs=1e-5)
+            assert float(gradient[0, index]) == pytest.approx((high - low) / 2e-3, rel=0.02)
 
 
 def test_something_in_front_may_hide_an_object_but_not_show_one(tiny: Model):
@@ -127,15 +136,18 @@ def test_something_in_front_may_hide_an_object_but_not_show_one(tiny: Model):
     strict, lenient = Objective(1e-4), Objective(1e-4, occluder_scale=OCCLUDER_SCALE)
     beside = (pixels.target_opacity < 0.5).float().expand(1, 1, -1)
 
+    def black(opacity: torch.Tensor) -> RenderedPixels:
+        return RenderedPixels(torch.cat((torch.zeros(*opacity.shape, 3), opacity[..., None]), -1))
+
     def price(opacity: torch.Tensor, objective: Objective) -> float:
-        return float(mask_term(opacity, pixels, objective).value)
+        term = mask_term(pixels, objective)
+        return float(term_value(term, term.residual(parameters_of(1), black(opacity))))
 
     extra, lacking = torch.maximum(pixels.target_opacity, 0.9 * beside), 0.1 * pixels.target_opacity[None]
     assert price(extra, lenient) < 0.3 * price(extra, strict)
     assert price(lacking, lenient) == pytest.approx(price(lacking, strict))
-    white = torch.zeros(1, 1, len(pixels.pixels[0]), 3)
-    seen = image_squared_error(white, extra, pixels, OCCLUDER_SCALE)
-    assert float(seen) < float(image_squared_error(white, extra, pixels))
+    seen = image_squared_error(black(extra), pixels, OCCLUDER_SCALE)
+    assert float(seen) < float(image_squared_error(black(extra), pixels))
 
 
 # What a camera costs
@@ -148,12 +160,17 @@ def standing(distance: float, elevation: float = 0.5, views: int = 1, zoom: floa
 
 
 def shown(scale: float, right: float = 0.0, views: int = 1) -> Parameters:
-    picture = torch.tensor([scale, 0.0, right, 0.0]).expand(1, views, 4)
-    return standing(0.0, views=views)._replace(picture=picture)
+    crop_transform = torch.tensor([scale, 0.0, right, 0.0]).expand(1, views, 4)
+    return standing(0.0, views=views)._replace(crop_transform=crop_transform)
 
 
-def cost(at: Parameters, *scales: tuple[float, ...]) -> float:
-    return float(camera_prior_term(at, Objective(1e-4, torch.tensor(scales or [CAMERA_PRIOR_SCALE]))).value)
+def cost(at: Parameters, *scales: tuple[float, ...], expected: torch.Tensor | None = None) -> float:
+    some = torch.zeros(at.distance.shape[1], 1, 2)
+    pixels = PixelBatch(some, torch.zeros(*some.shape[:2], 3), *[some[..., 0]] * 3, some[..., None, :], some[..., 0])
+    term = camera_prior_term(
+        pixels, Objective(1e-4, torch.tensor(scales or [CAMERA_PRIOR_SCALE]), expected_scale=expected)
+    )
+    return float(term_value(term, term.residual(at, RenderedPixels(torch.zeros(1, *some.shape[:2], 4)))))
 
 
 def test_the_usual_distance_costs_nothing_and_a_camera_below_the_ground_something():
@@ -169,10 +186,8 @@ def test_a_photo_that_was_moved_says_less_about_its_scale_and_nothing_about_its_
 
 def test_a_scale_is_judged_by_what_objects_have_from_there():
     expected = torch.zeros(1, len(directions()[0])).add_(0.4)
-    objective = Objective(1e-4, expected_scale=expected)
-    usual, as_expected = (camera_prior_term(shown(scale), objective) for scale in (0.0, 0.4))
-    assert float(as_expected.value) == pytest.approx(0, abs=1e-6)
-    assert float(usual.value) > 1e-3
+    assert cost(shown(0.4), expected=expected) == pytest.approx(0, abs=1e-6)
+    assert cost(shown(0.0), expected=expected) > 1e-3
 
 
 def test_every_photo_has_a_scale_of_its_own():

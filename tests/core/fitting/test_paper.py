@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import torch
 
-from core.fitting.fit import PRESETS, FitJob, FitStep, fit
+from core.fitting.fit import PRESETS, FitJob, FitStep
 from core.fitting.hypotheses import Hypothesis
+from core.fitting.paper import fit
 from core.metrics import rotation_error
 from core.models.model import Model
 from core.photos.photo import Photo
@@ -30,12 +31,14 @@ def test_the_paper_starts_once_anywhere_with_the_mean_codes(tiny: Model):
     torch.testing.assert_close(moved, torch.full_like(moved, 0.01), rtol=0.05, atol=1e-4)
 
 
-def test_the_paper_finds_the_camera_from_some_starts(tiny: Model):
-    truth = tiny.camera(1.2, 0.3)
-    photo = photo_of(tiny, tiny.codes[0], truth)
-    streams = [list(fit(tiny, FitJob((photo,), PAPER, seed))) for seed in range(3)]
-    assert min(rotation_error(steps[-1].cameras[0], truth) for steps in streams) < 15
-    assert all(len(steps) == PAPER.steps for steps in streams)
+def test_the_paper_turns_a_camera_that_is_off_towards_the_true_one(tiny: Model):
+    """From a start that is given: where a random one leads is a matter of chance."""
+    truth, start = tiny.camera(1.2, 0.3), tiny.camera(1.45, 0.4)
+    begin = Hypothesis(0, 0.0, (start,), tiny.codes.mean, torch.zeros(1, 4))
+    job = FitJob((photo_of(tiny, tiny.codes[0], truth),), replace(PAPER, steps=60), resume_from=begin)
+    steps = list(fit(tiny, job))
+    assert len(steps) == 60
+    assert rotation_error(steps[-1].cameras[0], truth) < 0.6 * rotation_error(start, truth)
 
 
 def test_the_paper_with_known_and_with_several_cameras(tiny: Model):

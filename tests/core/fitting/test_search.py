@@ -9,7 +9,7 @@ import torch
 
 from core.fitting import fit as fits
 from core.fitting import search
-from core.fitting.fit import FitJob, FitSettings, FitStep, fit
+from core.fitting.fit import FitJob, FitSettings, fit
 from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters, to_cameras
 from core.fitting.initial import initial_hypotheses
 from core.fitting.objective import CAMERA_PRIOR_SCALE, MOVED_SCALE, SCALED_SCALE
@@ -51,7 +51,7 @@ def test_a_local_search_begins_anew_around_the_best_cameras(tiny: Model):
 
 def test_an_early_stop_is_as_good_in_fewer_steps(tiny: Model):
     steps = 0
-    for index in range(4):
+    for index in range(2):
         camera = tiny.camera(0.9 + index, 0.5)  # given, and one hypothesis: so small a model leaves the rest to chance
         clean = photo_of(tiny, tiny.codes[index], camera)
         noise = 0.03 * torch.randn(clean.pixels.shape, generator=seeded(index))
@@ -226,7 +226,7 @@ def test_the_refinement_tells_the_best_that_was_scored(tiny: Model, steps: int, 
 
 
 def test_no_start_and_no_photo_ends_worse_than_it_began(tiny: Model):
-    for seed in range(10):
+    for seed in range(4):
         ends_well(tiny, seed)
 
 
@@ -274,10 +274,3 @@ def assert_finite(batch: HypothesisBatch) -> None:
     best = batch.best
     assert math.isfinite(float(best.loss)) and math.isfinite(float(best.squared_error))
     assert all(bool(part.isfinite().all()) for part in batch.parameters)
-
-
-def test_a_result_says_what_it_is_sure_of(tiny: Model):
-    last: FitStep
-    *_, last = fit(tiny, FitJob((stool(tiny),), SHORT))
-    assert last.confidence is not None
-    assert 0 <= last.confidence <= 1

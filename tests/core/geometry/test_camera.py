@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -83,3 +84,12 @@ def test_genuine_srn_poses_are_orbit_cameras(shared):
         pose = torch.tensor([float(word) for word in path.read_text().split()], dtype=torch.float64).reshape(4, 4)
         camera = Camera.from_pose(pose, 131.25, 128, 128)
         torch.testing.assert_close(camera.pose(), pose, atol=2e-4, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [({"width": 0}, "size"), ({"width": 30_000, "height": 30_000}, "size"), ({"focal": math.inf}, "focal")],
+)
+def test_numbers_that_no_camera_has_are_refused(wrong: dict, said: str):
+    with pytest.raises(ValueError, match=f"camera {said}"):
+        replace(Camera(0.3, 0.4, 1.3, 131.25, 128, 96), **wrong)

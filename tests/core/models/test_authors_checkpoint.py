@@ -10,6 +10,7 @@ from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.authors_checkpoint import load_authors
 from core.models.codes import Codes
+from core.models.library import load_model
 from core.models.model import Model
 from core.rendering.progressive import render_frame
 from core.rendering.reference import render_exact
@@ -128,8 +129,9 @@ def test_nothing_in_a_file_is_executed(tmp_path: Path, monkeypatch: pytest.Monke
     (tmp_path / "hpam.json").write_text(settings)
     for writer in (torch.save, lambda value, to: to.write_bytes(pickle.dumps(value, 2))):
         writer({"model_params": Trap()}, path)
-        with pytest.raises(ValueError, match=r"models\.pth is not a checkpoint"):
+        with pytest.raises(ValueError, match=r"models\.pth: not a checkpoint .*something else than tensors") as error:
             load_authors(path)
+        assert "trust" not in str(error.value)  # torch's advice
     assert not (tmp_path / "sprung").exists()
 
 
@@ -138,7 +140,7 @@ def test_nothing_in_a_file_is_executed(tmp_path: Path, monkeypatch: pytest.Monke
 def test_what_is_no_checkpoint_is_named(content: bytes, settings: str, tmp_path: Path):
     (tmp_path / "models.pth").write_bytes(content)
     (tmp_path / "other.json").write_text(settings)
-    with pytest.raises(ValueError, match=r"models\.pth is not a checkpoint"):
+    with pytest.raises(ValueError, match=r"^\S*models\.pth: [^\n]*$"):
         load_authors(tmp_path / "models.pth", tmp_path / "other.json")
 
 
@@ -146,7 +148,45 @@ def test_settings_of_another_size_are_refused(tmp_path: Path):
     about = json.loads((GOLDEN / "hpam.json").read_text())
     about["net_hyperparams"]["W"] = 32
     (tmp_path / "hpam.json").write_text(json.dumps(about))
-    with pytest.raises(ValueError, match="not a checkpoint"):
+    with pytest.raises(ValueError, match=r"models\.pth: not a checkpoint .*size mismatch"):
         load_authors(GOLDEN / "models.pth", tmp_path / "hpam.json")
     with pytest.raises(ValueError, match=r"gone\.json"):
         load_authors(GOLDEN / "models.pth", tmp_path / "gone.json")
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        ("[]", "hpam must be an object"),
+        ('{"net_hyperparams": {}}', r"hpam\.net_hyperparams\.W is missing"),
+        (None, "shape_blocks of a field is 1 to 32, got 10000000"),
+    ],
+)
+def test_settings_that_no_network_has_are_named(content: str | None, reason: str, tmp_path: Path):
+    about = json.loads((GOLDEN / "hpam.json").read_text())
+    about["net_hyperparams"]["shape_blocks"] = 10_000_000
+    (tmp_path / "hpam.json").write_text(json.dumps(about) if content is None else content)
+    with pytest.raises(ValueError, match=rf"hpam\.json: {reason}"):
+        load_authors(GOLDEN / "models.pth", tmp_path / "hpam.json")
+
+
+def test_a_checkpoint_of_parallel_training_in_capitals_is_read(golden: Model, tmp_path: Path):
+    state = torch.load(GOLDEN / "models.pth", weights_only=True)
+    state["model_params"] = {f"module.{name}": tensor for name, tensor in state["model_params"].items()}
+    torch.save(state, tmp_path / "MODELS.PTH")
+    about = json.loads((GOLDEN / "hpam.json").read_text())
+    about["near"] = int(about["near"])
+    (tmp_path / "hpam.json").write_text("\ufeff" + json.dumps(about), "utf-8")
+    assert load_model(str(tmp_path / "MODELS.PTH")).fingerprint == golden.fingerprint
+
+
+def test_a_bare_tensor_and_unequal_codes_are_named(tmp_path: Path):
+    (tmp_path / "hpam.json").write_bytes((GOLDEN / "hpam.json").read_bytes())
+    state, path = torch.load(GOLDEN / "models.pth", weights_only=True), tmp_path / "models.pth"
+    torch.save(torch.ones(3), path)
+    with pytest.raises(ValueError, match=r"models\.pth: checkpoint must be an object"):
+        load_authors(path)
+    state["shape_code_params"]["weight"] = state["shape_code_params"]["weight"][:1]
+    torch.save(state, path)
+    with pytest.raises(ValueError, match=r"models\.pth: it has 1 shape codes and \d+ texture codes"):
+        load_authors(path)

@@ -40,7 +40,7 @@ def test_encoding_of_one_point():
 
 @pytest.mark.parametrize("sizes", [{"width": 0}, {"width": 7}, {"shape_blocks": 0}, {"position_frequencies": -1}])
 def test_impossible_sizes_are_refused(sizes: dict):
-    with pytest.raises(ValueError, match="no field"):
+    with pytest.raises(ValueError, match="of a field is"):
         FieldConfig(**sizes)
 
 

@@ -1,4 +1,5 @@
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from core.models.crops import SIDE
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
 from core.models.viewpoint import ViewpointClassifier
+from core.reading import read_tensors
 
 
 def test_saving_and_loading_is_exact(model: Model, tmp_path):
@@ -45,7 +47,7 @@ def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(
 
 def test_codes_are_saved_in_half_precision_where_that_loses_nothing(model: Model, tmp_path):
     shapes = model.codes.shapes.half().float()
-    rounded = replace(model, codes=replace(model.codes, shapes=shapes, textures=shapes[:, :1] + 1e-5))
+    rounded = replace(model, codes=replace(model.codes, shapes=shapes, textures=shapes[:, :4] + 1e-5))
     rounded.save(tmp_path / "m.safetensors")
     assert Model.load(tmp_path / "m.safetensors").fingerprint == rounded.fingerprint
     with safe_open(tmp_path / "m.safetensors", framework="pt") as file:
@@ -89,33 +91,65 @@ def test_cameras_look_as_the_training_images_did(model: Model):
     assert (camera.distance, camera.focal, camera.width) == (2.0, 32.8, 32)
 
 
-def test_files_with_the_old_keys_are_still_read(model: Model, tmp_path: Path):
-    """As they were written before keys were renamed; the shipped models are such files."""
-    book = replace(model.codes, collapsed=frozenset({1}))
-    new = replace(model, codes=book, white_from_network=True, viewpoint_classifier=ViewpointClassifier())
-    path = tmp_path / "m.safetensors"
-    new.save(path)
-    with safe_open(path, framework="pt") as file:
-        about = file.metadata()["model"]
-        tensors = {name.replace("viewpoint.", "glance."): file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    for old, key in (
-        ("painted_ground", "white_from_network"),
-        ("broken", "collapsed"),
-        ("point_octaves", "position_frequencies"),
-        ("direction_octaves", "direction_frequencies"),
-        ("design", "architecture"),
-    ):
-        assert f'"{key}"' in about
-        about = about.replace(f'"{key}"', f'"{old}"')
-    save_file(tensors, path, metadata={"format": "codenerf-1", "model": about})
-    again = Model.load(path)
-    assert again.fingerprint == new.fingerprint
-    assert again.field.config == new.field.config
-    assert again.codes.collapsed == {1}
-    assert again.white_from_network
-    assert again.viewpoint_classifier is not None
-
-
 @pytest.mark.parametrize("name", shipped_models())
 def test_every_shipped_model_is_read_with_its_classifier(name: str):
     assert load_model(name).viewpoint_classifier is not None
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"image_size": 0},
+        {"image_size": 40_000},
+        {"focal": math.nan},
+        {"focal": -1.0},
+        {"distance": math.inf},
+        {"extent": (0.0, 0.3, 0.4)},
+    ],
+)
+def test_numbers_that_no_model_has_are_refused(model: Model, wrong: dict):
+    with pytest.raises(ValueError, match="x of a model" if "extent" in wrong else next(iter(wrong))):
+        replace(model, **wrong)
+
+
+def test_models_that_could_only_show_nothing_are_refused(model: Model):
+    with pytest.raises(ValueError, match="all objects of the model collapsed"):
+        replace(model, codes=replace(model.codes, collapsed=frozenset(range(6))))
+    with pytest.raises(ValueError, match="codes must be finite"):
+        replace(model.codes, shapes=torch.full((6, 8), math.inf))
+    with pytest.raises(ValueError, match="do not fit its field"):
+        replace(model, codes=replace(model.codes, textures=torch.zeros(6, 5)))
+    with torch.no_grad():
+        model.field.density_layer.bias.fill_(math.nan)
+    with pytest.raises(ValueError, match=r"density_layer\.bias of a model must be finite"):
+        replace(model)
+
+
+@pytest.mark.parametrize(
+    ("part", "value", "reason"),
+    [
+        ("", [], "model must be an object"),
+        ("config", {"shape_blocks": 10_000_000}, "shape_blocks of a field is 1 to 32"),
+        ("image_size", 32.5, r"model\.image_size must be a whole number"),
+        ("extent", [1, 2], r"model\.extent has 3 parts"),
+        ("objects", [["a", 0]], r"model\.objects\[0\] has 3 parts"),
+        ("category", None, r"model\.category must be a text"),
+    ],
+)
+def test_metadata_of_another_kind_is_named(model: Model, tmp_path: Path, part: str, value: object, reason: str):
+    path = tmp_path / "m.safetensors"
+    model.save(path)
+    metadata, tensors = read_tensors(path)
+    about = json.loads(metadata["model"]) | {part: value} if part else value
+    save_file(tensors, path, metadata={"model": json.dumps(about)})
+    with pytest.raises(ValueError, match=rf"m\.safetensors: {reason}"):
+        Model.load(path)
+
+
+def test_whole_numbers_may_be_written_with_a_point(model: Model, tmp_path: Path):
+    path = tmp_path / "m.safetensors"
+    model.save(path)
+    metadata, tensors = read_tensors(path)
+    about = json.loads(metadata["model"])
+    save_file(tensors, path, metadata={"model": json.dumps(about | {"image_size": 32.0, "distance": 2})})
+    assert Model.load(path).image_size == 32

@@ -7,17 +7,15 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.models.cells import corner_points
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.occupied_cells import (
     CELLS,
     MIN_OPACITY,
     cells_at_corners,
-    contains,
-    corners,
     pack,
     unpack,
-    with_neighbours,
 )
 from core.models.precision import autocast
 from tests.core.tiny import EXTENT, tiny_model
@@ -30,24 +28,6 @@ def test_a_cell_is_occupied_where_one_of_its_corners_is():
     density[(CELLS + 1) ** 2 * 5 + (CELLS + 1) * 7 + 9] = 1e3
     cells = cells_at_corners(density, _EXTENT)
     assert cells.nonzero().tolist() == [[x, y, z] for x in (4, 5) for y in (6, 7) for z in (8, 9)]
-    assert int(with_neighbours(cells).sum()) == 4**3
-
-
-def test_points_are_found_in_their_own_cells():
-    generator = torch.Generator().manual_seed(0)
-    cells = torch.rand((2, CELLS, CELLS, CELLS), generator=generator) > 0.5
-    points = (torch.rand((2, 200, 3), generator=generator) * 2 - 1) * _EXTENT
-    found = contains(cells, points, _EXTENT)
-    for of, some, inside in zip(cells, points, found, strict=True):
-        x, y, z = ((some / _EXTENT + 1) / 2 * CELLS).long().T
-        assert torch.equal(of[x, y, z], inside)
-    assert torch.equal(contains(cells[:1], points, _EXTENT)[0], found[0])
-
-
-def test_points_outside_the_box_count_to_the_cell_beside_them():
-    cells = torch.zeros((1, CELLS, CELLS, CELLS), dtype=torch.bool)
-    cells[0, 0, 0, -1] = True
-    assert contains(cells, torch.tensor([[[-9.0, -9.0, 9.0], [-9.0, -9.0, -9.0]]]), _EXTENT).tolist() == [[True, False]]
 
 
 @given(st.integers(0, 2**31))
@@ -65,7 +45,7 @@ def _outside(model: Model, code: torch.Tensor) -> float:
     """The share of the box that a shape takes beyond the model's cells."""
     assert model.occupied_cells is not None
     with torch.no_grad(), autocast(model.device):
-        density = model.field.density(corners(model.extent_tensor), model.field.shape_bias(code))[0]
+        density = model.field.density(corner_points(model.extent_tensor, CELLS), model.field.shape_bias(code))[0]
     return float((cells_at_corners(density, model.extent_tensor) & ~model.occupied_cells).float().mean())
 
 

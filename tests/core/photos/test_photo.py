@@ -1,6 +1,7 @@
 import math
 import struct
 import sys
+import time
 import zlib
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import ExifTags, Image, ImageDraw
-from pillow_heif import register_heif_opener
+from pillow_heif import from_pillow
 
 from core.models.model import Model
 from core.photos.decode import read_rgba
@@ -33,6 +34,13 @@ def drawing(size: tuple[int, int] = (300, 200), background: tuple[int, ...] = (2
 def saved(image: Image.Image, path: Path, **options: object) -> Path:
     image.save(path, **options)
     return path
+
+
+def write_png(path: Path, header: bytes, pixels: bytes, *more: tuple[bytes, bytes]) -> None:
+    """A PNG of which every chunk is given."""
+    parts = [(b"IHDR", header), *more, (b"IDAT", pixels), (b"IEND", b"")]
+    chunks = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts]
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
 
 
 def check_found(photo: Photo, model: Model) -> None:
@@ -97,9 +105,7 @@ def test_16_bit_colour(tmp_path: Path, tiny: Model):
     values = (np.asarray(drawing()).astype(">u2") * 257).astype(">u2")
     rows = b"".join(b"\0" + row.tobytes() for row in values)
     header = struct.pack(">IIBBBBB", 300, 200, 16, 2, 0, 0, 0)
-    parts = [(b"IHDR", header), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
-    chunks = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts]
-    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+    write_png(tmp_path / "a.png", header, zlib.compress(rows))
     check_found(load_photo(tmp_path / "a.png", tiny), tiny)
 
 
@@ -118,6 +124,61 @@ def test_a_huge_image_is_made_smaller(tmp_path: Path, tiny: Model):
     photo = load_photo(saved(image, tmp_path / "a.png", compress_level=1), tiny)
     assert photo.pixels.shape == (SIDE, SIDE, 3)
     assert 0.05 < float(photo.mask.float().mean()) < 0.3
+
+
+def display_p3() -> bytes:
+    """A colour profile: primaries and white adapted to D50, as ICC has them, and a gamma of 2.2."""
+
+    def xyz(*values: float) -> bytes:
+        return b"XYZ \0\0\0\0" + struct.pack(">3i", *(round(value * 65536) for value in values))
+
+    words = b"Display P3\0"
+    tags = {
+        b"desc": b"desc\0\0\0\0" + struct.pack(">I", len(words)) + words + bytes(78),
+        b"wtpt": xyz(0.9642, 1.0, 0.82491),
+        b"rXYZ": xyz(0.51512, 0.2412, -0.00105),
+        b"gXYZ": xyz(0.29198, 0.69225, 0.04189),
+        b"bXYZ": xyz(0.1571, 0.06657, 0.78407),
+    } | dict.fromkeys((b"rTRC", b"gTRC", b"bTRC"), b"curv\x00\x00\x00\x00\x00\x00\x00\x01\x023\x00\x00")
+    place, table, body = 132 + 12 * len(tags), struct.pack(">I", len(tags)), b""
+    for name, content in tags.items():
+        content += bytes(-len(content) % 4)
+        table += name + struct.pack(">II", place + len(body), len(content))
+        body += content
+    head = struct.pack(">I4sI4s4s4s", place + len(body), b"lcms", 0x02100000, b"mntr", b"RGB ", b"XYZ ")
+    head += bytes(12) + b"acsp" + bytes(28) + struct.pack(">3i", 63190, 65536, 54061)
+    return head + bytes(128 - len(head)) + table + body
+
+
+def test_colours_of_another_space_become_srgb(tmp_path: Path):
+    """A square of Display P3's red, as a phone writes it: sRGB's red is (234, 51, 35) there."""
+    profile = display_p3()
+    for name, mode in (("a.png", "RGBA"), ("a.jpg", "RGB"), ("a.webp", "RGB")):
+        image = Image.new(mode, (64, 64), (234, 51, 35, 255)[: len(mode)])
+        found = np.asarray(read_rgba(saved(image, tmp_path / name, icc_profile=profile, quality=100)))
+        np.testing.assert_allclose(found[32, 32], (255, 0, 0, 255), atol=12)
+        broken = saved(image, tmp_path / name, icc_profile=profile[:300], quality=100)
+        np.testing.assert_allclose(np.asarray(read_rgba(broken))[32, 32], (234, 51, 35, 255), atol=6)
+
+
+def test_a_large_profile_or_description_is_no_reason_to_refuse(tmp_path: Path, tiny: Model):
+    pixels = zlib.compress(b"".join(b"\0" + row.tobytes() for row in np.asarray(drawing())))
+    header, large = struct.pack(">IIBBBBB", 300, 200, 8, 2, 0, 0, 0), zlib.compress(bytes(3_000_000))
+    for chunk in ((b"iCCP", b"a\0\0" + large), (b"iTXt", b"a\0\1\0\0\0" + large), (b"zTXt", b"a\0\0" + large)):
+        write_png(tmp_path / "a.png", header, pixels, chunk)
+        check_found(load_photo(tmp_path / "a.png", tiny), tiny)
+
+
+def test_a_broken_description_is_no_reason_to_refuse(tmp_path: Path, tiny: Model):
+    check_found(load_photo(saved(drawing(), tmp_path / "a.jpg", exif=b"Exif\0\0II*\0\xff\xff\xff"), tiny), tiny)
+
+
+@pytest.mark.parametrize("kind", ["EPS", "DDS", "ICO", "PDF"])
+def test_only_formats_of_photographs_are_opened(tmp_path: Path, tiny: Model, kind: str):
+    """Whatever the name says: of an EPS the PostScript would be run."""
+    path = tmp_path / "a.jpg"
+    drawing().save(path, kind)
+    assert "not an image (PNG" in refused(path, tiny)
 
 
 # Cut off by an edge
@@ -290,9 +351,18 @@ def test_what_is_too_narrow_is_called_so_in_its_own_size(tmp_path: Path, tiny: M
     assert "too narrow (20000 x 10 px)" in refusal
 
 
-def test_what_is_too_large(tmp_path: Path, tiny: Model, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("core.photos.decode.MAX_PIXELS", 1000)
-    assert "too large" in refused(saved(drawing(), tmp_path / "a.png"), tiny)
+@pytest.mark.parametrize(("side", "bits", "kind"), [(19_900, 16, 0), (13_000, 8, 2), (30_000, 1, 0)])
+def test_what_would_take_a_gigabyte_is_refused_by_its_header(
+    tmp_path: Path, tiny: Model, side: int, bits: int, kind: int
+):
+    """An image of black rows, which compress to nearly nothing."""
+    packer = zlib.compressobj(1)
+    row = bytes(1 + side * bits * (3 if kind else 1) // 8)
+    pixels = b"".join(packer.compress(row) for _ in range(20)) + packer.flush()
+    write_png(tmp_path / "a.png", struct.pack(">IIBBBBB", side, side, bits, kind, 0, 0, 0), pixels)
+    began = time.perf_counter()
+    assert f"too large ({side}x{side} px)" in refused(tmp_path / "a.png", tiny)
+    assert time.perf_counter() - began < 1
 
 
 @pytest.mark.parametrize("colour", ["white", "black", (10, 200, 30)])
@@ -371,10 +441,12 @@ def test_a_box_helps_where_the_background_is_busy(tiny: Model, tmp_path: Path, m
 
 
 @pytest.mark.parametrize("suffix", [".heic", ".avif"])
-def test_images_of_phones_are_read(tmp_path: Path, suffix: str):
-    register_heif_opener()
-    image = Image.new("RGB", (64, 48), (200, 30, 30))
-    image.save(tmp_path / f"a{suffix}")
-    found = np.asarray(read_rgba(tmp_path / f"a{suffix}"))
+def test_images_of_phones_are_read_whatever_they_are_called(tmp_path: Path, suffix: str):
+    image, path = Image.new("RGB", (64, 48), (200, 30, 30)), tmp_path / "a.jpg"
+    if suffix == ".heic":
+        from_pillow(image).save(path, format="HEIF")
+    else:
+        image.save(path, "AVIF")
+    found = np.asarray(read_rgba(path))
     assert found.shape == (48, 64, 4)
     np.testing.assert_allclose(found[24, 32], (200, 30, 30, 255), atol=6)

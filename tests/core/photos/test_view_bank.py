@@ -1,22 +1,66 @@
 import math
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import zip_longest
+from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
-from core.models.codes import CodeBook
+from core.caches import CACHE, Kind
+from core.files import cache_folder
+from core.geometry.camera import camera_rotation
+from core.models.codes import CodeBook, Codes
 from core.models.model import Model
-from core.photos.view_bank import apparent_size, build_view_bank, surface_points, view_bank
+from core.photos.surface import surface_points
+from core.photos.view_bank import (
+    SIDE,
+    ViewBank,
+    apparent_size,
+    build_view_bank,
+    normalised_luminance,
+    unpack_bits,
+    view_bank,
+)
 from core.rendering.reference import render_exact
-from tests.conftest import random_model
-from tests.core.tiny import EXTENT
+from tests.conftest import make_view_bank, random_model
+
+PARTS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
 
 
-def test_the_surface_lies_in_the_box_and_has_the_colours_of_the_object(tiny: Model):
-    points, colours = surface_points(tiny, tiny.codes[3])
-    assert len(points) > 500
-    assert bool((points.abs() < EXTENT[0]).all())
-    assert 0 <= float(colours.min()) <= float(colours.max()) <= 1
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A cache folder of its own, beside a memory in which nothing is kept from other tests, as in a new process."""
+    monkeypatch.setenv("CODENERF_CACHE", str(tmp_path))
+    forget()
+    yield tmp_path
+    forget()
+
+
+def bank_files(folder: Path) -> list[Path]:
+    return list(folder.glob("view-banks/*.safetensors"))
+
+
+def forget() -> None:
+    CACHE.clear(Kind.BANK)
+
+
+def same(one: ViewBank, other: ViewBank) -> bool:
+    return one.codes == other.codes and all(torch.equal(getattr(one, part), getattr(other, part)) for part in PARTS)
+
+
+def steps(model: Model) -> int:
+    return len(list(build_view_bank(model)))
+
+
+def like(model: Model, scale: float) -> Model:
+    """A model of another fingerprint, whose view bank nobody has built yet."""
+    book = model.codes
+    return replace(model, codes=CodeBook(scale * book.shapes, book.textures, book.objects))
 
 
 def test_apparent_sizes_in_training_images(tiny: Model):
@@ -26,24 +70,122 @@ def test_apparent_sizes_in_training_images(tiny: Model):
     assert usual.min < size < usual.max
 
 
-def test_a_bank_is_made_once_per_model(tiny: Model):
-    assert view_bank(tiny) is view_bank(tiny)
+def test_a_view_is_what_a_plain_loop_over_the_points_makes_of_them(tiny: Model):
+    bank, view, index = view_bank(tiny), 2 * 24 + 3, 1
+    codes = Codes(bank.codes.shape[index], bank.codes.texture[index])
+    points, colours = surface_points(tiny, codes)
+    right, up, backward = (camera_rotation(bank.azimuth[view], bank.elevation[view]) @ points.T).tolist()
+    seen = [(x / (tiny.distance - z), -y / (tiny.distance - z)) for x, y, z in zip(right, up, backward, strict=True)]
+    low, high = (tuple(map(end, zip(*seen, strict=True))) for end in (min, max))
+    size = max(high[0] - low[0], high[1] - low[1])
+    nearest: dict[tuple[int, int], tuple[float, float]] = {}
+    for place, z, colour in zip(seen, backward, colours, strict=True):
+        column, row = (
+            min(SIDE - 1, int((value - (one + two) / 2) / size * (SIDE - 2) + SIDE / 2))
+            for value, one, two in zip(place, low, high, strict=True)
+        )
+        nearest[row, column] = max(nearest.get((row, column), (-9.0, 0.0)), (z, float(colour.mean())))
+    mask, light = torch.zeros(2, SIDE, SIDE)
+    for pixel, (_, luminance) in nearest.items():
+        mask[pixel], light[pixel] = 1, luminance
+    assert float(bank.sizes[index, view]) == pytest.approx(size, rel=1e-4)
+    assert bank.offsets[index, view].tolist() == pytest.approx(
+        [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2], abs=1e-5
+    )
+    found = unpack_bits(bank.silhouettes[index, view : view + 1]).reshape(SIDE, SIDE)
+    assert float((found != mask).float().mean()) < 0.01  # a point between two pixels may be rounded either way
+    shown = (bank.luminance[index, view].float() * bank.contrast[index, view]).reshape(SIDE, SIDE)
+    assert float((shown * normalised_luminance(light, mask)).sum()) > 0.97
 
 
-def test_two_who_build_in_turn_share_the_work(tiny: Model):
-    def other(scale: float) -> Model:
-        """One of another fingerprint, whose view bank nobody has built yet."""
-        book = tiny.codes
-        return replace(tiny, codes=CodeBook(scale * book.shapes, book.textures, book.objects))
+def test_luminance_survives_packing(tiny: Model):
+    bank = view_bank(tiny)
+    light = (bank.luminance.float() * bank.contrast[..., None]).reshape(-1, SIDE, SIDE)
+    masks = unpack_bits(bank.silhouettes.flatten(0, 1)).reshape(-1, SIDE, SIDE)
+    assert not light[masks == 0].any()
+    torch.testing.assert_close(normalised_luminance(light, masks), light, atol=2e-3, rtol=0.0)
 
-    alone = len(list(build_view_bank(other(1.01))))
-    shared = other(1.02)
+
+def test_a_bank_is_not_made_by_whoever_asks_for_it(tiny: Model, folder: Path):
+    with pytest.raises(ValueError, match="no view bank yet"):
+        view_bank(tiny)
+    assert make_view_bank(tiny) is view_bank(tiny)
+
+
+def test_progress_ends_at_one(tiny: Model, folder: Path):
+    shares = list(build_view_bank(tiny))
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert steps(tiny) == 0
+
+
+def test_the_next_process_reads_the_file(tiny: Model, folder: Path):
+    made = make_view_bank(tiny)
+    (file,) = bank_files(folder)
+    assert tiny.fingerprint in file.name
+    assert file.stat().st_size < 1.1 * made.size
+    forget()
+    assert same(view_bank(tiny), made)
+    assert steps(tiny) == 0
+
+
+def test_a_model_and_its_gallery_have_banks_of_their_own(tiny: Model, folder: Path):
+    some = tiny.subset([0, 1])
+    assert some.fingerprint == tiny.fingerprint
+    assert len(make_view_bank(tiny).codes.shape) > len(make_view_bank(some).codes.shape)
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "other", "numbers"])
+def test_a_damaged_file_is_made_again(damage: str, tiny: Model, folder: Path):
+    made = make_view_bank(tiny)
+    (file,) = bank_files(folder)
+    whole = file.read_bytes()
+    if damage == "numbers":
+        nothing = np.full(made.sizes.numel(), np.nan, np.float32).tobytes()
+        damaged = whole.replace(made.sizes.numpy().tobytes(), nothing)
+        assert damaged != whole
+    else:
+        damaged = {"empty": b"", "cut": whole[: len(whole) // 2], "other": b"no view bank at all"}[damage]
+    forget()
+    file.unlink()  # which is mapped into memory
+    file.write_bytes(damaged)
+    assert same(make_view_bank(tiny), made)
+    assert file.read_bytes() == whole
+
+
+def test_where_nothing_can_be_written_the_bank_is_kept_in_memory(tiny: Model, folder: Path):
+    (folder / "view-banks").write_text("a file where the folder should be")
+    assert make_view_bank(tiny) is view_bank(tiny)
+    assert not bank_files(folder)
+
+
+def test_two_who_build_in_turn_share_the_work(tiny: Model, folder: Path):
+    alone = steps(like(tiny, 1.01))
+    shared = like(tiny, 1.02)
     turns = list(zip_longest(build_view_bank(shared), build_view_bank(shared)))
     assert len(turns) == math.ceil(alone / 2)
 
 
-def test_a_model_that_shows_nothing_is_refused():
+def test_a_job_that_was_given_up_is_continued(tiny: Model, folder: Path):
+    alone = steps(like(tiny, 1.03))
+    model = like(tiny, 1.04)
+    first = build_view_bank(model)
+    next(first), next(first)
+    first.close()
+    assert steps(model) == alone - 2
+
+
+def test_a_model_that_shows_nothing_is_refused(folder: Path):
     empty = random_model()
     empty.field.density_layer.bias.fill_(-1e4)
     with pytest.raises(ValueError, match="no objects"):
-        view_bank(empty)
+        make_view_bank(empty)
+    assert not bank_files(folder)
+
+
+def test_tests_do_not_write_into_the_folder_of_the_user():
+    assert str(cache_folder()) == os.environ["CODENERF_CACHE"]
+    words = [sys.executable, "-c", "from core.files import cache_folder; print(cache_folder())"]
+    bare = {name: value for name, value in os.environ.items() if name != "CODENERF_CACHE"}
+    said = subprocess.run(words, env=bare, capture_output=True, text=True, check=True).stdout
+    assert Path(said.strip()).name.startswith("codenerf-viewer") or "codenerf-viewer" in said

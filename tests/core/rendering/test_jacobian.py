@@ -1,5 +1,6 @@
 """The Jacobian by hand against autograd, and against the renderer it belongs to."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -8,7 +9,7 @@ from torch import Tensor
 
 from core.geometry.rays import Rays
 from core.models.model import Model
-from core.rendering import folded_field as folded
+from core.models.precision import use_dtype
 from core.rendering import jacobian as jacobians
 from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 from core.rendering.reference import render_rays
@@ -19,10 +20,10 @@ OBJECTS, RAYS, SAMPLES = 3, 10, 12
 
 
 @pytest.fixture(autouse=True)
-def single(monkeypatch: pytest.MonkeyPatch):
+def single() -> Iterator[None]:
     """In float32, so that derivatives can be compared."""
-    for module in (folded, jacobians):
-        monkeypatch.setattr(module, "matmul_dtype", lambda _: torch.float32)
+    with use_dtype(torch.float32):
+        yield
 
 
 def biases(model: Model) -> tuple[Tensor, Tensor]:
@@ -42,7 +43,7 @@ def entries(model: Model, numbers: int) -> BiasJacobians:
 
 def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, RenderedJacobian]:
     rays, enter = bundle(model, OBJECTS, RAYS), entries(model, 3)
-    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter)
+    return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter, with_depth=True)
 
 
 @pytest.mark.parametrize("white_from_network", [False, True])
@@ -52,9 +53,8 @@ def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_f
     origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
     shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))
     seen = render_rays(model, replace(rays, origins=origins, directions=directions), SAMPLES, shape, texture)
-    torch.testing.assert_close(found.colour, seen.colour, rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(found.opacity, seen.opacity, rtol=1e-4, atol=1e-5)
-    channels = (*seen.colour.unbind(-1), seen.opacity)
+    channels = (*seen.colour.unbind(-1), seen.opacity, seen.depth * seen.opacity)
+    torch.testing.assert_close(found.channels, torch.stack(channels, -1), rtol=1e-4, atol=1e-5)
     for index, channel in enumerate(channels):
         origin, direction, by_shape, by_texture = torch.autograd.grad(
             channel.sum(), (origins, directions, shape, texture), retain_graph=True, materialize_grads=True
@@ -72,7 +72,7 @@ def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_f
 def test_few_samples_tell_most(model: Model) -> None:
     _, _, whole = traced(model)
     _, _, some = traced(model, 4)
-    for name in ("colour", "origin", "codes"):
+    for name in ("channels", "origin", "codes"):
         one, other = getattr(whole, name).flatten(), getattr(some, name).flatten()
         assert float(torch.cosine_similarity(one, other, dim=0)) > 0.95
 
@@ -90,5 +90,5 @@ def test_rays_that_miss_are_white_and_still() -> None:
     rays = bundle(model, OBJECTS, RAYS)
     away = replace(rays, far=rays.near)
     found = render_with_jacobian(model, away, SAMPLES, 4, *biases(model), entries(model, 3))
-    assert bool((found.colour == 1).all())
+    assert bool((found.channels == torch.tensor([1, 1, 1, 0])).all())
     assert all(not bool(part.any()) for part in found[1:])

@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from core.geometry.rays import cast_rays
+from core.metrics import psnr_from_mse
 from core.models.library import load_model
 from core.rendering.importance import render_top_samples
 from core.rendering.shape_cells import shape_cells
@@ -11,8 +12,9 @@ from tests.conftest import random_model
 
 
 @pytest.mark.parametrize("name", ["chairs", "cars"])
-def test_a_render_within_the_cells_of_its_shape_is_the_same(name: str):
-    model, generator = load_model(name), torch.Generator().manual_seed(0)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_render_within_the_cells_of_its_shape_looks_the_same(name: str, seed: int):
+    model, generator = load_model(name), torch.Generator().manual_seed(seed)
     rows = torch.randperm(len(model.codes.shapes), generator=generator)[:4]
     shape, texture = model.field.biases(model.codes.shapes[rows], model.codes.textures[:4])
     cells = shape_cells(model, shape)
@@ -27,8 +29,8 @@ def test_a_render_within_the_cells_of_its_shape_is_the_same(name: str):
     )
     with torch.no_grad():
         whole, inside = (render_top_samples(model, rays, 48, 12, shape, texture, some) for some in (None, cells))
-    for one, other in zip(whole, inside, strict=True):
-        assert float((one - other).square().mean()) < 1e-6
+    for channels in (slice(0, 3), slice(3, 4)):
+        assert psnr_from_mse(float((whole - inside)[..., channels].square().mean())) > 40
 
 
 def test_where_the_network_paints_the_background_there_are_none():

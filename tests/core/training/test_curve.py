@@ -14,5 +14,5 @@ def test_a_curve_is_read_as_it_was_written(tmp_path: Path) -> None:
 
 def test_what_is_no_curve_is_refused(tmp_path: Path) -> None:
     (tmp_path / "m.curve.json").write_text('{"m": [{"step": 1}]}')
-    with pytest.raises(ValueError, match=r"m\.curve\.json: not a training curve"):
+    with pytest.raises(ValueError, match=r"m\.curve\.json: curve\.m\[0\]\.seconds is missing"):
         read_curve(tmp_path / "m.curve.json")

@@ -11,7 +11,7 @@ from core.models.model import Model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import CheckedFit, broken_fit, endless_fit, quick_fit
 from viewer.editor import Editor
-from viewer.services.messages import Kind
+from viewer.services.messages import MessageKind
 from viewer.session import Session
 from viewer.workspace import Workspace
 
@@ -36,7 +36,7 @@ def test_a_fit_joins_the_objects_and_becomes_current(
     assert workspace.fitting.history.difference is not None
     wrong = np.abs(workspace.fitting.history.photo.pixels.astype(int) - workspace.fitting.history.frame.image)
     np.testing.assert_array_equal(workspace.fitting.history.difference, (2 * wrong).clip(0, 255))
-    assert workspace.fitting.camera == editor.scene.camera
+    assert workspace.fitting.view.camera == editor.scene.camera
     assert workspace.fitting.history.progress == 1.0
     editor.undo()
     assert editor.state == before
@@ -73,25 +73,25 @@ def test_the_view_follows_a_fit_until_a_person_changes_the_scene(
 ) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
     before = workspace.viewport.frame
-    workspace.viewport.resize(300, 200)
+    workspace.viewport.change(panel=(300, 200))
     workspace.fitting.start(photo)
     deliver(session, lambda: workspace.fitting.history.frame is not None)
-    assert workspace.fitting.is_followed
+    assert workspace.viewport.following
     assert workspace.viewport.source == "fit"
     assert workspace.viewport.frame is not before
     assert workspace.viewport.frame.resolution[0] > workspace.viewport.frame.resolution[1]
     assert workspace.fitting.history.frame.resolution == (workspace.viewport.frame.resolution[1],) * 2
     workspace.player.add_key()
     workspace.viewport.pan_by(0.1, 0.0)
-    assert workspace.fitting.is_followed
+    assert workspace.viewport.following
     assert not session.jobs.busy("view")
     editor.set_to_mean("shape")
-    assert not workspace.fitting.is_followed
+    assert not workspace.viewport.following
     editor.undo()
-    assert workspace.fitting.is_followed
+    assert workspace.viewport.following
     workspace.fitting.stop()
     finish(session)
-    assert not workspace.fitting.is_followed
+    assert not workspace.viewport.following
 
 
 def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, workspace: Workspace, photo: Path) -> None:
@@ -107,21 +107,23 @@ def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, work
 def test_any_step_is_shown_and_a_new_fit_forgets_it(
     session: Session, editor: Editor, workspace: Workspace, photo: Path
 ) -> None:
-    workspace.fitting.scrub(3)
+    workspace.fitting.view.scrub(3)
     workspace.fitting.keep()
     workspace.fitting.resume()
-    workspace.fitting.show_photo(1)
+    workspace.fitting.view.show_photo(1)
     assert not workspace.fitting.running
     workspace.fitting.start(photo)
     finish(session, lambda: not workspace.fitting.running)
     past, fitting = len(editor.history.past), workspace.fitting
     for index in (8, 3, -5, 99):
-        fitting.scrub(index, gesture="scrub")
+        fitting.view.scrub(index, gesture="scrub")
     editor.end_gesture()
     assert fitting.history.selected == 9
-    fitting.scrub(4)
+    fitting.view.scrub(4)
     assert editor.scene.codes == fitting.history.steps[4].codes
-    assert fitting.camera.elevation == editor.scene.camera.elevation == fitting.history.steps[4].cameras[0].elevation
+    assert (
+        fitting.view.camera.elevation == editor.scene.camera.elevation == fitting.history.steps[4].cameras[0].elevation
+    )
     assert len(editor.history.past) == past + 2
     finish(session)
     fitting.refit()
@@ -162,7 +164,7 @@ def test_files_that_are_no_images_are_reported_and_change_nothing(
         finish(session, lambda: not workspace.fitting.running)
         assert editor.history is before
         assert workspace.fitting.history is history
-        assert [message.kind for message in session.messages.all] == [Kind.ERROR], path.name
+        assert [message.kind for message in session.messages.all] == [MessageKind.PROBLEM], path.name
         assert "Traceback" not in session.messages.errors[0]
 
 
@@ -195,11 +197,13 @@ def test_photos_dropped_during_a_fit_wait_and_none_is_lost(
     assert {one.name for one in editor.objects.added} == {"block", "block b", "block c"}
     assert len(session.messages.errors) == 1
     assert editor.state.mix.a.shape == "block"  # what is being edited stays
-    assert fitting.ready is not None
-    assert fitting.ready.name == "block c"
-    fitting.show_ready()
+    assert set(fitting.results.unseen) == {"block b", "block c"}
+    fitting.results.show("block c")
     assert editor.state.mix.a.shape == "block c"
-    assert fitting.ready is None
+    assert set(fitting.results.unseen) == {"block b"}
+    editor.set_to_mean("shape")
+    editor.show_object("block b")
+    assert not fitting.results.unseen
 
 
 def test_stopping_a_fit_begins_the_next_one(session: Session, workspace: Workspace, photo: Path) -> None:
@@ -247,9 +251,10 @@ def test_a_result_does_not_take_over_what_is_edited(
     workspace.fitting.stop()
     assert editor.state is before
     assert editor.objects.names[0] == "block"
-    assert workspace.fitting.ready is not None
-    workspace.fitting.dismiss_ready()
-    assert editor.state is before
+    assert "block" in workspace.fitting.results.unseen
+    (show,) = session.messages.all[-1].buttons
+    show.press()
+    assert editor.state.mix.a.shape == "block"
 
 
 def test_the_first_result_can_be_used_while_it_is_checked(
@@ -259,7 +264,7 @@ def test_the_first_result_can_be_used_while_it_is_checked(
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
     fitting = workspace.fitting
     fitting.start(photo)
-    deliver(session, lambda: fitting.result is not None)
+    deliver(session, lambda: fitting.results.checking is not None)
     assert fitting.running
     assert editor.scene.codes == model.codes[3]
     assert editor.state.mix.a.shape == "block"
@@ -281,14 +286,13 @@ def test_a_better_result_waits_where_the_first_one_was_edited(
     fit = CheckedFit()
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
     workspace.fitting.start(photo)
-    deliver(session, lambda: workspace.fitting.result is not None)
+    deliver(session, lambda: workspace.fitting.results.checking is not None)
     editor.set_to_mean("texture")
     before = editor.state
     fit.may_end.set()
     finish(session, lambda: not workspace.fitting.running)
     assert editor.state is before
-    assert workspace.fitting.ready is not None
-    workspace.fitting.show_ready()
+    workspace.fitting.results.show("block")
     assert editor.scene.codes == model.codes[4]
 
 
@@ -303,9 +307,9 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(
 
     session.jobs.backend = replace(session.jobs.backend, fit=agreeing)
     workspace.fitting.start(photo)
-    deliver(session, lambda: workspace.fitting.result is not None or not workspace.fitting.running)
+    deliver(session, lambda: workspace.fitting.results.checking is not None or not workspace.fitting.running)
     finish(session, lambda: not workspace.fitting.running)
     assert len(editor.history.past) == 1
-    assert workspace.fitting.ready is None
+    assert not workspace.fitting.results.unseen
     assert "the first result stays" in session.messages.all[-1].text
     assert editor.objects["block"].confidence == workspace.fitting.history.last.confidence

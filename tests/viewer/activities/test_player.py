@@ -67,12 +67,24 @@ def test_a_key_at_the_end_of_a_loop_is_the_one_it_stands_on(player: Player) -> N
     player.seek(player.timeline.length)
     player.add_key()
     assert player.key == 2
-    player.add_key()
+    player.replace_key(2)
     assert len(player.timeline.keys) == 3
 
 
+def test_no_key_takes_the_place_of_another(editor: Editor, player: Player) -> None:
+    first, length = player.timeline.keys, player.timeline.length
+    player.seek(length)
+    for count in range(3, 8):
+        editor.sample_all()
+        player.add_key()
+        assert len(player.timeline.keys) == count
+        assert player.timeline.keys[-1].view.codes == editor.scene.codes
+    assert player.timeline.keys[:2] == first
+    assert player.seconds == player.timeline.keys[-1].seconds < player.timeline.length
+
+
 def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> None:
-    player.set_loop(False)
+    player.change(loop=False)
     player.play()
     clock.now += 9.0
     player.tick()
@@ -101,7 +113,7 @@ def test_it_fits_a_view_that_changes_its_size(
 ) -> None:
     player.play()
     finish(session)
-    workspace.viewport.resize(300, 100)
+    workspace.viewport.change(panel=(300, 100))
     player.tick()
     finish(session)
     player.tick()
@@ -134,7 +146,7 @@ def test_a_model_opened_meanwhile_has_an_empty_timeline(session: Session, player
 def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Path) -> None:
     workspace.player.play()
     workspace.player.seek(1.0)
-    workspace.exporting.share(tmp_path / "a.gif", ShareSettings("film"))
+    workspace.exporting.share(tmp_path / "a.gif", ShareSettings("video"))
     assert not workspace.player.playing
     assert not workspace.exporting.running
 
@@ -142,7 +154,7 @@ def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Pa
 def test_what_cannot_be_written_is_reported(
     session: Session, workspace: Workspace, player: Player, tmp_path: Path
 ) -> None:
-    webp = ShareSettings("film", video=".webp", background="transparent")
+    webp = ShareSettings("video", video=".webp", background="transparent")
     workspace.exporting.share(tmp_path / "a.mp4", webp)
     finish(session)
     assert "transparent" in session.messages.errors[0]

@@ -9,6 +9,7 @@ from PIL import Image
 from core.models.model import Model
 from core.photos import segmentation
 from core.photos.photo import Crop
+from tests.conftest import make_view_bank
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames
@@ -36,6 +37,7 @@ def test_a_image_that_is_segmented_by_hand_must_be_one(
 
 def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: Path) -> None:
     ready, tiny = threading.Event(), tiny_model()
+    make_view_bank(tiny)
 
     def view_bank(model: Model) -> Iterator[None]:
         while not ready.is_set():
@@ -69,13 +71,7 @@ def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
     mask[40:120, 60:120] = 1.0
     monkeypatch.setattr(segmentation, "predict_saliency", lambda image: mask)
     tiny = tiny_model()
-    backend = Backend(
-        lambda name: tiny,
-        frames=quick_frames,
-        fit=quick_fit,
-        view_bank=lambda model: iter(()),
-        guess_category=no_guess,
-    )
+    backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)
     session.open_model("chairs")
     deliver(session, lambda: session.workspace is not None)

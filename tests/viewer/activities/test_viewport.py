@@ -60,22 +60,22 @@ def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(
 ) -> None:
     viewport, editor = workspace.viewport, workspace.editor
     editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
-    assert viewport.turning is None
-    viewport.set_baking(True)
+    assert viewport.baked_frame is None
+    viewport.change(opengl=True)
     finish(session, lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
     before = viewport.frame
     editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
-    assert viewport.turning is not None
-    assert viewport.turning.camera.azimuth == editor.scene.camera.azimuth
-    assert (viewport.turning.width, viewport.turning.height) == viewport.settings.panel
+    assert viewport.baked_frame is not None
+    assert viewport.baked_frame.camera.azimuth == editor.scene.camera.azimuth
+    assert (viewport.baked_frame.width, viewport.baked_frame.height) == viewport.settings.panel
     assert viewport.frame is before
     assert not viewport.sharp
-    finish(session, lambda: viewport.turning is None and viewport.sharp)
+    finish(session, lambda: viewport.baked_frame is None and viewport.sharp)
     assert viewport.frame.resolution == viewport.settings.panel  # none of fewer pixels came between
     viewport.pan_by(0.1, 0.0)
-    assert viewport.turning is not None
-    viewport.set_baking(False)
-    assert viewport.turning is None
+    assert viewport.baked_frame is not None
+    viewport.change(opengl=False)
+    assert viewport.baked_frame is None
     finish(session, lambda: viewport.sharp)
     assert bakery.codes == [editor.scene.codes]
 
@@ -84,15 +84,15 @@ def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(
     session: Session, workspace: Workspace, bakery: Baked
 ) -> None:
     viewport, editor = workspace.viewport, workspace.editor
-    viewport.set_baking(True)
+    viewport.change(opengl=True)
     finish(session, lambda: viewport.baked is not None)
     for kind in ("shape", "texture"):
         editor.sample(kind)
-        assert viewport.turning is None
+        assert viewport.baked_frame is None
         assert viewport.baked is None
         finish(session, lambda: viewport.is_baked(editor.scene.codes))
         editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
-        assert viewport.turning is not None
+        assert viewport.baked_frame is not None
     assert len(bakery.codes) == 3
 
 
@@ -102,7 +102,7 @@ def test_an_object_that_cannot_be_baked_is_reported_once(session: Session, works
         yield
 
     session.jobs.backend = replace(session.jobs.backend, bake=broken)
-    workspace.viewport.set_baking(True)
+    workspace.viewport.change(opengl=True)
     finish(session, lambda: bool(session.messages.errors))
     finish(session, lambda: workspace.viewport.sharp)
     workspace.editor.set_camera(orbit.turned(workspace.editor.scene.camera, 0.2, 0.0))
@@ -114,18 +114,18 @@ def test_a_timeline_of_a_baked_object_is_turned_by_opengl(
     session: Session, workspace: Workspace, bakery: Baked
 ) -> None:
     viewport, editor, player = workspace.viewport, workspace.editor, workspace.player
-    viewport.set_baking(True)
+    viewport.change(opengl=True)
     finish(session, lambda: viewport.is_baked(editor.scene.codes) and viewport.sharp)
     player.add_key()
     player.seek(2.0)
     editor.set_camera(orbit.turned(editor.scene.camera, 1.0, 0.0))
     player.add_key()
     player.seek(1.0)
-    assert viewport.turning is not None
+    assert viewport.baked_frame is not None
     player.play()
     session.tick()
     assert viewport.source == "timeline"
-    assert viewport.turning is not None
+    assert viewport.baked_frame is not None
     assert not session.jobs.busy("timeline")
     player.pause()
     finish(session, lambda: viewport.sharp)

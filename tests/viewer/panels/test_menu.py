@@ -42,6 +42,7 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         window.menu("View/###dark")
         window.menu("View/###smooth")
         assert not context.preferences.dark
+        assert imgui.get_style().window_border_size == 1.0  # floating windows have an edge on light colours
         assert not context.preferences.smooth
         window.drag("View/orbit", 30)
         window.menu("Edit/###undo")

@@ -1,14 +1,14 @@
 from imgui_bundle import imgui
 
 from tests.viewer.driver import Drive, Driver
-from viewer.services.messages import Kind
+from viewer.services.messages import MessageKind
 
 
 def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(drive: Drive) -> None:
     def act(window: Driver) -> None:
         messages = window.session.messages
         for number in range(4):
-            messages.notify(f"wrong {number}", Kind.ERROR)
+            messages.notify(f"wrong {number}", MessageKind.PROBLEM)
         window.ctx.yield_(3)
         assert window.exists("Messages/###dismiss 1")
         assert not window.exists("Messages/###dismiss 2")

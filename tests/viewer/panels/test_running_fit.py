@@ -19,13 +19,13 @@ def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(
         window.wait(lambda: viewport.source == "fit")
         assert not window.exists("###Running fit/###follow")
         window.drag("View/orbit", 120)
-        assert fitting.is_followed
-        assert fitting.following.turned
+        assert viewport.following
+        assert viewport.turned
         assert viewport.source == "fit"
         assert editor.scene.camera.azimuth != pytest.approx(1.0, abs=0.1)
         window.ctx.yield_(3)
         window.click("###Running fit/###follow")
-        assert not fitting.following.turned
+        assert not viewport.turned
         window.wait(lambda: viewport.full_frame[1].camera.azimuth == pytest.approx(1.0))
         window.press(imgui.Key.r)  # another shape and texture
         assert viewport.source == "scene"
@@ -58,10 +58,11 @@ def test_a_finished_fit_waits_to_be_shown_while_another_object_is_edited(
         window.wait()
         assert editor.state is before
         assert {one.name for one in editor.objects.added} == {"block", "block two"}
-        window.capture()
-        window.click("###Running fit/###show ready")
+        assert set(fitting.results.unseen) == {"block", "block two"}
+        last = len(window.session.messages.shown) - 1
+        window.click(f"Messages/###show {last}")
         assert editor.state.mix.a.shape == "block two"
-        assert not window.exists("###Running fit/###show ready")
+        assert set(fitting.results.unseen) == {"block"}
         window.undo()
         assert editor.state == before
 
@@ -74,7 +75,7 @@ def test_the_first_result_is_used_while_a_second_search_checks_it(
     def act(window: Driver) -> None:
         fitting, editor = window.workspace.fitting, window.workspace.editor
         window.context.drop([str(photo)])
-        window.wait(lambda: fitting.result is not None)
+        window.wait(lambda: fitting.results.checking is not None)
         assert editor.scene.codes == model.codes[3]
         window.ctx.yield_(3)
         window.drag("View/orbit", 60)  # it can be used

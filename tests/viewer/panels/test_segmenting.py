@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from core.models.model import Model
+from tests.conftest import make_view_bank
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -103,6 +104,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         window.click("Cut out###segment/**/###cancel segmentation")
 
     tiny = tiny_model()
+    make_view_bank(tiny)
     drive(act, replace(backend, load_model=lambda name: tiny))
 
 
@@ -136,6 +138,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         assert not segmenting.active
 
     tiny = tiny_model()
+    make_view_bank(tiny)
     drive(act, replace(backend, load_model=lambda name: tiny))
 
 
@@ -159,6 +162,7 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: 
         assert len(window.workspace.editor.history.past) == len(history.past) + 1
 
     tiny = tiny_model()
+    make_view_bank(tiny)
     drive(act, replace(backend, load_model=lambda name: tiny))
 
 
@@ -197,6 +201,7 @@ def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
         assert window.workspace.editor.objects.own == ["block"]
 
     tiny = tiny_model()
+    make_view_bank(tiny)
     drive(act, replace(backend, load_model=lambda name: tiny, view_bank=slow))
 
 
@@ -226,4 +231,5 @@ def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_pa
         window.click("Cut out###segment/**/###cancel segmentation")
 
     tiny = tiny_model()
+    make_view_bank(tiny)
     drive(act, replace(backend, load_model=lambda name: tiny))

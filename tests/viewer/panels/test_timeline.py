@@ -21,7 +21,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         session, workspace, editor = window.session, window.workspace, window.workspace.editor
         made = workspace.player
         window.show("Timeline")
-        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share film", "time"))
+        buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share video", "time"))
         assert line.min.y > buttons.max.y
         window.click("Timeline/###add_key")
         first = editor.scene
@@ -48,7 +48,8 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.drag("View/orbit", 50)
         window.click("Timeline/###add_key")
         assert len(made.timeline.keys) == 3
-        window.click("Timeline/###add_key")  # in its own place
+        window.click("Timeline/###replace key")
+        assert len(made.timeline.keys) == 3
         window.click("Timeline/###remove key")
         assert len(made.timeline.keys) == 2
         window.click("Timeline/key 2", 1)
@@ -62,7 +63,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         window.set("Timeline/##length", 1.0)
         window.ctx.yield_(2)
         assert (made.timeline.turns, made.timeline.length) == (1, 1.0)
-        window.click("Timeline/###share film")
+        window.click("Timeline/###share video")
         for name, label in (("##video", "webp"), ("##rate", "12 a second"), ("##background", "Transparent")):
             window.click(f"Share/{name}")
             window.click(f"**/{label}")
@@ -75,6 +76,20 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
             assert 3 < video.n_frames <= 12  # equal images are one
 
     drive(act, replace(backend, video=small))
+
+
+def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(drive: Drive) -> None:
+    def act(window: Driver) -> None:  # the timeline is folded away
+        editor, player, shown = window.workspace.editor, window.workspace.player, []
+        for name in ("object 2", "object 3", "object 4"):
+            editor.show_object(name)
+            window.press(imgui.Key.k)
+            shown.append(editor.scene.codes)
+        assert [key.view.codes for key in player.timeline.keys] == shown
+        assert [key.seconds for key in player.timeline.keys] == [0.0, 1.0, 2.0]
+        assert window.session.messages.shown[-1].text == "Keyframe 3 of 3, at 2.0 s"
+
+    drive(act)
 
 
 def test_keyframes_are_stepped_through_copied_and_duplicated(drive: Drive) -> None:

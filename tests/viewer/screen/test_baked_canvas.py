@@ -77,8 +77,7 @@ def test_the_background_is_that_of_the_view(gl: moderngl.Context, baked: tuple[B
 
 def test_rays_through_pixel_corners_stay_there(gl: moderngl.Context) -> None:
     model = random_model(white_from_network=True)
-    *_, mist = bake(model, model.codes[0])
-    assert mist is not None
+    mist = next(one for one in bake(model, model.codes[0]) if one)
     crop = fit_to_panel(model.camera(0.7, 0.4), 40, 40, 40)
     assert psnr(drawn(gl, mist, crop), render_baked(mist, crop.camera).colour.numpy()) > 40
 

@@ -3,26 +3,54 @@ from dataclasses import replace
 
 import pytest
 
-from viewer.services.messages import UNFORESEEN, Kind, Messages, error_text
+from viewer.services.messages import UNFORESEEN, Button, MessageKind, Messages, error_text
 from viewer.session import Session
 
 
 def test_errors_stay_and_are_reported_once(session: Session) -> None:
     for number in (1, 2, 2, 3, 4, 5, 6):
-        session.messages.notify(f"wrong {number}", Kind.ERROR)
+        session.messages.notify(f"wrong {number}", MessageKind.PROBLEM)
         session.messages.notify(f"news {number}")
     assert session.messages.errors == [f"wrong {number}" for number in range(1, 7)]
-    assert [one.text for one in session.messages.all if one.kind is Kind.INFO] == [f"news {n}" for n in (3, 4, 5, 6)]
+    assert [one.text for one in session.messages.all if one.kind is MessageKind.DONE] == [
+        f"news {n}" for n in (3, 4, 5, 6)
+    ]
 
 
 def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
     messages = Messages()
     for number in range(4):
-        messages.notify(f"wrong {number}", Kind.ERROR)
+        messages.notify(f"wrong {number}", MessageKind.PROBLEM)
     assert [message.text for message in messages.shown] == ["wrong 2", "wrong 3"]
     messages.all = [replace(message, born=message.born - 60) for message in messages.all]
     assert messages.shown == []
     assert len(messages.errors) == len(messages.log) == 4
+
+
+@pytest.mark.parametrize(
+    ("more", "seconds"),
+    [
+        ({}, 5),
+        ({"kind": MessageKind.NOTE}, 10),
+        ({"kind": MessageKind.PROBLEM}, 15),
+        ({"buttons": (Button("Show", lambda: None),)}, 10),
+        ({"lasts": True}, 3600),
+    ],
+)
+def test_a_message_goes_by_itself(more: dict, seconds: float) -> None:
+    messages = Messages()
+    messages.notify("news", **more)
+    (message,) = messages.shown
+    assert not replace(message, born=message.born - seconds + 1).faded
+    assert replace(message, born=message.born - seconds - 1).faded or message.lasts
+
+
+def test_an_offer_outlasts_later_news() -> None:
+    messages = Messages()
+    messages.notify("restore it?", lasts=True)
+    for number in range(9):
+        messages.notify(f"news {number}")
+    assert messages.shown[0].text == "restore it?"
 
 
 @pytest.mark.parametrize(

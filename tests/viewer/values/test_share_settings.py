@@ -53,11 +53,11 @@ def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
 
 
-def test_a_film_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
-    film = ShareSettings("film", rate=10)
+def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
+    video = ShareSettings("video", rate=10)
     for distance, nearer in ((6.0, True), (0.5, False)):
         key = Keyframe(0.0, View(scene.codes, replace(scene.camera, distance=distance)))
-        shown = film.views(model, scene, Timeline((key,), 1.0))
+        shown = video.views(model, scene, Timeline((key,), 1.0))
         assert len(shown) == 10
-        before = replace(film, fill=False).views(model, scene, Timeline((key,), 1.0))
+        before = replace(video, fill=False).views(model, scene, Timeline((key,), 1.0))
         assert (shown[0].camera.focal > before[0].camera.focal) == nearer

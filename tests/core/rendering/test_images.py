@@ -6,9 +6,9 @@ import torch
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
 from core.rendering.fast import render
+from core.rendering.images import render_image
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
-from core.rendering.views import render_view
 from tests.conftest import random_model
 from tests.core.models.test_ablations import build
 
@@ -23,11 +23,11 @@ def test_what_the_fast_renderer_draws_otherwise_is_rendered_exactly(made: Callab
     model = made()
     camera = model.camera(0.4, 0.3)
     expected = render_exact(model, model.codes[0], camera, 64)
-    assert torch.equal(render_view(model, model.codes[0], camera).colour, expected.colour)
+    assert torch.equal(render_image(model, model.codes[0], camera).colour, expected.colour)
 
 
 def test_other_models_are_rendered_fast(tiny: Model):
     camera = tiny.camera(0.4, 0.3)
     for samples in (None, 32):
         expected = render(tiny, tiny.codes[0], camera, samples or RenderSettings().samples)
-        assert torch.equal(render_view(tiny, tiny.codes[0], camera, samples).colour, expected.colour)
+        assert torch.equal(render_image(tiny, tiny.codes[0], camera, samples).colour, expected.colour)

@@ -2,13 +2,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 
 from core.models.model import Model
 from core.models.scene import open_scene
-from core.photos.photo import Photo
 from tests.conftest import random_model
-from viewer.services.mine import Mine
+from viewer.services.user_objects import UserObjects
 from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject
 from viewer.values.part import PARTS
@@ -16,92 +14,90 @@ from viewer.values.part import PARTS
 
 @pytest.fixture
 def fitted(model: Model) -> EditableObject:
-    mask = torch.zeros(8, 8, dtype=torch.bool)
-    mask[2:5] = True
-    return EditableObject("Red chair (2)", model.codes[1], Photo(torch.rand(8, 8, 3), mask), 0.83)
+    return EditableObject("Red chair (2)", model.codes[1], True, 0.83)
 
 
 def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    mine = Mine(tmp_path / "mine")
-    assert mine.open(model) == ()
-    mine.sync(model, [fitted])
-    (found,) = Mine(tmp_path / "mine").open(model)
+    user_objects = UserObjects(tmp_path / "mine")
+    assert user_objects.open(model) == ()
+    user_objects.sync(model, [fitted])
+    (found,) = UserObjects(tmp_path / "mine").open(model)
     assert (found.name, found.confidence) == ("Red chair (2)", 0.83)
     assert found.codes == fitted.codes
-    assert found.photo is not None
+    assert found.fitted
     (path,) = (tmp_path / "mine").iterdir()
     assert open_scene(path, model).codes == fitted.codes  # it opens as any scene
-    assert Mine(tmp_path / "mine").open(random_model(seed=7)) == ()
+    assert UserObjects(tmp_path / "mine").open(random_model(seed=7)) == ()
 
 
 def test_objects_last_when_their_model_is_extended(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    Mine(tmp_path).sync(model, [fitted])
+    UserObjects(tmp_path).sync(model, [fitted])
     extended = replace(random_model(seed=7), extends=(model.fingerprint,))
-    mine = Mine(tmp_path)
-    (found,) = mine.open(extended)
+    user_objects = UserObjects(tmp_path)
+    (found,) = user_objects.open(extended)
     assert (found.name, found.codes) == (fitted.name, fitted.codes)
-    mine.sync(extended, [replace(found, name="green")])
-    (again,) = Mine(tmp_path).open(extended)
+    user_objects.sync(extended, [replace(found, name="green")])
+    (again,) = UserObjects(tmp_path).open(extended)
     assert (again.name, again.codes) == ("green", fitted.codes)
 
 
 def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    mine, other = Mine(tmp_path), replace(fitted, name="../../blue")
-    mine.sync(model, [fitted, other])
-    mine.sync(model, [fitted, replace(other, name="green")])
-    assert {one.name for one in Mine(tmp_path).open(model)} == {"Red chair (2)", "green"}
-    mine.sync(model, [fitted])
+    user_objects, other = UserObjects(tmp_path), replace(fitted, name="../../blue")
+    user_objects.sync(model, [fitted, other])
+    user_objects.sync(model, [fitted, replace(other, name="green")])
+    assert {one.name for one in UserObjects(tmp_path).open(model)} == {"Red chair (2)", "green"}
+    user_objects.sync(model, [fitted])
     assert len(list(tmp_path.iterdir())) == 1
     written = next(tmp_path.iterdir()).stat().st_mtime_ns
-    mine.sync(model, [fitted])
+    user_objects.sync(model, [fitted])
     assert next(tmp_path.iterdir()).stat().st_mtime_ns == written
 
 
 def test_what_it_has_not_seen_is_left_alone(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     (tmp_path / "torn.json").write_text('{"model": ')
-    mine = Mine(tmp_path)
-    mine.open(model)
-    Mine(tmp_path).sync(model, [fitted])  # of another window
-    mine.sync(model, [])
+    user_objects = UserObjects(tmp_path)
+    user_objects.open(model)
+    UserObjects(tmp_path).sync(model, [fitted])  # of another window
+    user_objects.sync(model, [])
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    windows, other = [Mine(tmp_path), Mine(tmp_path)], replace(fitted, codes=model.codes[2])
-    for mine, one in zip(windows, (fitted, other), strict=True):
-        mine.sync(model, [one])
-    again = Mine(tmp_path)
+    windows, other = [UserObjects(tmp_path), UserObjects(tmp_path)], replace(fitted, codes=model.codes[2])
+    for user_objects, one in zip(windows, (fitted, other), strict=True):
+        user_objects.sync(model, [one])
+    again = UserObjects(tmp_path)
     found = again.open(model)
     assert {one.name for one in found} == {"Red chair (2)", "Red chair (2) (2)"}
     assert {one.codes for one in found} == {fitted.codes, other.codes}
     again.sync(model, [one for one in found if one.codes == other.codes])
-    (left,) = Mine(tmp_path).open(model)
+    (left,) = UserObjects(tmp_path).open(model)
     assert left.codes == other.codes
 
 
 def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) -> None:
-    mine = Mine()
-    mine.sync(model, [fitted])
-    assert mine.open(model) == ()
+    user_objects = UserObjects()
+    user_objects.sync(model, [fitted])
+    assert user_objects.open(model) == ()
 
 
 def test_named_directions_last_for_their_model_alone(tmp_path: Path, model: Model) -> None:
     directions = tuple(replace(Direction.principal(model.codes, part, 0), name="sportier") for part in PARTS)
-    Mine(tmp_path).keep_directions(model, directions)
-    assert Mine(tmp_path).directions(model) == directions
+    UserObjects(tmp_path).keep_directions(model, directions)
+    assert UserObjects(tmp_path).directions(model) == directions
     other = random_model(seed=7)
-    assert Mine(tmp_path).directions(other) == ()
+    assert UserObjects(tmp_path).directions(other) == ()
     extended = replace(other, extends=(model.fingerprint,))
-    assert Mine(tmp_path).directions(extended) == directions
-    Mine(tmp_path).keep_directions(extended, directions[:1])
-    assert Mine(tmp_path).directions(extended) == directions[:1]
-    Mine(tmp_path).keep_directions(model, ())
-    assert Mine(tmp_path).directions(model) == ()
+    assert UserObjects(tmp_path).directions(extended) == directions
+    UserObjects(tmp_path).keep_directions(extended, directions[:1])
+    assert UserObjects(tmp_path).directions(extended) == directions[:1]
+    UserObjects(tmp_path).keep_directions(model, ())
+    assert UserObjects(tmp_path).directions(model) == ()
 
 
 @pytest.mark.parametrize("text", ["", "7", "[1]", "{}", '[["a", [1.0], [2.0]]]', '[["a", ["b"], [2.0]]]', '[["a"]]'])
 def test_directions_that_cannot_be_read_are_none(tmp_path: Path, model: Model, text: str) -> None:
-    Mine(tmp_path).keep_directions(model, ())
+    UserObjects(tmp_path).keep_directions(model, ())
     (path,) = (tmp_path / "directions").iterdir()
     path.write_text(text)
-    assert Mine(tmp_path).directions(model) == ()
+    assert UserObjects(tmp_path).directions(model) == ()

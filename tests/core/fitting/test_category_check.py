@@ -1,8 +1,8 @@
 import pytest
 import torch
 
+from core.fitting.category_check import category_likelihood, describe_category, guess_category, likeliest_category
 from core.fitting.fit import FitJob, FitSettings, fit
-from core.fitting.plausibility import category_likelihood, describe_category, guess_category, likeliest_category
 from core.models.library import category_classifier, sample_images, shipped_models
 from core.photos.decode import read_rgba
 from core.photos.photo import Photo

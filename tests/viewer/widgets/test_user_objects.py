@@ -4,7 +4,7 @@ import numpy as np
 
 from core.models.scene import Scene
 from tests.viewer.driver import Drive, Driver
-from viewer.widgets import mine
+from viewer.widgets import user_objects
 
 
 def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, photo: Path, tmp_path: Path) -> None:
@@ -13,7 +13,7 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
     def first(window: Driver) -> None:
         workspace, editor = window.workspace, window.workspace.editor
         window.fit(photo)
-        colour = mine.colour_of(editor.objects["block"])
+        colour = user_objects.colour_of(editor.objects["block"])
         window.fit(photo)
         assert editor.objects.names[:2] == ["block (2)", "block"]
         workspace.grid.add("block")

@@ -22,14 +22,14 @@ def growing(session: Session, workspace: Workspace, photo: Path) -> Workspace:
 
 def test_the_view_is_turned_around_the_growing_object(session: Session, editor: Editor, growing: Workspace) -> None:
     fitting, viewport = growing.fitting, growing.viewport
-    seen_from = fitting.following.camera
+    seen_from = viewport.camera
     assert seen_from.azimuth == pytest.approx(1.0)
     turned = orbit.turned(seen_from, 0.8, 0.0)
     editor.set_camera(turned, "orbit")
     editor.end_gesture()
-    assert fitting.is_followed
-    assert fitting.following.turned
-    assert fitting.following.camera == turned
+    assert viewport.following
+    assert viewport.turned
+    assert viewport.camera == turned
     assert viewport.source == "fit"
     shown = viewport.frame
     deliver(session, lambda: viewport.frame is not shown)
@@ -46,25 +46,25 @@ def test_the_view_is_turned_around_the_growing_object(session: Session, editor: 
 def test_follow_returns_to_the_camera_of_the_photo(session: Session, editor: Editor, growing: Workspace) -> None:
     fitting, viewport = growing.fitting, growing.viewport
     assert not fitting.can_follow
-    editor.set_camera(orbit.turned(fitting.following.camera, 0.8, 0.0))
+    editor.set_camera(orbit.turned(viewport.camera, 0.8, 0.0))
     assert fitting.can_follow
     fitting.follow()
     assert not fitting.can_follow
     deliver(session, lambda: viewport.full_frame[1].camera.azimuth == pytest.approx(1.0))
     fitting.stop()
     finish(session)
-    assert editor.scene.camera == fitting.camera
+    assert editor.scene.camera == fitting.view.camera
 
 
 def test_follow_returns_to_the_fit_after_an_edit(session: Session, editor: Editor, growing: Workspace) -> None:
     fitting, viewport = growing.fitting, growing.viewport
     editor.show_object("object 5")
-    assert not fitting.is_followed
+    assert not viewport.following
     assert viewport.source == "scene"
     assert fitting.can_follow
     fitting.follow()
-    assert fitting.is_followed
+    assert viewport.following
     deliver(session, lambda: viewport.source == "fit")
     fitting.stop()
     assert editor.state.mix.a.shape == "block"
-    assert fitting.ready is None
+    assert not fitting.results.unseen

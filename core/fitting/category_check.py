@@ -1,7 +1,7 @@
-"""Whether photos show an object of the model's category at all: what a fit that has converged cannot know.
+"""Does the photo show the model's category? The loss of a fit cannot tell.
 
-A car in a chairs model becomes a grey chair of some kind, from a side that may well be clear. So the category is asked
-of a network that knows both (:mod:`core.models.category`).
+A car in a chairs model becomes a grey chair of some kind, from a side that may well be clear. So a network that knows
+all categories predicts it (:mod:`core.models.category`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,7 @@ def likeliest_category(guess: Mapping[str, float]) -> str | None:
 
 
 def describe_category(guess: Mapping[str, float], category: str) -> str:
-    """What to tell a person who fits a photo with a model of ``category``; "" where nothing is the matter.
+    """The warning for a person who fits a photo with a model of ``category``; "" where it shows one.
 
     Example:
         >>> describe_category({"cars": 0.95, "chairs": 0.03}, "chairs")

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
-from core.fitting.confidence import DOUBTFUL
+from core.fitting.confidence import in_words
 from core.models.scene import Scene
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
@@ -10,41 +10,38 @@ from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
 from viewer.widgets.controls import NameField
 
-_SURE: Colour = (0.35, 0.75, 0.5)
-_LIKELY: Colour = (0.85, 0.8, 0.35)
+_COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
 _UNKNOWN: Colour = (0.6, 0.63, 0.66)
-_SURE_FROM = 0.9
-"""Nearly all cameras of more confidence were right."""
 
 
 def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
-    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is."""
-    found, em = context.editor.objects[name], hello_imgui.em_size()
-    if found.photo:
+    """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is; in another corner of
+    one that has not been shown yet.
+    """
+    found, em, draw = context.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
+    if name in context.fitting.results.unseen:
+        centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
+        draw.add_circle_filled(centre, 0.42 * em, packed(context.palette.accent))
+    if found.fitted:
         centre = corner + ImVec2(side, side) - ImVec2(0.75, 0.75) * em
-        draw = imgui.get_window_draw_list()
         draw.add_circle_filled(centre, 0.42 * em, packed((0.07, 0.08, 0.09)))
         draw.add_circle_filled(centre, 0.3 * em, packed(colour_of(found)))
 
 
 def colour_of(found: EditableObject) -> Colour:
     """Of the confidence: green is sure, yellow likely, orange doubtful, grey not known."""
-    if found.confidence is None:
-        return _UNKNOWN
-    if found.confidence < DOUBTFUL:
-        return WARM
-    return _SURE if found.confidence > _SURE_FROM else _LIKELY
+    return _UNKNOWN if found.confidence is None else _COLOURS[in_words(found.confidence)]
 
 
 def about(found: EditableObject) -> str:
     """A line for the tooltip of a fitted object; empty for any other."""
-    if not found.photo:
+    if not found.fitted:
         return ""
     sure = "" if found.confidence is None else f", the camera right with a probability of {found.confidence:.0%}"
     return f"\nRebuilt from a photo{sure}"
 
 
-class MineMenu:
+class UserObjectMenu:
     """Rename, remove, export."""
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""A whole view by whichever renderer draws the model as its paper does: fast, or exact where that is all there is."""
+"""Render with the fast renderer, or the reference for architectures that it does not support."""
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
@@ -11,11 +11,11 @@ _EXACT_SAMPLES = 64
 """the paper's"""
 
 
-def render_view(model: Model, codes: Codes, camera: Camera, samples: int | None = None) -> Rendered:
+def render_image(model: Model, codes: Codes, camera: Camera, samples: int | None = None) -> Rendered:
     """Render with the fast renderer; the authors' checkpoints and the entangled ablations exactly.
 
     Args:
-        samples: intervals; None: those of a finished picture, or of the paper.
+        samples: intervals; None: those of a finished image, or of the paper.
     """
     if model.white_from_network or model.is_ablation:
         return render_exact(model, codes, camera, samples or _EXACT_SAMPLES)

@@ -2,12 +2,12 @@
 and one for the named directions of each model.
 """
 
-import base64
 import json
 import re
 import secrets
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,11 +17,10 @@ from core.files import atomic_file
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.scene import Scene
+from core.reading import optional, parse_json, read_json, read_text, reading, typed
 from viewer.values import orbit
 from viewer.values.direction import Direction
-from viewer.values.encoding import decode_photo, encode_photo
 from viewer.values.objects import EditableObject, unique_name
-from viewer.values.saved_session import UNREADABLE
 
 
 class _Stored(NamedTuple):
@@ -29,8 +28,8 @@ class _Stored(NamedTuple):
     about: EditableObject
 
 
-class Mine:
-    """The file of an object is a scene with a photo beside it, so it opens as any other scene."""
+class UserObjects:
+    """The file of an object is a scene with a name, so it opens as any other scene."""
 
     def __init__(self, folder: Path | None = None) -> None:
         """``folder`` None keeps nothing."""
@@ -43,7 +42,7 @@ class Mine:
         self._stored = {}
         files = self._folder.glob("*.json") if self._folder else ()
         for path in sorted(files, key=lambda path: path.stat().st_mtime):
-            if found := _read(path, model):
+            if found := optional(partial(_read, path, model)):
                 name = unique_name(found.name, self._stored)  # another window may have given the same one
                 self._stored[name] = _Stored(path, replace(found, name=name))
         return tuple(stored.about for stored in self._stored.values())
@@ -65,12 +64,8 @@ class Mine:
     def directions(self, model: Model) -> tuple[Direction, ...]:
         """The named directions of a model, or of the latest one that it extends; none where they cannot be read."""
         paths = [self._directions(one) for one in (model.fingerprint, *model.extends)] if self._folder else []
-        try:
-            path = next((path for path in paths if path.exists()), None)
-            stored = json.loads(path.read_text()) if path else []
-            found = tuple(Direction(str(name), Codes(*map(torch.tensor, step))) for name, *step in stored)
-        except (OSError, *UNREADABLE):
-            return ()
+        path = next((path for path in paths if path.exists()), None)
+        found = (optional(lambda: _read_directions(path)) or ()) if path else ()
         sizes = [tuple(code.shape) for code in (model.codes.mean.shape, model.codes.mean.texture)]
         return tuple(one for one in found if [tuple(one.step.shape.shape), tuple(one.step.texture.shape)] == sizes)
 
@@ -80,7 +75,7 @@ class Mine:
             path = self._directions(model.fingerprint)
             path.parent.mkdir(parents=True, exist_ok=True)
             steps = [(one.name, one.step.shape.tolist(), one.step.texture.tolist()) for one in directions]
-            with atomic_file(path) as partial:
+            with atomic_file(path, _read_directions) as partial:
                 partial.write_text(json.dumps(steps))
 
     def _directions(self, fingerprint: str) -> Path:
@@ -89,7 +84,7 @@ class Mine:
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:
-    return first.codes is second.codes and first.photo is second.photo and first.confidence == second.confidence
+    return first.codes is second.codes and first.confidence == second.confidence
 
 
 def _file_name(name: str) -> str:
@@ -99,19 +94,27 @@ def _file_name(name: str) -> str:
 
 def _write(path: Path, one: EditableObject, model: Model) -> None:
     scene = Scene(model.fingerprint, one.codes, orbit.home(model))
-    photo = base64.b64encode(encode_photo(one.photo)).decode() if one.photo else None
-    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence, "photo": photo}
+    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence}
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(path) as partial:
-        partial.write_text(json.dumps(about))
+    with atomic_file(path, partial(_read, model=model)) as written:
+        written.write_text(json.dumps(about))
 
 
-def _read(path: Path, model: Model) -> EditableObject | None:
-    try:
-        text = path.read_text()
-        about = json.loads(text)
-        photo = about["photo"] and decode_photo(base64.b64decode(about["photo"]))
-        confidence = None if about["confidence"] is None else float(about["confidence"])
-        return EditableObject(str(about["name"]), Scene.from_json(text, model).codes, photo, confidence)
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+class _About(NamedTuple):
+    """What a file holds beside its scene."""
+
+    name: str
+    confidence: float | None = None
+
+
+def _read(path: Path, model: Model) -> EditableObject:
+    with reading(path, "an object"):
+        text = read_text(path)
+        about = typed(_About, parse_json(text), name="object")
+        return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence)
+
+
+def _read_directions(path: Path) -> tuple[Direction, ...]:
+    with reading(path, "directions"):
+        stored = typed(tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...], read_json(path), name="directions")
+        return tuple(Direction(name, Codes(*map(torch.tensor, step))) for name, *step in stored)

@@ -1,0 +1,19 @@
+"""``cache``: what is kept on disk, because it takes long to make."""
+
+import argparse
+
+from core.files import VIEW_BANKS, cache_folder
+
+
+def cache(chosen: argparse.Namespace) -> None:
+    """``cache``: prints the folder and the size of each file in it; with ``--clear`` the files are removed."""
+    folder = cache_folder()
+    files = sorted(path for path in (folder / VIEW_BANKS).glob("*") if path.is_file())
+    print(folder, flush=True)
+    for path in files:
+        size = path.stat().st_size / 1e6
+        if chosen.clear:
+            path.unlink(missing_ok=True)
+        print(f"{size:.1f} MB  {path.relative_to(folder)}{'  removed' if chosen.clear else ''}", flush=True)
+    if not files:
+        print("nothing is kept", flush=True)

@@ -1,0 +1,28 @@
+"""Images as arrays: as bytes, and where the object of a mask is."""
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
+
+
+def to_bytes(image: Float[Tensor | np.ndarray, "*shape"]) -> UInt8[np.ndarray, "*shape"]:
+    """Numbers of 0..1 as bytes of 0..255, rounded; numbers beyond become the nearest.
+
+    Example:
+        >>> to_bytes(np.array([-1.0, 0.5, 1.0]))
+        array([  0, 128, 255], dtype=uint8)
+    """
+    values = image.detach().cpu().numpy() if isinstance(image, Tensor) else image
+    return (np.clip(values, 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+def bounding_box(mask: Bool[Tensor | np.ndarray, "height width"]) -> tuple[int, int, int, int]:
+    """Left, top, right, bottom of the object in px; right and bottom lie just behind it.
+
+    Example:
+        >>> bounding_box(np.array([[False, True, True], [False, False, False]]))
+        (1, 0, 3, 1)
+    """
+    values = mask.cpu().numpy() if isinstance(mask, Tensor) else mask
+    rows, columns = np.flatnonzero(values.any(1)), np.flatnonzero(values.any(0))
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

@@ -1,0 +1,56 @@
+"""Grids of cells over the scene's box: their corners, their neighbours, and which cell a point lies in."""
+
+import torch
+from jaxtyping import Bool, Float, Shaped
+from torch import Tensor
+from torch.nn import functional
+
+
+def corner_points(extent: Float[Tensor, "3"], count: int) -> Float[Tensor, "corners 3"]:
+    """The corners of a grid of ``count`` cells along each axis, row by row.
+
+    Args:
+        extent: half the size of the box, scene units.
+    """
+    axes = [torch.linspace(-1, 1, count + 1, device=extent.device)] * 3
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3) * extent
+
+
+def max_of_corners(corners: Shaped[Tensor, "*batch _ _ _"]) -> Shaped[Tensor, "*batch _ _ _"]:
+    """The largest of each cell's eight corners; True where one is."""
+    for axis in (-3, -2, -1):
+        length = corners.shape[axis] - 1
+        corners = torch.maximum(corners.narrow(axis, 0, length), corners.narrow(axis, 1, length))
+    return corners
+
+
+def corners_of(cells: Bool[Tensor, "*batch _ _ _"]) -> Bool[Tensor, "*batch _ _ _"]:
+    """Which corners of the grid belong to one of these cells."""
+    return max_of_corners(functional.pad(cells, (1,) * 6))
+
+
+def with_neighbours(cells: Bool[Tensor, "*batch x y z"]) -> Bool[Tensor, "*batch x y z"]:
+    """The cells and all that touch them."""
+    return max_of_corners(corners_of(cells))
+
+
+def divide(cells: Bool[Tensor, "_ _ _"], parts: int) -> Bool[Tensor, "_ _ _"]:
+    """The same cells on a grid that is finer by so many parts along each axis."""
+    for axis in range(3):
+        cells = cells.repeat_interleave(parts, axis)
+    return cells
+
+
+def contains(
+    cells: Bool[Tensor, "#objects count count count"],
+    points: Float[Tensor, "objects points 3"],
+    extent: Float[Tensor, "3"],
+) -> Bool[Tensor, "objects points"]:
+    """Whether each point lies in a cell of its object; one outside the box counts to the cell beside it."""
+    count = cells.shape[-1]
+    scale = count / (2 * extent)
+    x, y, z = torch.addcmul(scale * extent, points, scale).nan_to_num_(0).clamp_(0, count - 1).floor_().unbind(-1)
+    # Whole numbers, which floats hold exactly: fewer passes over memory than with integers.
+    index = torch.add(z, torch.add(y, x, alpha=count), alpha=count)
+    first = torch.arange(len(cells), device=index.device)[:, None] * count**3
+    return cells.flatten()[(index.int() + first).flatten()].reshape(index.shape)

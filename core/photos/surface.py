@@ -1,0 +1,87 @@
+"""Points on an object's surface, with their colours."""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional
+
+from core.models.cells import contains
+from core.models.codes import Codes
+from core.models.layers import pad_rows
+from core.models.model import Model
+from core.rendering.folded_field import FoldedField
+
+_CELLS = 40
+"""along the longest side of the model's box"""
+_MIN_THICKNESS = 0.05
+"""of a block's optical depth over a cell: more may be the fringe of something"""
+_INSIDE = 0.5
+"""optical depth over a cell from which it is inside"""
+_CHUNK = 8192
+"""points evaluated at a time"""
+
+
+class _Grid(NamedTuple):
+    """What all objects of a model share: where cells lie, and the activations of the first layer there."""
+
+    cell: float
+    """scene units"""
+    points: Float[Tensor, "x y z 3"]
+    """centres of the cells"""
+    activations: Float[Tensor, "cells width"]
+    blocks: Bool[Tensor, "bx by bz"]
+    """blocks of two cells a side that any object of the model may occupy"""
+    block_activations: Float[Tensor, "some width"]
+    """of these"""
+
+
+def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
+    """Points on an object's surface, on a grid in the model's box, and their colours (0..1) seen from outside."""
+    grid, field = _grid(model), FoldedField(model, codes)
+    with torch.no_grad():
+        # Where a block and its neighbours are all empty, its cells are not evaluated.
+        dense = torch.zeros_like(grid.blocks)
+        dense[grid.blocks] = _density(field, grid.block_activations) * grid.cell > _MIN_THICKNESS
+        near = _dilate(dense).repeat_interleave(2, 0).repeat_interleave(2, 1).repeat_interleave(2, 2)
+        inside = torch.zeros_like(near)
+        inside[near] = _density(field, grid.activations[near.flatten()]) * grid.cell > _INSIDE
+        points = grid.points[inside & _dilate(~inside)]
+        padded = pad_rows(points)
+        features = field.density(field.first_layer(padded))[1]
+        colours = field.colour(features, field.direction_bias(-functional.normalize(padded, dim=-1)))
+    return points, colours[: len(points)].clamp(0, 1)
+
+
+@lru_cache(maxsize=1)
+@torch.no_grad()
+def _grid(model: Model) -> _Grid:
+    extent = model.extent_tensor
+    cell = 2 * float(extent.max()) / _CELLS
+    counts = [math.ceil(float(half) / cell) for half in extent]
+    points, middles = (_centres([side * count for count in counts], cell * 2 / side, extent.device) for side in (2, 1))
+    blocks = torch.ones(counts, dtype=torch.bool, device=extent.device)
+    if model.occupied_cells is not None:
+        cells = model.occupied_cells[None].to(extent.device)
+        blocks = contains(cells, middles.reshape(1, -1, 3), extent).reshape(counts)
+    field = FoldedField(model, model.codes.mean)
+    return _Grid(cell, points, field.first_layer(points.reshape(-1, 3)), blocks, field.first_layer(middles[blocks]))
+
+
+def _centres(counts: list[int], step: float, device: torch.device) -> Float[Tensor, "x y z 3"]:
+    """Centres of cells around the origin."""
+    axes = [(torch.arange(count, device=device) + 0.5 - count / 2) * step for count in counts]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1)
+
+
+def _density(field: FoldedField, activations: Float[Tensor, "some width"]) -> Float[Tensor, "some"]:
+    parts = activations.split(_CHUNK)
+    return torch.cat([field.density(pad_rows(part))[0][: len(part)] for part in parts])
+
+
+def _dilate(cells: Bool[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
+    """With all cells beside them."""
+    return functional.max_pool3d(cells.float()[None], 3, 1, 1)[0] > 0.5

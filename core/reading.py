@@ -1,0 +1,320 @@
+"""Where files become values: whatever a parser raises is one ``ValueError`` that names the file, and nothing is decoded
+that could take more memory than :data:`MAX_DECODED`.
+
+Parsers raise what they like (a truncated AVIF a ``RuntimeError``, a zip an ``EOFError``), so :func:`reading` catches
+all of it; nobody else lists exceptions. JSON is checked against the types of fields by :func:`typed`; what a value may
+be beyond its type its own ``__post_init__`` says.
+"""
+
+import json
+import pickle
+import types
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from PIL import Image, PngImagePlugin
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+MAX_DECODED = 400_000_000
+"""bytes that one file may take when it is decoded, told from its header: an RGB image of 100 megapixels"""
+_MAX_TEXT = 16_000_000
+"""bytes of JSON or numbers as text; objects of Python take up to twenty times as much"""
+_MAX_MEMBERS = 10_000
+"""files in a zip"""
+_LARGEST = 1e300
+"""of a number: integers in JSON may be of any size"""
+_FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
+"""Image formats that are read, and HEIF. Pillow has many more, of which EPS starts another program."""
+_HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
+_COPIED = ("WEBP", "AVIF", "HEIF")
+"""formats whose decoders hold the pixels once more"""
+_STORED = {"1": 1, "L": 1, "P": 1, "I;16": 2, "I;16B": 2, "I;16L": 2}
+"""bytes of a pixel in Pillow's memory, where they are not 4"""
+_COEFFICIENTS = 3
+"""bytes of a pixel that a progressive JPEG takes, however small it is to become"""
+
+# Pillow refuses photographs whose colour profile or description takes more than a megabyte.
+PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, _MAX_TEXT)
+
+
+@contextmanager
+def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
+    """Turn whatever is raised inside into one ``ValueError`` of one line that names the file; its cause is kept.
+
+    Args:
+        kind: of the file, with its article: "an image".
+
+    Example:
+        >>> with reading("chair.json", "a scene"):
+        ...     json.loads("{")
+        Traceback (most recent call last):
+        ValueError: chair.json: not a scene that can be read (Expecting property name enclosed in double quotes: ...
+    """
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, ValueError) and str(path) in str(error):
+            raise
+        raise ValueError(_reason(error, path, kind)) from error
+
+
+def _reason(error: Exception, path: Path | str, kind: str) -> str:
+    if isinstance(error, FileNotFoundError):
+        return f"no such {kind.partition(' ')[2]}: {error.filename or path}"
+    if isinstance(error, IsADirectoryError):
+        return f"{path} is a folder, not {kind}"
+    if isinstance(error, OSError) and error.errno:
+        return f"cannot read {path}: {error.strerror}"
+    if isinstance(error, MemoryError):
+        return f"{path}: too large for this machine's memory"
+    if isinstance(error, ValueError) and not isinstance(error, json.JSONDecodeError | UnicodeError):
+        return f"{path}: {first_line(error)}"
+    return f"{path}: not {kind} that can be read ({first_line(error)})"
+
+
+def first_line(error: Exception) -> str:
+    """What an exception says, in one line."""
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
+    if isinstance(error, pickle.UnpicklingError):  # torch's own words advise to execute what the file holds
+        return "it holds something else than tensors, or is damaged"
+    first, *more = [line.strip() for line in str(error).splitlines() if line.strip()] or [type(error).__name__]
+    return f"{first} {more[0]}" if first.endswith(":") and more else first
+
+
+def optional(read: Callable[[], Any]) -> Any:
+    """What ``read`` returns; None where that fails: for what a file may lack, such as EXIF."""
+    try:
+        return read()
+    except Exception:
+        return None
+
+
+# Text and JSON
+
+
+def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
+    """A file's content. Raises ``ValueError`` where it has more bytes than ``most``."""
+    with path.open("rb") as file:
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise ValueError(f"a file of this kind has at most {most / 1e6:.0f} MB")
+    return content
+
+
+def read_text(path: Path) -> str:
+    """A file's text: UTF-8, with or without a byte order mark."""
+    return read_bytes(path, _MAX_TEXT).decode("utf-8-sig")
+
+
+def parse_json(text: bytes | str) -> Any:
+    """JSON in UTF-8, UTF-16 or UTF-32, with or without a byte order mark."""
+    if len(text) > _MAX_TEXT:
+        raise ValueError(f"JSON has at most {_MAX_TEXT / 1e6:.0f} MB here")
+    return json.loads(text.removeprefix("\ufeff") if isinstance(text, str) else text)
+
+
+def read_json(path: Path) -> Any:
+    """A file's JSON."""
+    return parse_json(read_bytes(path, _MAX_TEXT))
+
+
+def read_numbers(path: Path, count: int) -> tuple[float, ...]:
+    """A text file of so many finite numbers."""
+    words = read_text(path).split()
+    if len(words) != count:
+        raise ValueError(f"{count} numbers were expected, got {len(words)}")
+    return tuple(number(float(word)) for word in words)
+
+
+# Values of a type
+
+
+def number(value: Any, name: str = "a number") -> float:
+    """A finite number as a float."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < _LARGEST:
+        raise ValueError(f"{name} must be a finite number, got {_shown(value)}")
+    return float(value)
+
+
+def whole(value: Any, name: str = "a number") -> int:
+    """A whole number as an integer, also one that another program wrote as 128.0."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or value != value // 1:
+        raise ValueError(f"{name} must be a whole number, got {_shown(value)}")
+    return int(value)
+
+
+def typed(
+    kind: Any, value: Any, special: Callable[[Any], Callable[[Any], Any] | None] = lambda _: None, name: str = "it"
+) -> Any:
+    """JSON as a value of a type: numbers, texts, paths, choices, tuples, dictionaries, dataclasses and named tuples.
+
+    A field that is not there has its default; one that is not known is left out.
+
+    Args:
+        special: by type, a reader that takes precedence; None for other types.
+        name: of the value, for errors.
+
+    Raises ``ValueError`` naming the part that is of another type.
+
+    Example:
+        >>> typed(tuple[int, ...], [1, 2.0])
+        (1, 2)
+    """
+    if (read := special(kind)) is not None:
+        return read(value)
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        (only,) = (one for one in arguments if one is not types.NoneType)
+        return None if value is None else typed(only, value, special, name)
+    if origin is Literal:
+        return _choice(value, arguments, name)
+    if origin in (tuple, frozenset):
+        return origin(_items(origin, arguments, value, special, name))
+    if origin is dict:
+        entries = _of_type(value, dict, name).items()
+        return {key: typed(arguments[1], one, special, f"{name}.{key}") for key, one in entries}
+    if is_dataclass(kind) or hasattr(kind, "_fields"):
+        return _with_fields(kind, _of_type(value, dict, name), special, name)
+    if kind in _SIMPLE:
+        return _SIMPLE[kind](value, name)
+    return _of_type(value, kind, name)
+
+
+def _items(origin: Any, arguments: tuple, value: Any, special: Any, name: str) -> Iterator[Any]:
+    parts = _of_type(value, list, name)
+    every = arguments[:1] * len(parts) if origin is frozenset or arguments[-1] is ... else arguments
+    if len(every) != len(parts):
+        raise ValueError(f"{name} has {len(every)} parts, got {len(parts)}")
+    return (typed(one, part, special, f"{name}[{i}]") for i, (one, part) in enumerate(zip(every, parts, strict=True)))
+
+
+def _with_fields(kind: Any, about: dict, special: Any, name: str) -> Any:
+    kinds, found = _kinds(kind), {}
+    for one, required in _fields(kind):
+        if one in about:
+            found[one] = typed(kinds[one], about[one], special, f"{name}.{one}")
+        elif required:
+            raise ValueError(f"{name}.{one} is missing")
+    return kind(**found)
+
+
+def _choice(value: Any, choices: tuple, name: str) -> Any:
+    for one in choices:
+        if type(one) is type(value) and one == value:
+            return one
+    raise ValueError(f"{name} must be one of {', '.join(map(str, choices))}, got {_shown(value)}")
+
+
+def _of_type(value: Any, kind: Any, name: str) -> Any:
+    if not isinstance(value, kind) or (kind is not bool and isinstance(value, bool)):
+        raise ValueError(f"{name} must be {_WORDS.get(kind, kind.__name__)}, got {_shown(value)}")
+    return value
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 40 else f"{text[:36]}..."
+
+
+_WORDS = {dict: "an object", list: "a list", str: "a text", bool: "true or false"}
+_SIMPLE: dict[Any, Callable[[Any, str], Any]] = {
+    float: number,
+    int: whole,
+    Path: lambda value, name: Path(_of_type(value, str, name)),
+}
+
+
+@cache
+def _kinds(kind: Any) -> dict[str, Any]:
+    """The types of the fields; finding them takes long."""
+    return get_type_hints(kind)
+
+
+@cache
+def _fields(kind: Any) -> tuple[tuple[str, bool], ...]:
+    """Names of the fields, and whether they have no default."""
+    if is_dataclass(kind):
+        known = [one for one in fields(kind) if one.init]
+        return tuple((one.name, one.default is MISSING and one.default_factory is MISSING) for one in known)
+    return tuple((one, one not in kind._field_defaults) for one in kind._fields)
+
+
+# Images, tensors and zip files
+
+
+@contextmanager
+def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DECODED) -> Iterator[Image.Image]:
+    """An image of which the header has been read, and which is not too large to be decoded.
+
+    Args:
+        side: px that are enough of it: a JPEG is decoded at a part of its size.
+        most: bytes that it may take when it is decoded.
+
+    Raises ``ValueError`` for other kinds of file and for what is too large; decoding raises what it likes.
+    """
+    with _opened(file) as image:
+        full = image.size
+        if side:
+            image.draft("RGB", (side, side))
+        taken = image.width * image.height * _STORED.get(image.mode, 4) * (2 if image.format in _COPIED else 1)
+        if image.info.get("progressive"):
+            taken += full[0] * full[1] * _COEFFICIENTS
+        if taken > most:
+            raise ValueError(f"the image is too large ({full[0]}x{full[1]} px); make it smaller first")
+        yield image
+
+
+def _opened(file: Path | BytesIO) -> Image.Image:
+    limit = Image.MAX_IMAGE_PIXELS
+    try:
+        Image.MAX_IMAGE_PIXELS = None  # Pillow's own limit knows nothing of drafts and modes
+        return Image.open(file, formats=(*_FORMATS, "HEIF") if _is_heif(file) else _FORMATS)
+    except Image.UnidentifiedImageError:
+        raise ValueError("this is not an image (PNG, JPEG, WebP, ...)") from None
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+
+
+def _is_heif(file: Path | BytesIO) -> bool:
+    """By content, whatever the name says; then Pillow is made to know the format."""
+    if isinstance(file, Path):
+        with file.open("rb") as opened:
+            head = opened.read(12)
+    else:
+        head = file.read(12)
+        file.seek(0)
+    if head[4:8] != b"ftyp" or head[8:12] not in _HEIF_BRANDS:
+        return False
+    from pillow_heif import register_heif_opener  # costs 50 ms, and few images need it
+
+    register_heif_opener()
+    return True
+
+
+def read_tensors(path: Path) -> "tuple[dict[str, str], dict[str, Tensor]]":
+    """The metadata and the tensors of a safetensors file."""
+    from safetensors import safe_open
+
+    if path.stat().st_size > MAX_DECODED:
+        raise ValueError(f"a file of this kind has at most {MAX_DECODED / 1e6:.0f} MB")
+    with safe_open(path, framework="pt") as file:
+        return file.metadata() or {}, {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+
+
+@contextmanager
+def open_zip(path: Path, most: int = MAX_DECODED) -> Iterator[zipfile.ZipFile]:
+    """A zip file whose members, unpacked, have no more bytes than ``most`` in all."""
+    with zipfile.ZipFile(path) as file:
+        members = file.infolist()
+        if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > most:
+            raise ValueError(f"it unpacks to more than {_MAX_MEMBERS} files or {most / 1e6:.0f} MB")
+        yield file

@@ -1,0 +1,41 @@
+"""Generators that end with a result: run to the end, or as a part of a longer one."""
+
+from collections.abc import Generator
+from typing import Any, TypeVar
+
+_Result = TypeVar("_Result")
+
+
+def run_to_end(stream: Generator[Any, None, _Result]) -> _Result:
+    """The result of a generator, whatever it yields before.
+
+    Example:
+        >>> def job():
+        ...     yield 0.5
+        ...     return "done"
+        >>> run_to_end(job())
+        'done'
+    """
+    while True:
+        try:
+            next(stream)
+        except StopIteration as done:
+            return done.value
+
+
+def subprogress(stream: Generator[float, None, _Result], begin: float, end: float) -> Generator[float, None, _Result]:
+    """A stream of shares that are done as a part of a longer one, from ``begin`` to ``end``.
+
+    Example:
+        >>> def job():
+        ...     yield 0.5
+        ...     yield 1.0
+        >>> list(subprogress(job(), 0.2, 0.4))
+        [0.30000000000000004, 0.4]
+    """
+    while True:
+        try:
+            share = next(stream)
+        except StopIteration as done:
+            return done.value
+        yield begin + (end - begin) * share

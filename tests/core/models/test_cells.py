@@ -1,0 +1,59 @@
+"""Cells, corners and neighbours against the plain definitions; points lie in their own cells."""
+
+import itertools
+
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
+
+_COUNT, _EXTENT = 12, torch.tensor([0.4, 0.2, 0.3])
+
+
+def test_corners_lie_between_the_faces_of_the_box_row_by_row():
+    corners = corner_points(_EXTENT, _COUNT).reshape(*[_COUNT + 1] * 3, 3)
+    torch.testing.assert_close(corners[0, 0, 0], -_EXTENT)
+    torch.testing.assert_close(corners[-1, 6, 0], _EXTENT * torch.tensor([1, 0, -1]))
+
+
+@given(st.integers(0, 2**31))
+def test_corners_and_neighbours_are_those_that_touch(seed: int):
+    cells = torch.rand((2, 5, 4, 3), generator=torch.Generator().manual_seed(seed)) > 0.9
+    corners, near = torch.zeros((2, 6, 5, 4), dtype=torch.bool), torch.zeros_like(cells)
+    for one, x, y, z in cells.nonzero().tolist():
+        corners[one, x : x + 2, y : y + 2, z : z + 2] = True
+        near[one, max(0, x - 1) : x + 2, max(0, y - 1) : y + 2, max(0, z - 1) : z + 2] = True
+    assert torch.equal(corners_of(cells), corners)
+    assert torch.equal(with_neighbours(cells), near)
+
+
+def test_a_cell_has_the_largest_of_its_corners():
+    corners = torch.randn((4, 3, 5), generator=torch.Generator().manual_seed(0))
+    found = max_of_corners(corners)
+    for x, y, z in itertools.product(range(3), range(2), range(4)):
+        assert found[x, y, z] == corners[x : x + 2, y : y + 2, z : z + 2].amax()
+
+
+def test_divided_cells_take_the_same_room():
+    cells = torch.rand((4, 4, 4), generator=torch.Generator().manual_seed(0)) > 0.5
+    finer = divide(cells, 3)
+    assert torch.equal(finer[1::3, 1::3, 1::3], cells)
+    assert int(finer.sum()) == 27 * int(cells.sum())
+
+
+def test_points_are_found_in_their_own_cells():
+    generator = torch.Generator().manual_seed(0)
+    cells = torch.rand((2, _COUNT, _COUNT, _COUNT), generator=generator) > 0.5
+    points = (torch.rand((2, 200, 3), generator=generator) * 2 - 1) * _EXTENT
+    found = contains(cells, points, _EXTENT)
+    for of, some, inside in zip(cells, points, found, strict=True):
+        x, y, z = ((some / _EXTENT + 1) / 2 * _COUNT).long().T
+        assert torch.equal(of[x, y, z], inside)
+    assert torch.equal(contains(cells[:1], points, _EXTENT)[0], found[0])
+
+
+def test_points_outside_the_box_count_to_the_cell_beside_them():
+    cells = torch.zeros((1, _COUNT, _COUNT, _COUNT), dtype=torch.bool)
+    cells[0, 0, 0, -1] = True
+    assert contains(cells, torch.tensor([[[-9.0, -9.0, 9.0], [-9.0, -9.0, -9.0]]]), _EXTENT).tolist() == [[True, False]]

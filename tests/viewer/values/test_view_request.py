@@ -1,0 +1,32 @@
+from dataclasses import replace
+
+import pytest
+
+from core.models.model import Model
+from viewer.values import orbit
+from viewer.values.quality import QUALITIES
+from viewer.values.view_request import ViewRequest, ViewSettings
+
+
+@pytest.fixture
+def request_(model: Model) -> ViewRequest:
+    return ViewRequest(model.codes[0], orbit.home(model), ViewSettings((300, 200), (0.1, 0.0), QUALITIES[1]))
+
+
+def test_one_record_says_what_is_rendered_and_what_of_it_is_shown(request_: ViewRequest) -> None:
+    assert (request_.full, request_.preview) == (200, 128)
+    crop = request_.crop(request_.full)
+    assert (crop.width, crop.height) == (300, 200)
+    assert crop.camera.width == 340  # panned: rendered wider, and cropped
+
+
+def test_equal_records_are_equal_images(request_: ViewRequest, model: Model) -> None:
+    assert replace(request_) == request_
+    assert replace(request_, codes=model.codes[1]) != request_
+    assert replace(request_, settings=replace(request_.settings, mode="depth")) != request_
+
+
+def test_only_colours_are_drawn_from_a_baked_copy() -> None:
+    assert ViewSettings(opengl=True).baked
+    assert not ViewSettings(opengl=True, mode="normals").baked
+    assert not ViewSettings().baked

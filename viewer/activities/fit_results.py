@@ -1,0 +1,70 @@
+"""What fits have found: it joins the objects, and becomes current where the view has followed the fit."""
+
+import re
+
+from core.geometry.camera import Camera
+from viewer.activities.viewport import Viewport
+from viewer.editor import Editor
+from viewer.values.fit_history import Ready
+from viewer.values.objects import EditableObject
+
+
+class FitResults:
+    """A result never takes over what a person edits; it waits to be shown then."""
+
+    def __init__(self, editor: Editor, viewport: Viewport) -> None:
+        self._editor, self._viewport = editor, viewport
+        self.checking: Ready | None = None
+        """what the fit under way has handed over while it is still being checked"""
+        self.unseen: dict[str, Camera] = {}
+        """by their names the objects that wait to be shown, and the cameras of their photos"""
+        editor.scene_changed.connect(self._forget_seen)
+
+    def add(self, found: EditableObject, camera: Camera, restored: bool = False) -> Ready:
+        """Take a result in.
+
+        Args:
+            camera: of its photo, at the size of the model's images.
+            restored: it takes the place of an object of the same photo, which a run that ended badly has made.
+        """
+        if self._viewport.following:
+            seen_from = self._editor.scene.camera if self._viewport.turned else camera
+            return Ready(self._editor.add_and_show(found, seen_from), camera)
+        objects = self._editor.objects
+        if same := restored and next((one.name for one in objects.added if _is_same_photo(one, found)), ""):
+            objects.replace(same, found)
+        name = same or objects.add(found)
+        self.unseen[name] = camera
+        return Ready(name, camera)
+
+    def improve(self, handed: Ready, better: EditableObject, camera: Camera) -> bool:
+        """Put the final result in the place of the one handed over. Whether it is another."""
+        name = handed.name
+        differs = better.codes != self._editor.objects[name].codes
+        turned = self._editor.scene.camera != handed.camera
+        shown = self._editor.improve(name, better, self._editor.scene.camera if turned else camera)
+        if differs and not shown and name not in self._editor.objects.removed:
+            self.unseen[name] = camera
+        return differs
+
+    def show(self, name: str) -> None:
+        """Make a result that waits current."""
+        if camera := self.unseen.pop(name, None):
+            self._editor.show_added(name, camera)
+
+    def rename(self, name: str, to: str) -> None:
+        """A result has another name."""
+        if name in self.unseen:
+            self.unseen[to] = self.unseen.pop(name)
+        if self.checking and self.checking.name == name:
+            self.checking = Ready(to, self.checking.camera)
+
+    def _forget_seen(self) -> None:
+        codes, objects = self._editor.scene.codes, self._editor.objects
+        for name in [name for name in self.unseen if objects[name].codes == codes or name in objects.removed]:
+            del self.unseen[name]
+
+
+def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
+    """Both were fitted to the photo of one name; a second object of it carries a number."""
+    return one.fitted and other.fitted and re.sub(r" \(\d+\)$", "", one.name) == other.name

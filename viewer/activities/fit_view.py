@@ -1,0 +1,119 @@
+"""How the fit under way, or the last one, is shown: its steps and photos, and renders from their cameras."""
+
+import time
+from dataclasses import replace
+
+from core.export.keyframes import View
+from core.fitting.fit import FitStep, RunnerUp
+from core.geometry.camera import Camera
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.activities.viewport import LIVE, Viewport
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+from viewer.values import orbit
+from viewer.values.fit_history import FitHistory
+
+_RENDER_EVERY = 0.3
+"""s between two renders of the fit, which take their time from it"""
+_RENDER_STEPS = 4
+"""steps between two renders at the least, for machines on which they are slow"""
+_FINISHED = RenderSettings(divisors=(1,))
+
+
+class FitView:
+    """Renders for the comparison with the photo; where the view follows the fit, also for that."""
+
+    def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
+        self._jobs, self._editor, self._viewport = jobs, editor, viewport
+        self.history = FitHistory()
+        self._rendered_at, self._steps_since = 0.0, 0
+        """s on the monotonic clock, and steps, since the last render"""
+
+    def show(self, history: FitHistory) -> None:
+        """Show another fit, which has not begun or is over."""
+        self.history = history
+        self._rendered_at, self._steps_since = 0.0, 0
+
+    def close(self) -> None:
+        """Render no more of it; the view belongs to the scene again."""
+        self._jobs.cancel("fit frame")
+        self._viewport.unfollow()
+
+    @property
+    def camera(self) -> Camera:
+        """The photo's camera in the step shown, at the size of the model's images. Only once there are steps."""
+        assert self.history.step is not None, "nothing found yet"
+        return self.camera_of(self.history.step)
+
+    @property
+    def other_camera(self) -> Camera | None:
+        """The runner-up's camera, mostly from the object's other side, at the same size; None where there is none."""
+        other = self.history.step and self.history.step.runner_up
+        return self.camera_of(other) if other else None
+
+    def camera_of(self, found: FitStep | RunnerUp) -> Camera:
+        """The camera of the photo that is shown, at the size of the model's images."""
+        size = self._editor.model.image_size
+        return found.cameras[self.history.photo_index].resized(size, size)
+
+    def scrub(self, index: int | None, gesture: str = "") -> None:
+        """Show a step: its codes, seen from its camera, are an edit of the scene. None is the newest step."""
+        if not self.history.steps:
+            return
+        last = len(self.history.steps) - 1
+        self.history = replace(self.history, selected=None if index is None else max(0, min(index, last)))
+        if step := self.history.step:
+            self._editor.show(step.codes, self.camera, gesture)
+            self._render(step, LIVE)
+
+    def show_photo(self, index: int) -> None:
+        """Show another photo."""
+        if 0 <= index < len(self.history.photos):
+            self.history = replace(self.history, photo_index=index, frame=None, difference=None)
+            if self.history.step:
+                self._render(self.history.step, LIVE)
+
+    def add_step(self, step: FitStep) -> None:
+        """Show a step more of the fit under way, rendered where the last render is long enough ago."""
+        self.history = self.history.with_step(step)
+        self._viewport.update_live(View(step.codes, self.camera_of(step)))
+        self._steps_since += 1
+        due = self._steps_since >= _RENDER_STEPS and time.monotonic() - self._rendered_at > _RENDER_EVERY
+        if due and self.history.selected is None and not self._jobs.busy("fit frame"):
+            self._render(step, LIVE)
+            self._viewport.render_turned()
+
+    def finish(self) -> None:
+        """Show the newest step, finished."""
+        self.history = replace(self.history, selected=None)
+        if self.history.last:
+            self._render(self.history.last, _FINISHED)
+
+    @property
+    def _fills_view(self) -> bool:
+        """The view shows the fit from the photo's camera."""
+        return self._viewport.following and not self._viewport.turned
+
+    def _render(self, step: FitStep, settings: RenderSettings) -> None:
+        """A step from the photo's camera; as wide as the view while that follows the fit from there."""
+        self._rendered_at, self._steps_since = time.monotonic(), 0
+        index, view, fills = self.history.photo_index, self._viewport.settings, self._fills_view
+        camera = step.cameras[index]
+        layout = (*view.panel, camera.height, view.pan) if fills else (camera.width, camera.height, camera.height)
+        crop = orbit.fit_to_panel(camera, *layout)
+        job = RenderJob(step.codes, crop.camera, settings)
+
+        def rendered(frame: Frame) -> None:
+            if fills and self._fills_view:
+                self._viewport.display(frame, crop, "fit")
+            if index == self.history.photo_index and (fitted := self.history.photo):
+                middle = crop.middle(camera).cropped(frame)
+                difference = fitted.doubled_difference(middle.image)
+                self.history = replace(self.history, frame=middle, difference=difference)
+
+        frames, model = self._jobs.backend.frames, self._editor.model
+        ended = self._jobs.reporting("Cannot show the search")
+        # While a person scrubs, each frame is shown before the next replaces it.
+        urgent = self.history.selected is not None
+        self._jobs.submit(Job("fit frame", lambda: frames(model, job), rendered, ended, urgent))

@@ -1,0 +1,22 @@
+"""A signal: any number of receivers are called with what is emitted."""
+
+from collections.abc import Callable
+from typing import Generic, ParamSpec
+
+P = ParamSpec("P")
+
+
+class Signal(Generic[P]):
+    """Receivers are called in the order in which they were connected."""
+
+    def __init__(self) -> None:
+        self._receivers: list[Callable[P, object]] = []
+
+    def connect(self, receiver: Callable[P, object]) -> None:
+        """Call a receiver at every :meth:`emit`, besides those before it."""
+        self._receivers.append(receiver)
+
+    def emit(self, *args: P.args, **kwargs: P.kwargs) -> None:
+        """Call all receivers."""
+        for receiver in self._receivers:
+            receiver(*args, **kwargs)

@@ -1,0 +1,15 @@
+"""Text as the window can draw it."""
+
+_CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
+
+
+def printable(text: object) -> str:
+    """A name or a line of text on its way into the window: what is no character of Unicode is a question mark.
+
+    Names of files may hold bytes that are no UTF-8; imgui takes none of them, in any frame.
+
+    Example:
+        >>> printable("bad_\\udcff.png")
+        'bad_?.png'
+    """
+    return str(text).encode("utf-8", "replace").decode().translate(_CONTROLS)

@@ -1,0 +1,51 @@
+"""Everything that the image in the view depends on, as one record."""
+
+from dataclasses import dataclass
+
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from viewer.values import orbit
+from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """How objects are seen, whichever model is open."""
+
+    panel: tuple[int, int] = (512, 512)
+    """px, the size of the view"""
+    pan: tuple[float, float] = (0.0, 0.0)
+    """how far the object is moved right and down, in shares of the view's shorter side"""
+    quality: Quality = QUALITIES[DEFAULT_QUALITY]
+    mode: str = "colour"
+    """one of :data:`viewer.values.view_modes.MODES`"""
+    opengl: bool = False
+    """OpenGL draws a baked copy while the object is turned; else every image is exact"""
+
+    @property
+    def baked(self) -> bool:
+        """A baked copy may be drawn; it has colours alone."""
+        return self.opengl and self.mode == "colour"
+
+
+@dataclass(frozen=True)
+class ViewRequest:
+    """An object, the camera that sees it, and the settings of the view."""
+
+    codes: Codes
+    camera: Camera
+    settings: ViewSettings = ViewSettings()
+
+    @property
+    def full(self) -> int:
+        """px of the view's shorter side."""
+        return min(self.settings.panel)
+
+    @property
+    def preview(self) -> int:
+        """px along that side of the image that is rendered at once."""
+        return min(self.settings.quality.detail, self.full)
+
+    def crop(self, detail: int) -> orbit.PanelCrop:
+        """What to render, so many px along the view's shorter side, and what of it is shown."""
+        return orbit.fit_to_panel(self.camera, *self.settings.panel, detail, self.settings.pan)
