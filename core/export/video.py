@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.export.film import Rgb, baked_frames, exact_frames
+from core.export.frames import Rgb, baked_frames, exact_frames
 from core.export.keyframes import View
 from core.files import atomic_file, atomic_folder
 from core.models.model import Model

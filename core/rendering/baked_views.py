@@ -1,4 +1,4 @@
-"""An object baked for the cameras of a film: density once, colours as each camera sees them.
+"""An object baked for the cameras of a video: density once, colours as each camera sees them.
 
 What the view changes of a colour is far more than what a fine grid loses: one texture for all views is 35 to 40 dB from
 the exact render, however fine. Colours are therefore evaluated for a camera, of the corners alone that it may see;

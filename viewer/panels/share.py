@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from core.export.film import Rgb, over
+from core.export.frames import Rgb, over
 from core.export.mesh import FORMATS as MESHES
 from core.export.mesh import TEXTURED
 from core.export.video import FORMATS as VIDEOS

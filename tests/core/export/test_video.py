@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from core.export.film import over
+from core.export.frames import over
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.export.video import FORMATS, VideoSettings, write_video
 from core.models.model import Model
@@ -122,7 +122,7 @@ def test_a_timeline_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
 
 
 def test_an_mp4_has_the_colours_of_its_frames_and_says_how(model: Model, tmp_path: Path) -> None:
-    """Players that are told nothing take small films for BT.601, and large ones for BT.709."""
+    """Players that are told nothing take small videos for BT.601, and large ones for BT.709."""
     for name in ("a.mp4", "a.frames"):
         list(turn(model, tmp_path / name, 2, size=64, quality=100, background=(30, 160, 90)))
     with av.open(str(tmp_path / "a.mp4")) as video:

@@ -102,7 +102,7 @@ def key_views(views: Sequence[View]) -> list[int]:
 
 
 class BakedViews:
-    """The fields of a film's frames, best asked for in order: those of two key views are kept, no more."""
+    """The fields of a video's frames, best asked for in order: those of two key views are kept, no more."""
 
     def __init__(self, model: Model, views: Sequence[View], cells: int) -> None:
         self._model, self._views, self.cells = model, views, cells
@@ -127,14 +127,14 @@ class BakedViews:
     def _baked(self, view: View) -> Generator[None, None, BakedField]:
         if self._object is None or self._object[0] != view.codes:
             occupied = shape_occupancy(self._model, tuple(view.codes.shape.tolist())).cells
-            made = BakedObject(self._model, view.codes, self.cells, self._film_box())
+            made = BakedObject(self._model, view.codes, self.cells, self._video_box())
             yield from made.bake(occupied)
             self._object, self._newest = (view.codes, made), None
         self._newest = yield from self._object[1].seen_from(view.camera, self._newest)
         return self._newest
 
-    def _film_box(self) -> Box:
-        """Around all shapes of the film."""
+    def _video_box(self) -> Box:
+        """Around all shapes of the video."""
         if self._box is None:
             shapes = {tuple(self._views[key].codes.shape.tolist()): None for key in self._keys}
             some = [shape_occupancy(self._model, shape).cells for shape in shapes]
@@ -158,7 +158,7 @@ def _place(camera: Camera) -> list[float]:
 
 
 def _probe_frame(keys: Sequence[int]) -> int:
-    """Halfway between two key views, where a mixture is worst, a quarter through the film."""
+    """Halfway between two key views, where a mixture is worst, a quarter through the video."""
     before, after = list(pairwise([*keys, keys[-1]]))[(len(keys) - 1) // 4]
     return (before + after) // 2
 

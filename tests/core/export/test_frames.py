@@ -6,8 +6,8 @@ from typing import NoReturn
 import numpy as np
 import pytest
 
-from core.export import film
-from core.export.film import bake_views, baked_frames, exact_frames, key_views, supersampling
+from core.export import frames
+from core.export.frames import bake_views, baked_frames, exact_frames, key_views, supersampling
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.metrics import psnr_from_mse
 from core.models.model import Model
@@ -48,7 +48,7 @@ def test_without_opengl_frames_are_exact(monkeypatch: pytest.MonkeyPatch) -> Non
     def refuse(*_: object) -> NoReturn:
         raise RuntimeError("no OpenGL")
 
-    monkeypatch.setattr(film, "OffscreenPictures", refuse)
+    monkeypatch.setattr(frames, "OffscreenPictures", refuse)
     model = tiny_model()
     views = turn(model, 2)
     drawn, exact = (images(make(model, views, 32, None)) for make in (baked_frames, exact_frames))
