@@ -97,6 +97,11 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--quality", type=count, default=85, help="1 to 100")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument(
+        "--exact",
+        action="store_true",
+        help="every frame by the network: minutes, and 45 dB from the usual",
+    )
+    command.add_argument(
         "--out",
         type=Path,
         required=True,

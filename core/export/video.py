@@ -1,26 +1,29 @@
 """Videos of an object as mp4 (H.264), gif, webp or a folder of png images, by the name's ending."""
 
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
+from core.export.frames import Rgb, baked_frames, exact_frames
 from core.export.keyframes import View
 from core.files import atomic_file, atomic_folder
 from core.models.model import Model
-from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
-Rgb = tuple[int, int, int]
-"""0..255"""
 WHITE: Rgb = (255, 255, 255)
-_FULL = RenderSettings(divisors=(1,))
+_BT709, _LIMITED_RANGE = 1, 1
+"""numbers of H.264 and FFmpeg"""
+_WAITING = 4
+"""frames that are held for the encoder at most"""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,8 @@ class VideoSettings:
     """1 to 100: of mp4 and webp; a gif has so many of its 256 colours"""
     background: Rgb | None = WHITE
     """None is transparent"""
+    exact: bool = False
+    """every frame by the network; else drawn from a baked copy, which cannot be told from that by eye"""
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
@@ -46,8 +51,8 @@ def write_video(
 ) -> Generator[int, None, None]:
     """Render and write views, one after another.
 
-    Yields the number of frames written so far, many times a frame so that a worker can do other things between, and
-    nothing is left at ``path`` unless all of them were: to cancel, close the generator.
+    Yields the number of frames rendered so far, many times a frame so that a worker can do other things between, and
+    nothing is left at ``path`` unless all of them were written: to cancel, close the generator. Another thread encodes.
 
     Raises ``ValueError`` for a name of another format, a transparent background in a format that has none, or a path
     that cannot be written.
@@ -60,27 +65,18 @@ def write_video(
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
-    with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink:
-        for index, view in enumerate(views):
-            camera = view.camera.resized(settings.size, settings.size)
-            for frame in render_progressively(model, RenderJob(view.codes, camera, _FULL)):
-                if frame:
-                    sink.add(over(frame, settings.background))
-                yield index + (frame is not None)
-        sink.finish()
+    frames = exact_frames if settings.exact else baked_frames
+    with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
+        done = 0
+        for image in frames(model, views, settings.size, settings.background):
+            if image is not None:
+                encoder.add(image)
+                done += 1
+            yield done
+        encoder.finish()
 
 
-def over(frame: Frame, background: Rgb | None) -> UInt8[np.ndarray, "height width channels"]:
-    """A frame on a colour instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied."""
-    opacity = frame.opacity.clip(0, 1)[..., None]
-    if background is None:
-        own = (frame.image - 255 * (1 - opacity)) / np.maximum(opacity, 1e-3)
-        image = np.concatenate((own, 255 * opacity), -1)
-    else:
-        image = frame.image - (1 - opacity) * (255 - np.array(background))
-    return (image + 0.5).clip(0, 255).astype(np.uint8)
-
-
+@runtime_checkable
 class _Sink(Protocol):
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None: ...
 
@@ -89,11 +85,36 @@ class _Sink(Protocol):
     def close(self) -> None: ...
 
 
+class _Encoder:
+    """A thread that gives images to a sink, so that the next ones can be rendered meanwhile; its errors come here."""
+
+    def __init__(self, sink: _Sink) -> None:
+        self._sink, self._thread = sink, ThreadPoolExecutor(1, "encoder")
+        self._waiting = deque[Future[None]]()
+
+    def __enter__(self) -> "_Encoder":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._thread.shutdown(cancel_futures=True)
+
+    def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
+        self._waiting.append(self._thread.submit(self._sink.add, image))
+        if len(self._waiting) > _WAITING:
+            self._waiting.popleft().result()
+
+    def finish(self) -> None:
+        while self._waiting:
+            self._waiting.popleft().result()
+        self._sink.finish()
+
+
 class _Mp4:
     def __init__(self, path: Path, settings: VideoSettings) -> None:
         import av  # the window lists the formats long before it needs the library
 
-        self._av, self._container = av, av.open(str(path), "w")
+        # The index goes before the frames, so that a browser shows the first one before it has the last.
+        self._av, self._container = av, av.open(str(path), "w", options={"movflags": "+faststart"})
         # From nearly lossless (12) at 100 to blocks (40) at 1; 85 cannot be told from the original by eye.
         crf = f"{40 - 0.28 * settings.quality:.0f}"
         self._stream = self._container.add_stream("libx264", rate=settings.rate, options={"crf": crf})
@@ -101,10 +122,20 @@ class _Mp4:
         self._stream.width = self._stream.height = settings.size - settings.size % 2
         self._stream.pix_fmt = "yuv420p"
         self._stream.time_base = Fraction(1, settings.rate)
+        self._label(self._stream.codec_context)
 
     def add(self, image: UInt8[np.ndarray, "height width channels"]) -> None:
         even = np.ascontiguousarray(image[: self._stream.height, : self._stream.width])
-        self._container.mux(self._stream.encode(self._av.VideoFrame.from_ndarray(even, format="rgb24")))
+        frame = self._av.VideoFrame.from_ndarray(even, format="rgb24")
+        converted = frame.reformat(format="yuv420p", dst_colorspace=_BT709, dst_color_range=_LIMITED_RANGE)
+        self._label(converted)
+        self._container.mux(self._stream.encode(converted))
+
+    @staticmethod
+    def _label(coded: Any) -> None:
+        """Say by which matrix colours were converted: players guess differently where nothing says it."""
+        coded.colorspace = coded.color_primaries = coded.color_trc = _BT709
+        coded.color_range = _LIMITED_RANGE
 
     def finish(self) -> None:
         self._container.mux(self._stream.encode())

@@ -1,4 +1,4 @@
-"""An object's field baked into a 3D texture, for OpenGL to draw at the window's own resolution while it is turned.
+"""An object's field baked into a 3D texture, for OpenGL to draw (:mod:`core.rendering.baked_shader`).
 
 Of density, its logit is stored (what the network gives before its softplus): linear interpolation of that is 3
 to 6 dB better than of density itself. Of colour, the mean over a few directions is: what the view changes of it costs 3
@@ -31,6 +31,8 @@ from core.rendering.reference import Rendered
 LOGITS = -8.0, 24.0
 """What 0 and 255 stand for; the least is a density of 0.01 per scene unit."""
 STEPS_PER_TEXEL = 1.5
+MAX_STEPS = 128
+"""along the longest side of the box: more change nothing that can be seen"""
 MIN_LIGHT = 0.002
 """A ray ends where less of its light is left."""
 _DIVISIONS = (1, 2)
@@ -53,7 +55,7 @@ class BakedField:
     """Colour and density at the corners of a grid, and which of its cells hold anything. Never written again."""
 
     texels: UInt8[np.ndarray, "x y z 4"]
-    """rgb, and the logit of density on the scale of :data:`LOGITS`; the first and the last lie on the box's faces"""
+    """rgb, and the logit of density on the scale of :data:`LOGITS`; of the part of the grid that is occupied"""
     distance: UInt8[np.ndarray, "cells cells cells"]
     """cells to the nearest occupied one, diagonals as long as edges; 0: occupied"""
     extent: tuple[float, float, float]
@@ -61,16 +63,15 @@ class BakedField:
     density_scale: float
     pixel_offset: float
     """px, by how much rays pass left of and above pixel centres"""
-
-    @property
-    def cells(self) -> int:
-        """Of the grid, along each axis of the box."""
-        return len(self.texels) - 1
+    cells: int
+    """of the grid, along each axis of the box; the first and the last corners lie on the box's faces"""
+    first: tuple[int, int, int] = (0, 0, 0)
+    """the corner of the grid that the first texel is of"""
 
     @property
     def step(self) -> float:
         """scene units between the samples of a ray"""
-        return 2 * max(self.extent) / (STEPS_PER_TEXEL * self.cells)
+        return 2 * max(self.extent) / min(MAX_STEPS, STEPS_PER_TEXEL * self.cells)
 
 
 def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
@@ -81,15 +82,15 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
     with torch.inference_mode():
         folded = FoldedField(model, codes)
         cells = shape_occupancy(model, tuple(codes.shape.tolist())).cells
-        distance = _distances(cells)
+        distance = cell_distances(cells)
     for divisions in _DIVISIONS:
         texels = np.zeros(((CELLS * divisions + 1) ** 3, 4), np.uint8)
         for block in _blocks(model, folded, codes, cells, divisions):
             with torch.inference_mode():
                 texels[block.corner.cpu().numpy()] = _texels(folded, block).cpu().numpy()
             yield None
-        shaped = texels.reshape(*(CELLS * divisions + 1,) * 3, 4)
-        yield BakedField(shaped, distance, model.extent, model.field.config.density_scale, model.pixel_offset)
+        shaped, count = texels.reshape(*(CELLS * divisions + 1,) * 3, 4), CELLS * divisions
+        yield BakedField(shaped, distance, model.extent, model.field.config.density_scale, model.pixel_offset, count)
 
 
 class _Block(NamedTuple):
@@ -111,7 +112,7 @@ def _blocks(
         return
     found = list[_Block]()
     with torch.inference_mode():
-        corners = _corners(cells, divisions)
+        corners = cell_corners(cells, divisions)
         scale = 2 * model.extent_tensor / (CELLS * divisions)
     for part in corners.split(_BLOCK):
         with torch.inference_mode():
@@ -123,7 +124,7 @@ def _blocks(
         CACHE.put(Kind.VIEW, key, found, size)
 
 
-def _corners(cells: Bool[Tensor, "x y z"], divisions: int) -> Int[Tensor, "corners"]:
+def cell_corners(cells: Bool[Tensor, "x y z"], divisions: int) -> Int[Tensor, "corners"]:
     """The indices of all corners of these cells, each divided, row by row."""
     return corners_of(divide(cells, divisions)).flatten().nonzero()[:, 0]
 
@@ -131,15 +132,25 @@ def _corners(cells: Bool[Tensor, "x y z"], divisions: int) -> Int[Tensor, "corne
 def _texels(folded: FoldedField, block: _Block) -> UInt8[Tensor, "corners 4"]:
     towards = folded.direction_bias(torch.tensor(_DIRECTIONS, device=folded.device))
     seen = [folded.colour(block.features, bias.expand(len(block.features), -1)) for bias in towards]
+    logit = logit_texels(block.density, folded.field.config.density_scale)
+    return torch.cat((colour_texels(torch.stack(seen).mean(0)), logit[:, None]), -1)
+
+
+def colour_texels(colour: Float[Tensor, "*corners 3"]) -> UInt8[Tensor, "*corners 3"]:
+    """Colours in 0..1 as texels hold them."""
+    return (255 * colour.clamp(0, 1) + 0.5).to(torch.uint8)
+
+
+def logit_texels(density: Float[Tensor, "*corners"], scale: float) -> UInt8[Tensor, "*corners"]:
+    """Densities (per scene unit) as texels hold them: their logits, by the inverse of softplus."""
     least, most = LOGITS
-    # The inverse of softplus.
-    share = (block.density / folded.field.config.density_scale).clamp_min(1e-6)
+    share = (density / scale).clamp_min(1e-6)
     logit = (share + torch.log(-torch.expm1(-share)) - least) / (most - least)
-    texels = torch.cat((torch.stack(seen).mean(0), logit[:, None]), -1)
-    return (255 * texels.nan_to_num(1.0).clamp(0, 1) + 0.5).to(torch.uint8)
+    return (255 * logit.nan_to_num(1.0).clamp(0, 1) + 0.5).to(torch.uint8)
 
 
-def _distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
+def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
+    """Cells from each to the nearest of these, diagonals as long as edges, up to a few."""
     distance, reached = torch.zeros_like(cells, dtype=torch.uint8), cells.clone()
     for _ in range(_FARTHEST):
         distance += ~reached
@@ -168,9 +179,11 @@ def render_baked(baked: BakedField, camera: Camera) -> Rendered:
         cell = ((place + 1) * (CELLS / 2)).long().clamp(0, CELLS - 1)
         there = (depths < some.far[..., None]) & occupied[cell.unbind(-1)]
         found = torch.zeros(*depths.shape, 4)
-        found[there] = functional.grid_sample(texels, place[there].flip(-1)[None, None, None], align_corners=True)[
-            0, :, 0, 0
-        ].T
+        corner = (place[there] + 1) * (baked.cells / 2) - torch.tensor(baked.first)
+        within = 2 * corner / (torch.tensor(baked.texels.shape[:3]) - 1) - 1
+        found[there] = functional.grid_sample(
+            texels, within.flip(-1)[None, None, None], padding_mode="border", align_corners=True
+        )[0, :, 0, 0].T
         logit = LOGITS[0] + (LOGITS[1] - LOGITS[0]) * found[..., 3]
         density = there * baked.density_scale * functional.softplus(logit)
         edges = functional.pad(depths + baked.step / 2, (1, 0))

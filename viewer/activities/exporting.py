@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from core.export.video import over
+from core.export.frames import over
 from core.models.model import Model
 from core.models.scene import Scene, save_image
 from core.rendering.progressive import RenderJob, RenderSettings

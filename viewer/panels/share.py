@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
+from core.export.frames import Rgb, over
 from core.export.mesh import FORMATS as MESHES
 from core.export.mesh import TEXTURED
 from core.export.video import FORMATS as VIDEOS
-from core.export.video import Rgb, over
 from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame
 from viewer.context import PanelContext
@@ -182,7 +182,10 @@ def _draw_quality(settings: ShareSettings) -> ShareSettings:
     tooltip("More is sharper, and a larger file; png frames lose nothing")
     imgui.same_line()
     imgui.text(f"{quality} %")
-    return replace(settings, quality=quality)
+    _label("Exact")
+    _, exact = imgui.checkbox("##exact", settings.exact)
+    tooltip("Every frame by the network, which takes minutes; else from a baked copy that looks the same")
+    return replace(settings, quality=quality, exact=exact)
 
 
 def _draw_background(settings: ShareSettings) -> ShareSettings:

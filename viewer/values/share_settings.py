@@ -44,6 +44,8 @@ class ShareSettings:
     green: int = 255
     blue: int = 255
     """0..255, the colour of that background"""
+    exact: bool = False
+    """every frame of a video by the network; else drawn from a baked copy"""
     cells: int = 0
     """of a mesh along the object; 0: as many as its detail needs"""
     texture: int = 1024
@@ -88,7 +90,7 @@ class ShareSettings:
     @property
     def video_settings(self) -> VideoSettings:
         """As videos are written with."""
-        return VideoSettings(self.size, self.rate, self.quality, self.rgb)
+        return VideoSettings(self.size, self.rate, self.quality, self.rgb, self.exact)
 
     def mesh_settings(self, category: str) -> MeshSettings:
         """As meshes of a category are written with: on the ground, in metres."""

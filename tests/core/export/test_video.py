@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from core.export.frames import over
 from core.export.keyframes import Keyframe, Timeline, View, turntable
-from core.export.video import FORMATS, VideoSettings, over, write_video
+from core.export.video import FORMATS, VideoSettings, write_video
 from core.models.model import Model
 from core.rendering.progressive import render_frame
 
@@ -77,7 +78,7 @@ def test_transparent_pixels_on_white_are_the_render(model: Model) -> None:
 
 
 def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> None:
-    list(turn(model, tmp_path / "a.frames", 2, size=32, background=(10, 120, 200)))
+    list(turn(model, tmp_path / "a.frames", 2, size=32, background=(10, 120, 200), exact=True))
     frame = render_frame(model, model.codes[0], model.camera(0.0, 0.3).resized(32, 32))
     with Image.open(tmp_path / "a.frames/00000.png") as image:
         seen = np.asarray(image).astype(float)
@@ -108,12 +109,30 @@ def test_less_quality_is_a_smaller_file(suffix: str, model: Model, tmp_path: Pat
 def test_a_timeline_is_written_as_a_video(model: Model, tmp_path: Path) -> None:
     camera = model.camera(0.0, 0.3)
     keys = Keyframe(0.0, View(model.codes[0], camera)), Keyframe(0.5, View(model.codes[1], camera))
-    list(write_video(model, Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(size=32)))
+    list(
+        write_video(
+            model, Timeline(keys, 1.0, turns=1).views(8), tmp_path / "a.frames", VideoSettings(size=32, exact=True)
+        )
+    )
     for index, code in ((0, 0), (4, 1)):
         turned = model.camera(np.pi * code, 0.3).resized(32, 32)
         expected = render_frame(model, model.codes[code], turned).image.astype(int)
         with Image.open(tmp_path / f"a.frames/{index:05d}.png") as image:
             assert abs(np.asarray(image) - expected).max() <= 2
+
+
+def test_an_mp4_has_the_colours_of_its_frames_and_says_how(model: Model, tmp_path: Path) -> None:
+    """Players that are told nothing take small videos for BT.601, and large ones for BT.709."""
+    for name in ("a.mp4", "a.frames"):
+        list(turn(model, tmp_path / name, 2, size=64, quality=100, background=(30, 160, 90)))
+    with av.open(str(tmp_path / "a.mp4")) as video:
+        coded = video.streams.video[0].codec_context
+        assert (coded.colorspace, coded.color_range, coded.color_primaries, coded.color_trc) == (1, 1, 1, 1)
+        shown = next(video.decode(video=0)).to_ndarray(format="rgb24").astype(int)
+    with Image.open(tmp_path / "a.frames/00000.png") as image:
+        assert abs(shown - np.asarray(image)).mean() < 3
+    head = (tmp_path / "a.mp4").read_bytes()
+    assert head.index(b"moov") < head.index(b"mdat")
 
 
 def test_what_no_video_is_called_is_refused(model: Model, tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ class Baked:
         for cells in (64, 128):
             yield None
             texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
-            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0)
+            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0, len(texels) - 1)
 
 
 @pytest.fixture

@@ -1,0 +1,174 @@
+"""The frames of a video, one after another: drawn by OpenGL from a baked copy of the object, or exactly.
+
+An object is baked at *key* views, as seen from there, and what is shown between two of them is their mixture. A frame
+is compared with the exact render before any is drawn, and the object baked finer until both agree.
+"""
+
+import math
+from collections.abc import Generator, Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from core.export.keyframes import View
+from core.geometry.camera import Camera
+from core.metrics import psnr
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.baked_field import BakedField
+from core.rendering.baked_views import BakedObject, Box, box_of, mixed
+from core.rendering.fast import render_steps, shape_occupancy
+from core.rendering.offscreen import OffscreenPictures
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+
+Rgb = tuple[int, int, int]
+"""0..255"""
+Image = UInt8[np.ndarray, "height width channels"]
+TARGET = 45.0
+"""dB against the exact render, of the frame that is compared"""
+LEVELS = (128, 192, 256, 320)
+"""cells of the grid along each axis of the scene's box, from coarse to fine"""
+MAX_TURN = math.radians(20)
+"""between two key views: by how far the camera goes round the object at most, or as much nearer"""
+_RAYS = 512
+"""across a frame at least: a smaller one has several in a pixel; more change a larger one by nothing visible"""
+_SMALL = 200
+"""px: a smaller frame begins with the coarsest grid"""
+_PROBE = 128
+"""px, of the frame that is compared"""
+_EXACT = RenderSettings(divisors=(1,))
+
+
+def exact_frames(model: Model, views: Sequence[View], size: int, background: Rgb | None) -> Iterator[Image | None]:
+    """Every frame by the network, a ray for each pixel; None many times a frame."""
+    for view in views:
+        for frame in render_progressively(model, RenderJob(view.codes, view.camera.resized(size, size), _EXACT)):
+            yield over(frame, background) if frame else None
+
+
+def baked_frames(model: Model, views: Sequence[View], size: int, background: Rgb | None) -> Iterator[Image | None]:
+    """Every frame by OpenGL, from what is baked as finely as it takes; None many times a frame.
+
+    Frames are exact where the machine has no OpenGL, where the model's architecture cannot be baked, or where the
+    finest grid is not fine enough.
+    """
+    baked = None if model.is_ablation else (yield from bake_views(model, views, size))
+    if baked is None:
+        yield from exact_frames(model, views, size, background)
+        return
+    with OffscreenPictures(size, supersampling(size), background) as pictures:
+        for index, view in enumerate(views):
+            field = yield from baked.at(index)
+            yield pictures.draw(field, view.camera)
+
+
+def supersampling(size: int) -> int:
+    """Rays along each side of a pixel of a frame so many px wide."""
+    return min(4, -(-_RAYS // size))
+
+
+def bake_views(
+    model: Model, views: Sequence[View], size: int, target: float = TARGET
+) -> Generator[None, None, "BakedViews | None"]:
+    """The views baked as coarsely as a frame stays as the exact one (dB); None where no grid, or no OpenGL, does it."""
+    try:
+        pictures = OffscreenPictures(_PROBE)
+    except RuntimeError:
+        return None
+    index = _probe_frame(key_views(views))
+    camera = views[index].camera.resized(_PROBE, _PROBE)
+    with pictures:
+        rendered = yield from render_steps(model, views[index].codes, camera, _EXACT.samples)
+        exact = rendered.colour.clamp(0, 1).cpu().numpy()
+        for cells in LEVELS[0 if size < _SMALL else 1 :]:
+            baked = BakedViews(model, views, cells)
+            field = yield from baked.at(index)
+            if psnr(pictures.draw(field, camera) / 255, exact) >= target:
+                return baked
+    return None
+
+
+def key_views(views: Sequence[View]) -> list[int]:
+    """Which views are baked: the first and the last, and as few between as are near enough to one another."""
+    keys = [0]
+    for index in range(2, len(views)):
+        skipped = views[index - 1]  # may be another object, between two of the same
+        together = _near(views[keys[-1]], views[index]) and skipped.codes == views[index].codes
+        if not together and keys[-1] != index - 1:
+            keys.append(index - 1)
+    return keys if keys[-1] == len(views) - 1 else [*keys, len(views) - 1]
+
+
+class BakedViews:
+    """The fields of a video's frames, best asked for in order: those of two key views are kept, no more."""
+
+    def __init__(self, model: Model, views: Sequence[View], cells: int) -> None:
+        self._model, self._views, self.cells = model, views, cells
+        self._keys = key_views(views)
+        self._fields: dict[int, BakedField] = {}
+        self._object: tuple[Codes, BakedObject] | None = None
+        self._newest: BakedField | None = None
+        """of this object: what another camera does not see has its colours"""
+        self._box: Box | None = None
+
+    def at(self, index: int) -> Generator[None, None, BakedField]:
+        """The field of a frame."""
+        before = max(key for key in self._keys if key <= index)
+        after = min(key for key in self._keys if key >= index)
+        for key in (before, after):
+            if key not in self._fields:
+                self._fields[key] = yield from self._baked(self._views[key])
+        self._fields = {key: self._fields[key] for key in (before, after)}
+        share = (index - before) / max(1, after - before)
+        return mixed(self._fields[before], self._fields[after], share)
+
+    def _baked(self, view: View) -> Generator[None, None, BakedField]:
+        if self._object is None or self._object[0] != view.codes:
+            occupied = shape_occupancy(self._model, tuple(view.codes.shape.tolist())).cells
+            made = BakedObject(self._model, view.codes, self.cells, self._video_box())
+            yield from made.bake(occupied)
+            self._object, self._newest = (view.codes, made), None
+        self._newest = yield from self._object[1].seen_from(view.camera, self._newest)
+        return self._newest
+
+    def _video_box(self) -> Box:
+        """Around all shapes of the video."""
+        if self._box is None:
+            shapes = {tuple(self._views[key].codes.shape.tolist()): None for key in self._keys}
+            some = [shape_occupancy(self._model, shape).cells for shape in shapes]
+            self._box = box_of(torch.stack(some).any(0), self.cells)
+        return self._box
+
+
+def _near(first: View, second: View) -> bool:
+    """Whether what is between two views is well shown by a mixture of them.
+
+    Of two objects it is not: edges move, and a mixture of logits is 35 to 45 dB from the exact picture between frames
+    that follow each other, 28 to 39 dB between every second ones.
+    """
+    places = [_place(view.camera) for view in (first, second)]
+    near = math.dist(*places) <= MAX_TURN * min(first.camera.distance, second.camera.distance)
+    return near and first.codes == second.codes
+
+
+def _place(camera: Camera) -> list[float]:
+    return camera.pose()[:3, 3].tolist()
+
+
+def _probe_frame(keys: Sequence[int]) -> int:
+    """Halfway between two key views, where a mixture is worst, a quarter through the video."""
+    before, after = list(pairwise([*keys, keys[-1]]))[(len(keys) - 1) // 4]
+    return (before + after) // 2
+
+
+def over(frame: Frame, background: Rgb | None) -> UInt8[np.ndarray, "height width channels"]:
+    """A frame on a colour instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied."""
+    opacity = frame.opacity.clip(0, 1)[..., None]
+    if background is None:
+        own = (frame.image - 255 * (1 - opacity)) / np.maximum(opacity, 1e-3)
+        image = np.concatenate((own, 255 * opacity), -1)
+    else:
+        image = frame.image - (1 - opacity) * (255 - np.array(background))
+    return (image + 0.5).clip(0, 255).astype(np.uint8)

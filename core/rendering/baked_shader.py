@@ -1,0 +1,184 @@
+"""Draws a baked field with OpenGL, on a screen or off it: a ray through every pixel, samples along it in a 3D texture.
+
+Only tiles of the image that have something behind them are drawn, and their rays begin and end where that does: in
+software OpenGL, which evaluates what it then throws away, an empty pixel costs as much as several samples.
+"""
+
+import math
+
+import moderngl
+import numpy as np
+import torch
+from jaxtyping import Float32
+from torch.nn import functional
+
+from core.geometry.camera import Camera, project
+from core.rendering.baked_field import LOGITS, MIN_LIGHT, BakedField
+from core.rendering.occupancy import CELLS
+
+_VERTEX = """
+#version 330
+uniform vec2 tiles;  // columns, rows
+in vec4 tile;        // column, row; nearest and farthest distance of what is behind it
+flat out vec2 reach;
+void main() {
+    vec2 corner = tile.xy + vec2(gl_VertexID & 1, gl_VertexID >> 1);
+    reach = tile.zw;
+    gl_Position = vec4(2.0 * corner / tiles - 1.0, 0.0, 1.0);
+}
+"""
+_FRAGMENT = """
+#version 330
+uniform sampler3D texels;     // rgb and logit; the axes are z, y, x
+uniform usampler3D distance;  // cells to the nearest occupied one
+uniform vec3 origin, right, up, backward, extent, first, sides;
+uniform vec2 middle;          // of the picture, px from the first pixel drawn
+uniform vec2 logits;          // least, most; over the logarithm of 2, as all exponents here
+uniform float focal, pace, cells, blocks, thickness, min_light;
+flat in vec2 reach;
+out vec4 colour;
+void main() {
+    vec2 pixel = (gl_FragCoord.xy - middle) / focal;
+    vec3 along = normalize(right * pixel.x - up * pixel.y - backward);
+    along = mix(along, vec3(1e-9), lessThan(abs(along), vec3(1e-9)));
+    vec3 one = (-extent - origin) / along, other = (extent - origin) / along;
+    vec3 low = min(one, other), high = max(one, other);
+    float near = max(0.0, max(low.x, max(low.y, low.z)));
+    float far = min(reach.y, min(high.x, min(high.y, high.z)));
+    // In the box's coordinates, 0 to 1: of the sample i, base + i * delta.
+    vec3 base = 0.5 + 0.5 * (origin + along * (near + 0.5 * pace)) / extent, delta = 0.5 * along * pace / extent;
+    vec3 ahead = vec3(greaterThan(along, vec3(0.0))), samples_per_block = 1.0 / (delta * blocks);
+    float i = max(0.0, floor((reach.x - near) / pace)), count = ceil((far - near) / pace - 0.5);
+    vec3 seen = vec3(0.0);
+    float light = 1.0;
+    while (i < count && light > min_light) {
+        vec3 block = clamp(floor((base + i * delta) * blocks), 0.0, blocks - 1.0);
+        float empty = float(texelFetch(distance, ivec3(block).zyx, 0).r);
+        // Leave the cube of empty cells around this one. The sample there is taken without asking again whether its
+        // cell is empty, for it has nearly no density then: in software both branches of a question cost time.
+        vec3 leave = (block + mix(vec3(1.0 - empty), vec3(empty), ahead) - base * blocks) * samples_per_block;
+        i = empty > 0.0 ? max(i, ceil(min(leave.x, min(leave.y, leave.z)))) : i;
+        vec4 texel = textureLod(texels, (((base + i * delta) * cells - first + 0.5) / sides).zyx, 0.0);
+        float logit = mix(logits.x, logits.y, texel.a);
+        float softplus = max(logit, 0.0) + log2(1.0 + exp2(-abs(logit)));
+        float left = i < count ? light * exp2(-thickness * softplus) : light;
+        seen += (light - left) * texel.rgb;
+        light = left;
+        i += 1.0;
+    }
+    colour = vec4(seen, 1.0 - light);
+}
+"""
+
+
+class BakedShader:
+    """The program and the textures of one baked field in one context, which is the thread's own in every call."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        for name, value in (("texels", 0), ("distance", 1), ("blocks", CELLS), ("min_light", MIN_LIGHT)):
+            self._program[name] = value
+        self._program["logits"] = tuple(bound / math.log(2) for bound in LOGITS)
+        self._texels: moderngl.Texture3D | None = None
+        self._distance: moderngl.Texture3D | None = None
+        self._baked: BakedField | None = None
+
+    def upload(self, baked: BakedField) -> None:
+        """Load a field in place of the last one; of the same size, it is written into the same texture."""
+        if baked is self._baked:
+            return
+        sides = baked.texels.shape[2::-1]
+        if self._texels is None or self._texels.size != sides:
+            if self._texels is not None:
+                self._texels.release()
+            self._texels = self._context.texture3d(sides, 4)
+            self._texels.repeat_x = self._texels.repeat_y = self._texels.repeat_z = False
+        self._texels.write(np.ascontiguousarray(baked.texels))
+        if self._distance is None:
+            self._distance = self._context.texture3d((CELLS,) * 3, 1, dtype="u1")
+            self._distance.filter = moderngl.NEAREST, moderngl.NEAREST
+        if self._baked is None or self._baked.distance is not baked.distance:
+            self._distance.write(np.ascontiguousarray(baked.distance))
+            self._centres = _occupied_centres(baked)
+        self._baked = baked
+
+    def draw(self, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)) -> None:
+        """Add the field to the framebuffer in use, its first row the image's uppermost; colours times opacity.
+
+        Args:
+            size: px, of the framebuffer.
+            corner: px, left and top: which pixel of the camera's image is the framebuffer's first.
+        """
+        baked, program = self._baked, self._program
+        assert baked is not None and self._texels is not None and self._distance is not None, "upload a field first"
+        middle = tuple(
+            side / 2 - first + baked.pixel_offset
+            for side, first in zip((camera.width, camera.height), corner, strict=True)
+        )
+        tiles, grid = _tiles(self._centres, baked, camera, size, middle)
+        if not len(tiles):
+            return
+        rotation, origin = camera.pose().numpy()[:3, :3], camera.pose().numpy()[:3, 3]
+        # The columns of a pose are right, down and forward.
+        for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
+            program[name] = tuple(sign * rotation[:, column])
+        program["origin"], program["extent"], program["tiles"] = tuple(origin), baked.extent, grid
+        program["first"], program["sides"] = baked.first, baked.texels.shape[:3]
+        program["middle"], program["focal"], program["cells"] = middle, camera.focal, baked.cells
+        program["pace"], program["thickness"] = baked.step, baked.density_scale * baked.step
+        self._texels.use(0)
+        self._distance.use(1)
+        buffer = self._context.buffer(tiles.tobytes())
+        array = self._context.vertex_array(program, [(buffer, "4f/i", "tile")])
+        self._context.enable_only(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=len(tiles))
+        self._context.disable(moderngl.BLEND)
+        array.release()
+        buffer.release()
+
+    def release(self) -> None:
+        """Give the GL objects back."""
+        for part in (self._texels, self._distance, self._program):
+            if part is not None:
+                part.release()
+
+
+def _occupied_centres(baked: BakedField) -> Float32[torch.Tensor, "occupied 3"]:
+    """Of the occupied cells, in the world; cells in the middle of others are left out, for none is seen first."""
+    occupied = torch.from_numpy(baked.distance == 0)
+    # Of a cell whose neighbours are all occupied, so are those of the ray before and after it.
+    inner = -functional.max_pool3d(-functional.pad(occupied[None].float(), (1,) * 6), 3, 1)[0] > 0
+    extent = torch.tensor(baked.extent)
+    return ((occupied & ~inner).nonzero() + 0.5) * (2 * extent / CELLS) - extent
+
+
+def _tiles(
+    centres: Float32[torch.Tensor, "occupied 3"],
+    baked: BakedField,
+    camera: Camera,
+    size: tuple[int, int],
+    middle: tuple[float, ...],
+) -> tuple[Float32[np.ndarray, "tiles 4"], tuple[int, int]]:
+    """The tiles with something behind them: column, row, nearest and farthest distance; columns and rows of all tiles.
+
+    A tile is at least as large as half a cell looks, so a cell lies in the 3 x 3 around its centre.
+    """
+    local = camera.to_camera_axes(centres)
+    before, depth = -local[:, 2], local.norm(dim=-1)
+    reach = math.hypot(*(side / CELLS for side in baked.extent))
+    closest = float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
+    side = max(1.0, reach * camera.focal / closest)
+    columns, rows = (max(1, -int(-pixels // side)) for pixels in size)
+    points = project(local, camera.focal, (0, 0)) + torch.tensor(middle)
+    x, y = ((points * torch.tensor([columns / size[0], rows / size[1]])).floor().long() + 1).unbind(-1)
+    on = (before > 1e-3) & (x >= 0) & (x < columns + 2) & (y >= 0) & (y < rows + 2)
+    at = (y * (columns + 2) + x)[on]
+    reached = torch.full((2, (rows + 2) * (columns + 2)), -torch.inf)
+    reached[0].scatter_reduce_(0, at, (reach - depth)[on], "amax")
+    reached[1].scatter_reduce_(0, at, (reach + depth)[on], "amax")
+    near, far = functional.max_pool2d(reached.unflatten(1, (rows + 2, columns + 2)), 3, 1)
+    row, column = (far > 0).nonzero(as_tuple=True)
+    tiles = torch.stack((column, row, -near[row, column], far[row, column]), -1)
+    return tiles.float().numpy(), (columns, rows)

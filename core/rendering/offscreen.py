@@ -1,0 +1,79 @@
+"""Pictures of a baked field without a window: an OpenGL context of its own (EGL), and pixels on a background."""
+
+from types import TracebackType
+
+import moderngl
+import numpy as np
+from jaxtyping import UInt8
+
+from core.geometry.camera import Camera
+from core.rendering.baked_field import BakedField
+from core.rendering.baked_shader import BakedShader
+
+_VERTEX = """
+#version 330
+void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }
+"""
+_FRAGMENT = """
+#version 330
+uniform sampler2D fine;   // colours times opacity, and opacity
+uniform int factor;
+uniform vec4 background;  // its last part is 0 where there is none
+out vec4 colour;
+void main() {
+    vec4 mean = vec4(0.0);
+    ivec2 corner = ivec2(gl_FragCoord.xy) * factor;
+    for (int y = 0; y < factor; ++y)
+        for (int x = 0; x < factor; ++x) mean += texelFetch(fine, corner + ivec2(x, y), 0);
+    mean /= float(factor * factor);
+    vec3 own = mean.rgb / max(mean.a, 0.004);
+    colour = background.a > 0.0 ? vec4(mean.rgb + (1.0 - mean.a) * background.rgb, 1.0) : vec4(own, mean.a);
+}
+"""
+
+
+class OffscreenPictures:
+    """Draws baked fields into arrays of one size. Use as a context manager, on one thread.
+
+    Raises ``RuntimeError`` in one line where the machine has no OpenGL.
+    """
+
+    def __init__(self, size: int, supersampling: int = 1, background: tuple[int, int, int] | None = (255,) * 3) -> None:
+        try:
+            self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
+        except Exception as error:  # moderngl raises bare Exception
+            raise RuntimeError(f"no OpenGL 3.3 through EGL: {error}") from error
+        context, fine = self._context, size * supersampling
+        self._size, self._fine_size, self._transparent = size, fine, background is None
+        self._shader = BakedShader(context)
+        self._samples = context.texture((fine, fine), 4)
+        self._fine = context.framebuffer([self._samples])
+        self._result = context.framebuffer([context.renderbuffer((size, size), 4)])
+        resolve = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        resolve["factor"] = supersampling
+        resolve["background"] = (*(part / 255 for part in background or (0, 0, 0)), float(background is not None))
+        self._resolve = context.vertex_array(resolve, [])
+
+    def __enter__(self) -> "OffscreenPictures":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._context.release()
+
+    def draw(self, baked: BakedField, camera: Camera) -> UInt8[np.ndarray, "size size channels"]:
+        """The camera's picture, at this size: RGB on the background, or RGB and opacity, not multiplied, on none."""
+        # Entering makes the context this thread's own: the program's window, or another one, may have been.
+        with self._context as context:
+            self._shader.upload(baked)
+            self._fine.use()
+            self._fine.clear()
+            self._shader.draw(camera.resized(self._fine_size, self._fine_size), (self._fine_size,) * 2)
+            self._result.use()
+            context.enable_only(moderngl.NOTHING)
+            self._samples.use(0)
+            self._resolve.render(moderngl.TRIANGLES, vertices=3)
+            channels = 4 if self._transparent else 3
+            pixels = np.frombuffer(self._result.read(components=channels, alignment=1), np.uint8)
+        return pixels.reshape(self._size, self._size, channels)

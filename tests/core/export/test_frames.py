@@ -1,0 +1,88 @@
+"""Frames from a baked copy against the exact ones."""
+
+from itertools import pairwise
+from typing import NoReturn
+
+import numpy as np
+import pytest
+
+from core.export import frames
+from core.export.frames import bake_views, baked_frames, exact_frames, key_views, supersampling
+from core.export.keyframes import Keyframe, Timeline, View, turntable
+from core.metrics import psnr_from_mse
+from core.models.model import Model
+from tests.core.tiny import tiny_model
+
+SIZE = 64
+
+
+def turn(model: Model, frames: int = 24) -> tuple[View, ...]:
+    return turntable(model.codes[0], model.camera(0.3, 0.4), frames)
+
+
+def images(stream) -> list[np.ndarray]:
+    return [image for image in stream if image is not None]
+
+
+def test_a_drawn_turntable_is_the_exact_one() -> None:
+    model = tiny_model()
+    views = turn(model)
+    drawn = images(baked_frames(model, views, SIZE, (255, 255, 255)))
+    assert len(drawn) == len(views)
+    for index in (0, 2, 11):
+        (exact,) = images(exact_frames(model, views[index : index + 1], SIZE, (255, 255, 255)))
+        assert psnr_from_mse(float(np.square((drawn[index] - exact.astype(float)) / 255).mean())) > 36
+
+
+def test_a_transparent_background_has_the_exact_opacity() -> None:
+    model = tiny_model()
+    views = turn(model, 2)
+    for drawn, exact in zip(
+        *(images(make(model, views, SIZE, None)) for make in (baked_frames, exact_frames)), strict=True
+    ):
+        assert drawn.shape == exact.shape == (SIZE, SIZE, 4)
+        assert np.abs(drawn[..., 3].astype(float) - exact[..., 3]).mean() < 4
+
+
+def test_without_opengl_frames_are_exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> NoReturn:
+        raise RuntimeError("no OpenGL")
+
+    monkeypatch.setattr(frames, "OffscreenPictures", refuse)
+    model = tiny_model()
+    views = turn(model, 2)
+    drawn, exact = (images(make(model, views, 32, None)) for make in (baked_frames, exact_frames))
+    assert all(np.array_equal(one, other) for one, other in zip(drawn, exact, strict=True))
+
+
+def test_what_no_grid_is_fine_enough_for_is_not_baked() -> None:
+    stream = bake_views(tiny_model(), turn(tiny_model()), SIZE, target=200.0)
+    with pytest.raises(StopIteration) as ended:
+        while True:
+            next(stream)
+    assert ended.value.value is None
+
+
+def test_key_views_are_near_enough_to_one_another() -> None:
+    model = tiny_model()
+    views = turn(model, 72)
+    keys = key_views(views)
+    assert (keys[0], keys[-1]) == (0, 71)
+    assert 71 / 5 <= len(keys) <= 71  # of 5 degrees each, less than 20 apart
+    assert all(after - before <= 4 for before, after in pairwise(keys))
+    assert key_views(views[:1]) == [0]
+
+
+def test_a_morph_has_key_views_of_its_own() -> None:
+    model = tiny_model()
+    camera = model.camera(0.3, 0.4)
+    keys = Keyframe(0.0, View(model.codes[0], camera)), Keyframe(0.5, View(model.codes[1], camera))
+    morph = Timeline(keys, 1.0).views(16)
+    still = [View(model.codes[0], view.camera) for view in morph]
+    assert key_views(morph) == list(range(16))
+    assert len(key_views(still)) == 2
+
+
+@pytest.mark.parametrize(("size", "rays"), [(64, 4), (256, 2), (512, 1), (1080, 1)])
+def test_small_frames_have_several_rays_in_a_pixel(size: int, rays: int) -> None:
+    assert supersampling(size) == rays
