@@ -32,7 +32,9 @@ def draw(context: PanelContext) -> None:
     up = 0.7 + (_BADGE if high.x - low.x < _NARROW * em else 0.0)
     imgui.set_next_window_pos(high - ImVec2(0.7 * em, up * em), imgui.Cond_.always, (1, 1))
     imgui.set_next_window_bg_alpha(0.94)
-    if imgui.begin("Messages", None, OVERLAY_FLAGS)[0]:
+    pressed = any(message.buttons or message.kind is MessageKind.PROBLEM for message in due)
+    # What cannot be pressed lets the mouse through to what is below it.
+    if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         for number, message in enumerate(due):
             _draw(context, message, number)

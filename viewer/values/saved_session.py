@@ -88,7 +88,7 @@ def _check_cameras(fit: FitHistory) -> None:
     for step in fit.steps:
         for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
             if not {(camera.width, camera.height) for camera in cameras} <= sizes:
-                raise ValueError("the cameras of a fit are of another size than its photos")
+                raise ValueError("the cameras have another size than the photos")
 
 
 def _without_renders(fit: FitHistory) -> FitHistory:

@@ -127,7 +127,10 @@ def test_a_film_needs_keyframes(drive: Drive) -> None:
         window.wait()
         assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
         assert window.session.messages.errors == []
-        window.press(imgui.Key.k)
+        window.press(imgui.Key.k)  # what may be typed for a name changes nothing
+        assert not window.workspace.player.timeline.keys
+        window.workspace.player.add_key()
+        window.wait()
         window.click("Share/###save")
         assert window.context.files.asking
 

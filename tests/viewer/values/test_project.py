@@ -179,7 +179,7 @@ def test_a_small_file_that_would_take_gigabytes_is_refused_at_once(saved: SavedS
     harms = (
         (lambda about: None, {"0": png(5_000)}, "the image is too large"),
         (repeat, {"0": png(1_900)}, "the image is too large"),
-        (enlarge, {}, "the cameras of a fit are of another size than its photos"),
+        (enlarge, {}, "the cameras have another size than the photos"),
         (lambda about: about.update(more="a" * 17_000_000), {}, "JSON has at most 16 MB"),
     )
     for change, photos, said in harms:
