@@ -1,41 +1,40 @@
-"""What each component of a blind fit is worth: the ``normal`` preset, and the same without one component at a time.
+"""The value of each component of a blind fit: the ``normal`` preset, and the same without one component at a time.
 
 Every view is fitted in all these ways, one right after the other, and each is compared with the full fit of the same
 view: views differ by far more than components do.
 """
 
 from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from statistics import median
 
 import torch
 
-from core.benchmarks.fits import Summary, Trial, fit_view, summarise
+from core.benchmarks.csv_files import Results
+from core.benchmarks.fits import FitMethod, FitSummary, FitTrial, fit_views, summarise_fits
 from core.benchmarks.held_out_views import HeldOutView
 from core.benchmarks.machine import describe_machine
-from core.evaluation.statistics import Mean, mean_of
-from core.fitting.settings import ALL_COMPONENTS, PRESETS, Components, FitSettings
+from core.evaluation.statistics import Mean, mean_gain
+from core.fitting.settings import PRESETS, Components
 from core.models.model import Model
-from core.models.precision import use_dtype
 
-FULL, _FLOAT32 = "full", "in float32"
+FULL = "full"
 _USUAL = PRESETS["normal"]
-ABLATIONS: dict[str, tuple[FitSettings, Components]] = {
-    FULL: (_USUAL, ALL_COMPONENTS),
-    "without the view bank": (_USUAL, Components(view_bank=False, prototype_shapes=False)),
-    "without the viewpoint classifier": (_USUAL, Components(viewpoint_classifier=False)),
-    "without fresh codes for the local search": (_USUAL, Components(fresh_codes=False)),
-    "without multi-start": (replace(_USUAL, hypotheses=1, max_restarts=0), ALL_COMPONENTS),
-    "without a restart where in doubt": (replace(_USUAL, max_restarts=0), ALL_COMPONENTS),
-    "without prototype shapes": (_USUAL, Components(prototype_shapes=False)),
-    "without distinct basins": (_USUAL, Components(distinct_basins=False)),
-    "without early stopping": (_USUAL, Components(early_stopping=False)),
-    "without the code prior": (replace(_USUAL, code_prior=0.0), ALL_COMPONENTS),
-    "without the camera prior": (_USUAL, Components(camera_prior=False)),
-    "without the robust loss": (_USUAL, Components(robust_loss=False)),
-    "without the mask loss": (_USUAL, Components(mask_loss=False)),
-    _FLOAT32: (_USUAL, ALL_COMPONENTS),
+ABLATIONS: dict[str, FitMethod] = {
+    FULL: FitMethod(_USUAL),
+    "without the view bank": FitMethod(_USUAL, Components(view_bank=False, prototype_shapes=False)),
+    "without the viewpoint classifier": FitMethod(_USUAL, Components(viewpoint_classifier=False)),
+    "without fresh codes for the local search": FitMethod(_USUAL, Components(fresh_codes=False)),
+    "without multi-start": FitMethod(replace(_USUAL, hypotheses=1, max_restarts=0)),
+    "without a restart where in doubt": FitMethod(replace(_USUAL, max_restarts=0)),
+    "without prototype shapes": FitMethod(_USUAL, Components(prototype_shapes=False)),
+    "without distinct basins": FitMethod(_USUAL, Components(distinct_basins=False)),
+    "without early stopping": FitMethod(_USUAL, Components(early_stopping=False)),
+    "without the code prior": FitMethod(replace(_USUAL, code_prior=0.0)),
+    "without the camera prior": FitMethod(_USUAL, Components(camera_prior=False)),
+    "without the robust loss": FitMethod(_USUAL, Components(robust_loss=False)),
+    "without the mask loss": FitMethod(_USUAL, Components(mask_loss=False)),
+    "in float32": FitMethod(_USUAL, dtype=torch.float32),
 }
 """All but the first leave something out."""
 
@@ -44,36 +43,22 @@ ABLATIONS: dict[str, tuple[FitSettings, Components]] = {
 class Ablation:
     """The preset without one component, beside the full one."""
 
-    summary: Summary
+    summary: FitSummary
     gain: Mean
     """dB, of the other views over what they are with the full preset"""
     time: float
     """times what the full preset takes; median"""
 
 
-@dataclass(frozen=True)
-class AblationResults:
-    """Everything that one run found."""
-
-    machine: str
-    ablations: tuple[Ablation, ...]
-    """:data:`FULL`, then without each component"""
-
-
-def run(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | AblationResults]:
-    """Yields what is being measured, and at the end the results."""
-    trials: dict[str, list[Trial]] = {name: [] for name in ABLATIONS}
-    for number, target in enumerate(targets):
-        for name, (settings, components) in ABLATIONS.items():
-            yield f"{target.views.name}, {name}"
-            with use_dtype(torch.float32) if name == _FLOAT32 else nullcontext():
-                trials[name].append(fit_view(model, target, name, settings, number, components))
-    yield AblationResults(
-        describe_machine(model.device), tuple(_ablation(name, trials[name], trials[FULL]) for name in ABLATIONS)
-    )
+def measure_ablations(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | Results[Ablation]]:
+    """Yields what is being measured, and at the end the results: :data:`FULL`, then without each component."""
+    trials = yield from fit_views(model, targets, ABLATIONS)
+    by_name = {name: [trial for trial in trials if trial.preset == name] for name in ABLATIONS}
+    found = tuple(_ablation(name, some, by_name[FULL]) for name, some in by_name.items())
+    yield Results({"machine": describe_machine(model.device)}, found)
 
 
-def _ablation(name: str, trials: Sequence[Trial], full: Sequence[Trial]) -> Ablation:
-    pairs = list(zip(trials, full, strict=True))
-    gain = mean_of([one.held_out - other.held_out for one, other in pairs])
-    return Ablation(summarise(name, trials), gain, median(one.seconds / other.seconds for one, other in pairs))
+def _ablation(name: str, trials: Sequence[FitTrial], full: Sequence[FitTrial]) -> Ablation:
+    gain = mean_gain([one.held_out for one in trials], [one.held_out for one in full])
+    times = [one.seconds / other.seconds for one, other in zip(trials, full, strict=True)]
+    return Ablation(summarise_fits(name, trials), gain, median(times))

@@ -7,23 +7,23 @@ kept, so that a run resumes where one was stopped.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import torch
 from PIL import Image
 
+from core.benchmarks.csv_files import Results
 from core.benchmarks.figures import Cell, labelled_sheet, to_cell
 from core.benchmarks.machine import describe_machine
-from core.benchmarks.trained_models import load_trained, train_model, trained_objects_views
-from core.datasets.srn import Dataset, index_objects, read_dataset
+from core.benchmarks.trained_models import Variant, train_variants, trained_objects_views
+from core.datasets.srn import Dataset, index_objects
 from core.evaluation.statistics import Mean, mean_of
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.reference import Rendered, render_exact
 from core.training.recipes import RECIPES
-from core.training.trainer import held_out_psnr, hold_out
+from core.training.trainer import held_out_psnr
 
 ARCHITECTURES = {"M1": "M1", "M2": "M2", "CodeNeRF": "default"}
 """name: recipe"""
@@ -48,45 +48,31 @@ class Architecture:
 
 
 @dataclass(frozen=True, eq=False)
-class ArchitectureResults:
+class ArchitectureResults(Results[Architecture]):
     """All models of one run."""
 
-    machine: str
-    category: str
-    objects: int
-    """trained on"""
-    steps: int
-    """of training, for each model"""
-    architectures: tuple[Architecture, ...]
     picture: Image.Image
     """of every model: an image, the same view rendered, with another texture, another shape, and from elsewhere"""
 
 
-def run(folders: Sequence[Path], steps: int, kept: Path) -> Iterator[str | ArchitectureResults]:
-    """Yields what is being done, and at the end the results.
-
-    Args:
-        folders: of the dataset to train on, which is read as a whole only where a model is missing.
-        kept: where models are kept; what is there already is not trained again.
-    """
+def measure_architectures(folders: Sequence[Path], steps: int, kept: Path) -> Iterator[str | ArchitectureResults]:
+    """Yields what is being done, and at the end the results; models are kept in ``kept``."""
     category, entries = index_objects(folders)
-    whole = cache(lambda: hold_out(read_dataset(list(folders)))[0])
-    models = dict[str, Model]()
-    for name, recipe in ARCHITECTURES.items():
-        path = kept / f"{category}-{name}-{steps}.safetensors"
-        if not path.exists():
-            yield from train_model(whole(), replace(RECIPES[recipe], steps=steps), path)
-        models[name] = load_trained(path, entries)
-    whole.cache_clear()
+    variants = [
+        Variant(f"{category}-{name}", replace(RECIPES[recipe], steps=steps), entries)
+        for name, recipe in ARCHITECTURES.items()
+    ]
+    trained = yield from train_variants(folders, variants, kept)
     found, rows = list[Architecture](), list[list[Cell]]()
-    for name, model in models.items():
+    for name, one in zip(ARCHITECTURES, trained, strict=True):
         yield f"renders, {name}"
-        views = trained_objects_views(entries, category, model)
-        parameters = sum(parameter.numel() for parameter in model.field.parameters())
-        found.append(Architecture(name, parameters, held_out_psnr(model, views), _opacity_change(model, views)))
-        rows += _rows(name, model, views)
-    machine = describe_machine(models["CodeNeRF"].device)
-    yield ArchitectureResults(machine, category, len(entries), steps, tuple(found), labelled_sheet(rows))
+        views = trained_objects_views(entries, category, one.model)
+        new_views = held_out_psnr(one.model, views)
+        found.append(Architecture(name, one.parameters, new_views, _opacity_change(one.model, views)))
+        rows += _rows(name, one.model, views)
+    about = {"machine": describe_machine(trained[-1].model.device), "category": category}
+    about |= {"objects": str(len(entries)), "steps": str(steps)}
+    yield ArchitectureResults(about, tuple(found), labelled_sheet(rows))
 
 
 def _others(model: Model, views: Dataset) -> list[tuple[Codes, Codes, Camera]]:

@@ -8,12 +8,33 @@ import csv
 import io
 import types
 from collections.abc import Mapping, Sequence
-from dataclasses import is_dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Generic, TypeVar, get_args, get_origin, get_type_hints
 
 _Record = TypeVar("_Record")
 Row = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Results(Generic[_Record]):
+    """Everything that one run measured: a CSV file."""
+
+    about: Row
+    """columns that are the same in all rows: the machine, for one"""
+    rows: tuple[_Record, ...]
+
+
+def write_results(path: Path, found: Results[Any]) -> None:
+    """Writes a line per row."""
+    write_csv(path, [{**found.about, **to_row(row)} for row in found.rows])
+
+
+def read_results(path: Path, kind: type[_Record]) -> Results[_Record]:
+    """Reads what :func:`write_results` or :func:`append_record` wrote. Raises ``ValueError`` where it is none."""
+    rows, fields = read_csv(path), _hints(kind)
+    about = {name: text for name, text in rows[0].items() if name.partition(".")[0] not in fields}
+    return Results(about, tuple(from_row(kind, row) for row in rows))
 
 
 def write_csv(path: Path, rows: Sequence[Row]) -> None:
@@ -25,11 +46,12 @@ def write_csv(path: Path, rows: Sequence[Row]) -> None:
         writer.writerows(rows)
 
 
-def append_csv(path: Path, row: Row) -> None:
-    """Adds a row to a file, which it begins where there is none; all rows have the same columns.
+def append_record(path: Path, about: Row, record: object) -> None:
+    """Adds a record to a file, which it begins where there is none, and what all records of a run have in common.
 
     A row is one write, so several processes may add to one file.
     """
+    row = {**about, **to_row(record)}
     with path.open("a", newline="") as file:
         text = io.StringIO()
         writer = csv.DictWriter(text, list(row), lineterminator="\n")
@@ -37,11 +59,6 @@ def append_csv(path: Path, row: Row) -> None:
             writer.writeheader()
         writer.writerow(row)
         file.write(text.getvalue())
-
-
-def append_record(path: Path, about: Row, record: object) -> None:
-    """Adds a record to a file, and what all records of a run have in common: the machine, for one."""
-    append_csv(path, {**about, **to_row(record)})
 
 
 def read_records(path: Path, kind: type[_Record], about: Row | None = None) -> tuple[_Record, ...]:

@@ -23,12 +23,6 @@ def prepare(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
 
 
-def write_chart(path: Path, table: str, figure: "Figure") -> None:
-    """A table and its chart, as ``.md`` and ``.png`` of the same name."""
-    path.with_suffix(".md").write_text(table)
-    figure.savefig(path.with_suffix(".png"), dpi=DPI)
-
-
 def new_figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure", Sequence["Axes"]]:
     """A figure and its axes, row after row; ``width`` of each in inches."""
     try:

@@ -5,12 +5,16 @@ uncertainties of the same fits calibrate :mod:`core.fitting.confidence`.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
+import torch
 
+from core.benchmarks.csv_files import Results
 from core.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
 from core.benchmarks.machine import describe_machine
 from core.evaluation.protocol import as_photo, score_view
@@ -21,6 +25,7 @@ from core.fitting.paper import fit_as_set
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.metrics import rotation_error, translation_error
 from core.models.model import Model
+from core.models.precision import use_dtype
 
 _FAR = 20.0
 """degrees: a camera that is further off than this may be right by symmetry"""
@@ -31,7 +36,7 @@ TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))
 
 
 @dataclass(frozen=True)
-class Trial:
+class FitTrial:
     """One fit of one view."""
 
     preset: str
@@ -66,7 +71,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Summary:
+class FitSummary:
     """A preset over all views."""
 
     preset: str
@@ -90,53 +95,41 @@ class Summary:
     """seconds, median rotation error in degrees, share within 5 degrees"""
 
 
-@dataclass(frozen=True)
-class FitResults:
-    """All trials of one run."""
+class FitMethod(NamedTuple):
+    """One way to fit."""
 
-    machine: str
-    trials: tuple[Trial, ...]
-
-    @property
-    def summaries(self) -> tuple[Summary, ...]:
-        """One per preset."""
-        presets = dict.fromkeys(trial.preset for trial in self.trials)
-        return tuple(summarise(name, [trial for trial in self.trials if trial.preset == name]) for name in presets)
-
-    @property
-    def calibration(self) -> Calibration | None:
-        """What these fits would make of the confidence; None where all cameras are right, or all wrong."""
-        trials = [trial for trial in self.trials if trial.confidence is not None]
-        right = [trial.effective_rotation <= RIGHT_DEGREES for trial in trials]
-        if len(set(right)) < 2:
-            return None
-        margins = [trial.margin or 0.0 for trial in trials]
-        return fit_calibration(margins, [trial.uncertainty or 0.0 for trial in trials], right)
+    settings: FitSettings
+    components: Components = ALL_COMPONENTS
+    dtype: torch.dtype | None = None
+    """of multiplications; None for the machine's"""
 
 
-def run(
+def measure_fits(
     model: Model, targets: Sequence[HeldOutView], presets: dict[str, FitSettings] = PRESETS
-) -> Iterator[str | FitResults]:
+) -> Iterator[str | Results[FitTrial]]:
     """Yields what is being measured, and at the end the results."""
-    trials = list[Trial]()
+    trials = yield from fit_views(model, targets, {name: FitMethod(preset) for name, preset in presets.items()})
+    yield Results({"machine": describe_machine(model.device)}, tuple(trials))
+
+
+def fit_views(
+    model: Model, targets: Sequence[HeldOutView], methods: Mapping[str, FitMethod]
+) -> Generator[str, None, list[FitTrial]]:
+    """Fits every view by all methods, one right after the other; yields what is being measured."""
+    trials = list[FitTrial]()
     for number, target in enumerate(targets):
-        for name, settings in presets.items():
+        for name, method in methods.items():
             yield f"{target.views.name}, {name}"
-            trials.append(fit_view(model, target, name, settings, number))
-    yield FitResults(describe_machine(model.device), tuple(trials))
+            with use_dtype(method.dtype) if method.dtype else nullcontext():
+                trials.append(fit_view(model, target, name, method, number))
+    return trials
 
 
-def fit_view(
-    model: Model,
-    target: HeldOutView,
-    preset: str,
-    settings: FitSettings,
-    seed: int,
-    components: Components = ALL_COMPONENTS,
-) -> Trial:
+def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
     """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
-    steps = list(fit_as_set(model, FitJob((as_photo(views, index, False),), settings, seed, components=components)))
+    job = FitJob((as_photo(views, index, False),), method.settings, seed, components=method.components)
+    steps = list(fit_as_set(model, job))
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
@@ -144,7 +137,7 @@ def fit_view(
     symmetric = errors[-1] > _FAR and is_symmetric_view(
         model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
     )
-    return Trial(
+    return FitTrial(
         preset,
         views.name,
         index,
@@ -167,7 +160,13 @@ def _step_at(steps: Sequence[FitStep], seconds: float) -> int:
     return max((index for index, step in enumerate(steps) if step.seconds <= seconds), default=0)
 
 
-def summarise(preset: str, trials: Sequence[Trial]) -> Summary:
+def summarise_presets(trials: Sequence[FitTrial]) -> tuple[FitSummary, ...]:
+    """One summary per preset, in the order of the trials."""
+    presets = dict.fromkeys(trial.preset for trial in trials)
+    return tuple(summarise_fits(name, [trial for trial in trials if trial.preset == name]) for name in presets)
+
+
+def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
     """Medians and shares over the trials of one preset."""
     rotations = [trial.effective_rotation for trial in trials]
     translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
@@ -175,7 +174,7 @@ def summarise(preset: str, trials: Sequence[Trial]) -> Summary:
     for number, time in enumerate(TIMES):
         errors = [trial.rotation_curve[number] for trial in trials]
         curve.append((time, median(errors), share_within(errors, 5.0).mean))
-    return Summary(
+    return FitSummary(
         preset,
         len(trials),
         median(trial.seconds for trial in trials),
@@ -191,7 +190,20 @@ def summarise(preset: str, trials: Sequence[Trial]) -> Summary:
     )
 
 
-def _confidence_auroc(trials: Sequence[Trial]) -> float | None:
-    pairs = [(one.confidence, one.effective_rotation <= RIGHT_DEGREES) for one in trials if one.confidence is not None]
-    right = [correct for _, correct in pairs]
-    return auroc([confidence for confidence, _ in pairs], right) if len(set(right)) == 2 else None
+def calibrate_fits(trials: Sequence[FitTrial]) -> Calibration | None:
+    """The calibration of the confidence on these fits alone; None where all cameras are right, or all wrong."""
+    judged, right = _judged(trials)
+    margins = [trial.margin or 0.0 for trial in judged]
+    uncertainties = [trial.uncertainty or 0.0 for trial in judged]
+    return fit_calibration(margins, uncertainties, right) if len(set(right)) == 2 else None
+
+
+def _confidence_auroc(trials: Sequence[FitTrial]) -> float | None:
+    judged, right = _judged(trials)
+    return auroc([trial.confidence or 0.0 for trial in judged], right) if len(set(right)) == 2 else None
+
+
+def _judged(trials: Sequence[FitTrial]) -> tuple[list[FitTrial], list[bool]]:
+    """The trials that have a confidence, and which of their cameras are right."""
+    judged = [trial for trial in trials if trial.confidence is not None]
+    return judged, [trial.effective_rotation <= RIGHT_DEGREES for trial in judged]

@@ -52,7 +52,7 @@ class Ratio:
         return f"{self.name}: {self.value:.3g}"
 
 
-def measure(model: Model) -> Iterator[Ratio]:
+def measure_ratios(model: Model) -> Iterator[Ratio]:
     """Yields each ratio; under a minute on a quiet machine. The model's view bank must be there."""
     ((_, codes),) = evenly_spaced_objects(model, 1)
     camera = model.camera(0.9, 0.4)

@@ -9,22 +9,21 @@ where one was stopped. Speed is measured at the end, with all models taking turn
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import torch
 
+from core.benchmarks.csv_files import Results
 from core.benchmarks.machine import describe_machine
-from core.benchmarks.trained_models import Scores, load_trained, score_model, train_model, trained_objects_views
-from core.datasets.srn import ObjectEntry, index_objects, read_dataset
-from core.evaluation.statistics import Mean, mean_of
+from core.benchmarks.trained_models import Variant, score_variants, train_variants, trained_objects_views
+from core.datasets.srn import ObjectEntry, index_objects
+from core.evaluation.statistics import Mean, mean_gain, mean_of
 from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.precision import autocast
 from core.training.recipes import RECIPES
-from core.training.trainer import hold_out
 
 BASELINE = FieldConfig(width=128, shape_blocks=2, shape_latent=64, texture_latent=32, position_frequencies=10)
 SWEEP = {
@@ -65,19 +64,6 @@ class ModelSize:
     and after so little training all of them are hazy"""
 
 
-@dataclass(frozen=True)
-class ModelSizeResults:
-    """All models of one run."""
-
-    machine: str
-    objects: int
-    """trained on"""
-    tests: int
-    """objects held out"""
-    steps: int
-    sizes: tuple[ModelSize, ...]
-
-
 def sweep() -> tuple[tuple[str, int, FieldConfig], ...]:
     """The baseline, then every other value of each axis, then the default recipe: (axis, value, configuration)."""
 
@@ -88,47 +74,40 @@ def sweep() -> tuple[tuple[str, int, FieldConfig], ...]:
     return (("baseline", 0, BASELINE), *others, ("default", 0, RECIPES["default"].field))
 
 
-def run(
+def measure_model_sizes(
     folders: Sequence[Path], tests: Sequence[ObjectEntry], steps: int, kept: Path
-) -> Iterator[str | ModelSizeResults]:
-    """Yields what is being done, and at the end the results.
-
-    Args:
-        folders: of the dataset to train on, which is read as a whole only where a model is missing.
-        kept: where models and their scores are kept; what is there already is not done again.
-    """
+) -> Iterator[str | Results[ModelSize]]:
+    """Yields what is being done, and at the end the results; models and their scores are kept in ``kept``."""
     category, entries = index_objects(folders)
-    training = cache(lambda: hold_out(read_dataset(list(folders)))[0])
-    chosen = sweep()
-    paths = [kept / f"{category}-{axis}{value}-{steps}.safetensors" for axis, value, _ in chosen]
-    models, scores = list[Model](), list[Scores]()
-    for (_, _, config), path in zip(chosen, paths, strict=True):
-        if not path.exists() or Model.load(path).field.config != config:
-            yield from train_model(training(), replace(RECIPES["default"], field=config, steps=steps), path)
-        models.append(load_trained(path, entries))
-    training.cache_clear()
-    views = trained_objects_views(entries, category, models[0])
-    for path, model in zip(paths, models, strict=True):
-        scores.append((yield from score_model(model, views, tests, path.with_suffix(".json"))))
-    yield "speed"
-    sizes = [_size(*row, first=scores[0]) for row in zip(chosen, models, paths, scores, _field_ms(models), strict=True)]
-    yield ModelSizeResults(describe_machine(models[0].device), len(entries), len(tests), steps, tuple(sizes))
-
-
-def _size(
-    chosen: tuple[str, int, FieldConfig], model: Model, path: Path, scores: Scores, field_ms: float, first: Scores
-) -> ModelSize:
-    return ModelSize(
-        *chosen[:2],
-        parameters=sum(parameter.numel() for parameter in model.field.parameters()),
-        bytes=path.stat().st_size,
-        new_views=scores.new_views,
-        held_out=mean_of(scores.held_out),
-        gain=mean_of([psnr - other for psnr, other in zip(scores.held_out, first.held_out, strict=True)]),
-        found=mean_of(scores.found),
-        fit_seconds=median(scores.fit_seconds),
-        field_ms=field_ms,
+    chosen, recipe = sweep(), RECIPES["default"]
+    trained = yield from train_variants(
+        folders,
+        [
+            Variant(f"{category}-{axis}{value}", replace(recipe, field=config, steps=steps), entries)
+            for axis, value, config in chosen
+        ],
+        kept,
     )
+    views = trained_objects_views(entries, category, trained[0].model)
+    scores = yield from score_variants(trained, views, tests)
+    yield "speed"
+    times = _field_ms([one.model for one in trained])
+    sizes = [
+        ModelSize(
+            *size[:2],
+            parameters=one.parameters,
+            bytes=one.path.stat().st_size,
+            new_views=score.new_views,
+            held_out=mean_of(score.held_out),
+            gain=mean_gain(score.held_out, scores[0].held_out),
+            found=mean_of(score.found),
+            fit_seconds=median(score.fit_seconds),
+            field_ms=ms,
+        )
+        for size, one, score, ms in zip(chosen, trained, scores, times, strict=True)
+    ]
+    about = {"machine": describe_machine(trained[0].model.device), "objects": str(len(entries))}
+    yield Results(about | {"tests": str(len(tests)), "steps": str(steps)}, tuple(sizes))
 
 
 @torch.no_grad()

@@ -1,4 +1,4 @@
-"""What each part of the training recipe is worth.
+"""The value of each part of the training recipe.
 
 Models are trained for equal processor time, as their first steps predict it, and each differs from the default recipe
 in one setting. Rays through the whole image do without the visual hulls, and without all that needs them.
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from core.benchmarks.trained_models import held_out_psnrs
 from core.datasets.srn import Dataset, ObjectEntry
-from core.evaluation.statistics import Mean, mean_of
+from core.evaluation.statistics import Mean, mean_gain
 from core.training.recipes import RECIPES, TrainSettings
 from core.training.trainer import Trainer, held_out_psnr, hold_out
 
@@ -48,10 +48,12 @@ class RecipeScore:
 
     def gain(self, other: "RecipeScore") -> Mean:
         """dB over another model, of the same held-out objects."""
-        return mean_of([one - before for one, before in zip(self.held_out, other.held_out, strict=True)])
+        return mean_gain(self.held_out, other.held_out)
 
 
-def run(dataset: Dataset, tests: Sequence[ObjectEntry], seconds: float, done: Collection[str]) -> Iterator[RecipeScore]:
+def measure_recipe(
+    dataset: Dataset, tests: Sequence[ObjectEntry], seconds: float, done: Collection[str]
+) -> Iterator[RecipeScore]:
     """Yields a score per variant.
 
     Args:
@@ -70,8 +72,8 @@ def run(dataset: Dataset, tests: Sequence[ObjectEntry], seconds: float, done: Co
         for _ in trainer.steps():
             pass
         taken, model = time.process_time() - began, trainer.model()
-        psnr, held_out = held_out_psnr(model, new_views), tuple(held_out_psnrs(model, tests))
-        yield RecipeScore(name, trainer.step, taken, psnr, held_out)
+        psnr = held_out_psnr(model, new_views)
+        yield RecipeScore(name, trainer.step, taken, psnr, held_out_psnrs(model, tests))
 
 
 def _steps_within(seconds: float, dataset: Dataset, settings: TrainSettings) -> int:

@@ -49,10 +49,11 @@ _WARMUP_FRAMES = 8
 _SETTLES = 2
 """times that the movement stops"""
 CURVES = ("naive", "fast", "float32", "baked", "sizes", "ablation")
+"""fast: in the number format that this machine multiplies fastest; float32: the same in float32, where it is another"""
 
 
 @dataclass(frozen=True)
-class Timing:
+class RenderTiming:
     """One setting of one recipe: a turn of it, or the median over turns."""
 
     curve: str
@@ -73,7 +74,7 @@ class Timing:
     """largest difference of a channel, 0..1"""
 
     @property
-    def key(self) -> Hashable:
+    def key(self) -> tuple[str, str, int, int, int]:
         """What tells a turn from all others."""
         return self.curve, self.recipe, self.size, self.samples, self.turn
 
@@ -110,35 +111,17 @@ class Interaction:
         return f"{self.what}, {self.size} px: {images}"
 
 
-@dataclass(frozen=True)
-class RenderingResults:
-    """All measurements of one run, as medians over its turns."""
+RenderRow = RenderTiming | Interaction
 
-    machine: str
-    views: int
-    naive: tuple[Timing, ...]
-    fast: tuple[Timing, ...]
-    """in the number format that this machine multiplies fastest"""
-    float32: tuple[Timing, ...]
-    """the same in float32; empty where that is the fastest"""
-    baked: tuple[Timing, ...]
-    sizes: tuple[Timing, ...]
-    ablation: tuple[Timing, ...]
-    interactions: tuple[Interaction, ...]
 
-    @classmethod
-    def of(cls, machine: str, views: int, rows: Iterable[Timing | Interaction]) -> "RenderingResults":
-        """What rows of one run come to."""
-        turns: dict[Hashable, list[Timing]] = {}
-        interactions = []
-        for row in rows:
-            if isinstance(row, Interaction):
-                interactions.append(row)
-            else:
-                turns.setdefault((row.curve, row.recipe, row.size, row.samples), []).append(row)
-        timings = [replace(some[0], turn=0, ms=median(one.ms for one in some)) for some in turns.values()]
-        curves = {curve: tuple(one for one in timings if one.curve == curve) for curve in CURVES}
-        return cls(machine, views, **curves, interactions=tuple(interactions))
+def median_turns(rows: Iterable[RenderRow]) -> dict[str, tuple[RenderTiming, ...]]:
+    """The median over turns of each setting, by curve."""
+    turns: dict[Hashable, list[RenderTiming]] = {}
+    for row in rows:
+        if isinstance(row, RenderTiming):
+            turns.setdefault(row.key[:-1], []).append(row)
+    timings = [replace(some[0], turn=0, ms=median(one.ms for one in some)) for some in turns.values()]
+    return {curve: tuple(one for one in timings if one.curve == curve) for curve in CURVES}
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +143,7 @@ class _Setting(NamedTuple):
     """It is rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
 
 
-def run(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[Timing | Interaction]:
+def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[RenderRow]:
     """Yields each row as it is measured; those whose keys are done are left out."""
 
     @cache
@@ -206,7 +189,7 @@ def _settings(views: Sequence[_View]) -> list[_Setting]:
     return settings
 
 
-def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View], Tensor]) -> Timing:
+def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View], Tensor]) -> RenderTiming:
     """A turn of a setting: all of its views."""
     seconds, quality, off = [], [], []
     for view in setting.views:
@@ -216,7 +199,7 @@ def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View]
         quality.append(psnr(image, exact))
         off.append(float((image - exact).abs().max()))
     ms, mean = 1000 * sum(seconds) / len(seconds), sum(quality) / len(quality)
-    return Timing(*setting[:4], turn, ms, mean, min(quality), max(off))
+    return RenderTiming(*setting[:4], turn, ms, mean, min(quality), max(off))
 
 
 def _views(model: Model, count: int) -> list[_View]:
@@ -303,33 +286,30 @@ def _interaction(model: Model, what: str, size: int) -> Interaction:
     codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
     other = model.codes[len(model.codes.objects) // 2]
 
-    def at(share: float, settings: RenderSettings) -> RenderJob:
+    def at(share: float, divisors: tuple[int, ...], supersampling: int) -> RenderJob:
         turned = replace(camera, azimuth=camera.azimuth + 2 * share)
         mixed = codes.mixed(other, share * (what == "shape"), share * (what == "texture"))
+        settings = RenderSettings(divisors=divisors, supersampling=supersampling)
         return RenderJob(mixed, turned if what == "orbit" else camera, settings)
+
+    def whole(share: float, divisors: tuple[int, ...] = (1,), supersampling: int = 1) -> float:
+        return _until(model, at(share, divisors, supersampling), last=True)[0]
 
     frames = INTERACTION_FRAMES + _WARMUP_FRAMES
     shares = [(index + 1) / frames for index in range(frames)]
-    whole = [_seconds_until(model, at(share, RenderSettings(divisors=(1,))), last=True) for share in shares]
+    images = [whole(share) for share in shares]
     fast.clear_cache()
-    _seconds_until(model, at(0.0, RenderSettings()), last=True)
+    whole(0.0, RenderSettings().divisors)
     budget, previews, preview_size = FrameBudget(), list[float](), size
     for share in shares:
-        settings = RenderSettings(divisors=budget.divisors(size), supersampling=2)
-        seconds, frame = _until(model, at(share, settings), last=False)
+        divisors = budget.divisors(size)
+        seconds, frame = _until(model, at(share, divisors, 2), last=False)
         previews.append(seconds)
         preview_size = frame.resolution[0]
         if frame.stage == 0:  # of a shape that is known at full size, the first image is a finer one
-            budget.observe(settings.divisors[0], seconds)
-    ends = [
-        at(1.0 + index, RenderSettings(divisors=budget.divisors(size), supersampling=2)) for index in range(_SETTLES)
-    ]
-    settle = sum(_seconds_until(model, job, last=True) for job in ends) / len(ends)
-    return Interaction(what, size, *_quantiles(whole), *_quantiles(previews), preview_size, settle)
-
-
-def _seconds_until(model: Model, job: RenderJob, last: bool) -> float:
-    return _until(model, job, last)[0]
+            budget.observe(divisors[0], seconds)
+    settle = sum(whole(1.0 + index, budget.divisors(size), 2) for index in range(_SETTLES)) / _SETTLES
+    return Interaction(what, size, *_quantiles(images), *_quantiles(previews), preview_size, settle)
 
 
 def _until(model: Model, job: RenderJob, last: bool) -> tuple[float, Frame]:

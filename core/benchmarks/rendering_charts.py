@@ -1,73 +1,68 @@
-"""Keeps and draws what :mod:`core.benchmarks.rendering` measured."""
+"""The files and the chart of :mod:`core.benchmarks.rendering`."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from core.benchmarks import tables
-from core.benchmarks.csv_files import Row, append_record, read_csv, read_records
-from core.benchmarks.drawing import draw_frontier, log_ticks, new_figure, write_chart
-from core.benchmarks.rendering import Interaction, RenderingResults, Timing
+from core.benchmarks.csv_files import Results, Row, append_record, read_records, read_results
+from core.benchmarks.drawing import draw_frontier, log_ticks, new_figure
+from core.benchmarks.rendering import Interaction, RenderRow, RenderTiming, median_turns
 from core.rendering.progressive import RenderSettings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
-def read_rows(folder: Path, about: Row) -> list[Timing | Interaction]:
-    """What an earlier run into a folder measured. Raises ``ValueError`` where that was of something else."""
-    return [
-        *read_records(folder / "render.csv", Timing, about),
-        *read_records(folder / "interaction.csv", Interaction, about),
-    ]
+_FILES: dict[type[RenderTiming] | type[Interaction], str] = {
+    RenderTiming: "render.csv",
+    Interaction: "interaction.csv",
+}
 
 
-def add_row(folder: Path, about: Row, row: Timing | Interaction) -> None:
+def read_rows(folder: Path, about: Row) -> list[RenderRow]:
+    """The rows of an earlier run into a folder. Raises ``ValueError`` where that was of something else."""
+    return [row for kind, name in _FILES.items() for row in read_records(folder / name, kind, about)]
+
+
+def add_row(folder: Path, about: Row, row: RenderRow) -> None:
     """A row more of ``render.csv`` or of ``interaction.csv``."""
-    append_record(folder / ("render.csv" if isinstance(row, Timing) else "interaction.csv"), about, row)
+    append_record(folder / _FILES[type(row)], about, row)
 
 
-def read_rendering(path: Path) -> RenderingResults:
+def read_rendering(path: Path) -> Results[RenderRow]:
     """Reads ``render.csv`` and, beside it, ``interaction.csv``. Raises ``ValueError`` where they are none."""
-    first = read_csv(path)[0]
-    rows = read_rows(path.parent, {})
-    return RenderingResults.of(first["machine"], int(first["views"]), rows)
+    return Results(read_results(path, RenderTiming).about, tuple(read_rows(path.parent, {})))
 
 
-def draw_rendering(folder: Path) -> None:
-    """``render.md`` and ``render.png``."""
-    found = read_rendering(folder / "render.csv")
-    write_chart(folder / "render", tables.rendering_table(found), _rendering_chart(found))
-
-
-def _rendering_chart(found: RenderingResults) -> "Figure":
+def rendering_chart(found: Results[RenderRow]) -> "Figure":
+    """PSNR against milliseconds, and milliseconds against the size of the image."""
+    timings = median_turns(found.rows)
+    sizes = timings["sizes"]
     figure, (left, right) = new_figure(2)
-    curves = [points for points in (found.naive, found.fast, found.float32) if points]
+    curves = [timings[name] for name in ("naive", "fast", "float32") if timings[name]]
     for points in curves:
         _timing_curve(left, points)
     draw_frontier(left, [(point.ms, point.psnr) for points in curves for point in points])
     default = RenderSettings()
     for name, samples, marker in (("preview", default.preview_samples, "kD"), ("final image", default.samples, "k*")):
-        marked = [point for point in found.fast if point.samples == samples]
+        marked = [point for point in timings["fast"] if point.samples == samples]
         left.plot([p.ms for p in marked], [p.psnr for p in marked], marker, markersize=9, label=name, zorder=3)
     left.set(xscale="log", xlabel="ms per 128 x 128 image", ylabel="PSNR to the exact renderer (dB)")
     left.margins(y=0.1)
-    right.plot([p.size for p in found.sizes], [p.ms for p in found.sizes], "o-", label=found.sizes[0].recipe)
-    first = found.sizes[0]
-    proportional = [first.ms * (p.size / first.size) ** 2 for p in found.sizes]
-    right.plot([p.size for p in found.sizes], proportional, ":", color="grey", label="proportional to pixels")
+    right.plot([p.size for p in sizes], [p.ms for p in sizes], "o-", label=sizes[0].recipe)
+    proportional = [sizes[0].ms * (p.size / sizes[0].size) ** 2 for p in sizes]
+    right.plot([p.size for p in sizes], proportional, ":", color="grey", label="proportional to pixels")
     right.set(xscale="log", yscale="log", xlabel="width and height (px)", ylabel="ms per image")
-    log_ticks(right.xaxis, [p.size for p in found.sizes])
+    log_ticks(right.xaxis, [p.size for p in sizes])
     for axes in (left, right):
         log_ticks(axes.xaxis if axes is left else axes.yaxis)
         axes.grid(alpha=0.3)
         axes.legend()
-    figure.suptitle(f"{found.machine}, {found.views} views", fontsize=9)
+    figure.suptitle(f"{found.about['machine']}, {found.about['views']} views", fontsize=9)
     return figure
 
 
-def _timing_curve(axes: "Axes", points: Sequence[Timing]) -> None:
+def _timing_curve(axes: "Axes", points: Sequence[RenderTiming]) -> None:
     """PSNR against milliseconds; the numbers at the points are samples a ray."""
     (line,) = axes.plot([point.ms for point in points], [point.psnr for point in points], "o-", label=points[0].recipe)
     place: tuple[float, float] | None = None

@@ -15,13 +15,14 @@ import torch
 from jaxtyping import UInt8
 
 from core.benchmarks.held_out_views import HeldOutView, is_symmetric_view, render_on_white
-from core.benchmarks.stressors import STRESSORS, Stressor
+from core.benchmarks.stressors import STRESSORS, Cutout, Stressor
 from core.evaluation.statistics import Mean, mean_of
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings, PaperSettings
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.metrics import rotation_error
 from core.models.codes import Codes
 from core.models.library import load_model, shipped_models
@@ -37,7 +38,7 @@ ROUGH_DEGREES = 30.0
 
 
 @dataclass(frozen=True)
-class Trial:
+class RobustnessTrial:
     """One fit of one corrupted image."""
 
     stressor: str
@@ -68,44 +69,38 @@ class Trial:
 class Measured(NamedTuple):
     """A trial, and its images where it failed."""
 
-    trial: Trial
+    trial: RobustnessTrial
     image: UInt8[np.ndarray, "height width 3"] | None = None
     """the corrupted image"""
     render: UInt8[np.ndarray, "size size 3"] | None = None
     """of what was fitted; None where the image was refused"""
 
 
-@dataclass(frozen=True, eq=False)
-class RobustnessResults:
-    """All trials of one run."""
-
-    machine: str
-    trials: tuple[Trial, ...]
-
-    @property
-    def objects(self) -> int:
-        """How many objects were fitted."""
-        return len({trial.name for trial in self.trials})
-
-    def success_rates(self) -> dict[tuple[str, float], dict[str, Mean]]:
-        """The share of successes of every preset, 0..1, by stressor and level."""
-        return self._shares(lambda trial: trial.success)
-
-    def rough_rates(self) -> dict[tuple[str, float], dict[str, Mean]]:
-        """The share of cameras within 30 degrees; a success without an object counts as one."""
-        return self._shares(
-            lambda trial: trial.success or (trial.rotation is not None and trial.rotation <= ROUGH_DEGREES)
-        )
-
-    def _shares(self, counts: Callable[[Trial], bool]) -> dict[tuple[str, float], dict[str, Mean]]:
-        found: dict[tuple[str, float], dict[str, list[bool]]] = {}
-        for trial in self.trials:
-            presets = found.setdefault((trial.stressor, trial.level), {})
-            presets.setdefault(trial.preset, []).append(counts(trial))
-        return {key: {name: mean_of(each) for name, each in presets.items()} for key, presets in found.items()}
+Rates = dict[tuple[str, float], dict[str, Mean]]
+"""shares of every preset, 0..1, by stressor and level"""
 
 
-def run(
+def success_rates(trials: Sequence[RobustnessTrial]) -> Rates:
+    """The share of successes."""
+    return _shares(trials, lambda trial: trial.success)
+
+
+def rough_rates(trials: Sequence[RobustnessTrial]) -> Rates:
+    """The share of cameras within 30 degrees; a success without an object counts as one."""
+    return _shares(
+        trials, lambda trial: trial.success or (trial.rotation is not None and trial.rotation <= ROUGH_DEGREES)
+    )
+
+
+def _shares(trials: Sequence[RobustnessTrial], counts: Callable[[RobustnessTrial], bool]) -> Rates:
+    found: dict[tuple[str, float], dict[str, list[bool]]] = {}
+    for trial in trials:
+        presets = found.setdefault((trial.stressor, trial.level), {})
+        presets.setdefault(trial.preset, []).append(counts(trial))
+    return {key: {name: mean_of(each) for name, each in presets.items()} for key, presets in found.items()}
+
+
+def measure_robustness(
     model: Model,
     views: Sequence[HeldOutView],
     stressors: Sequence[str] = (),
@@ -137,7 +132,7 @@ def run(
         for preset in presets
     ]
     for name, level, preset, number in keys[which - 1 :: parts]:
-        trial, stressor = Trial(name, level, preset, views[number].views.name), STRESSORS[name]
+        trial, stressor = RobustnessTrial(name, level, preset, views[number].views.name), STRESSORS[name]
         if trial.key in done:
             continue
         seen = _view(model, views[number], stressor.camera(views[number].camera, level))
@@ -148,7 +143,7 @@ def run(
 class _Seen(NamedTuple):
     """An object from its true camera."""
 
-    cutout: np.ndarray
+    cutout: Cutout
     camera: Camera
     view: HeldOutView
 
@@ -156,11 +151,14 @@ class _Seen(NamedTuple):
 def _view(model: Model, view: HeldOutView, camera: Camera) -> _Seen:
     """The object from a camera: the image taken from there, or from close by; else a render of its codes."""
     index = view.nearest(camera)
-    if index is not None:
-        image, mask = view.views.images[index].astype(np.float32) / 255, view.views.masks[index]
-        return _Seen(np.concatenate((image, mask[..., None]), -1).astype(np.float32), view.views.cameras[index], view)
-    colour, found = render_on_white(model, view.codes, camera)
-    return _Seen(np.concatenate((colour.numpy(), found[..., None].numpy()), -1).astype(np.float32), camera, view)
+    if index is None:
+        return _Seen(_cutout(*map(np.asarray, render_on_white(model, view.codes, camera))), camera, view)
+    image = view.views.images[index].astype(np.float32) / 255
+    return _Seen(_cutout(image, view.views.masks[index]), view.views.cameras[index], view)
+
+
+def _cutout(image: np.ndarray, mask: np.ndarray) -> Cutout:
+    return np.concatenate((image, mask[..., None]), -1).astype(np.float32)
 
 
 def _corrupted(model: Model, seen: _Seen, stressor: Stressor, level: float, seed: int) -> np.ndarray:
@@ -168,8 +166,8 @@ def _corrupted(model: Model, seen: _Seen, stressor: Stressor, level: float, seed
     if stressor.other_category:
         other = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
         codes = other.codes[seed % len(other.codes.objects)]
-        colour, mask = render_on_white(other, codes, other.camera(seen.camera.azimuth, seen.camera.elevation))
-        cutout = np.concatenate((colour.numpy(), mask[..., None].numpy().astype(np.float32)), -1)
+        camera = other.camera(seen.camera.azimuth, seen.camera.elevation)
+        cutout = _cutout(*map(np.asarray, render_on_white(other, codes, camera)))
     return stressor.corrupt(cutout, level, np.random.default_rng(seed))
 
 
@@ -192,10 +190,10 @@ class _Attempt(NamedTuple):
         return FitJob((photo,), self.settings, self.seed, initial)
 
 
-def _fit(model: Model, attempt: _Attempt, trial: Trial) -> Measured:
+def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> Measured:
     """The trial with its outcome, and its images where it failed."""
     image = attempt.image[..., :3]
-    image = image if image.dtype == np.uint8 else (255 * image + 0.5).astype(np.uint8)
+    image = image if image.dtype == np.uint8 else to_bytes(image)
     try:
         *_, last = fit_as_set(model, attempt.job(model))
     except ValueError as error:
@@ -204,11 +202,10 @@ def _fit(model: Model, attempt: _Attempt, trial: Trial) -> Measured:
     trial = _judge(model, attempt, last, replace(trial, confidence=last.confidence))
     if trial.success:
         return Measured(trial)
-    render = render_on_white(model, last.codes, last.cameras[0])[0]
-    return Measured(trial, image, (255 * render + 0.5).byte().numpy())
+    return Measured(trial, image, to_bytes(render_on_white(model, last.codes, last.cameras[0])[0]))
 
 
-def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: Trial) -> Trial:
+def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: RobustnessTrial) -> RobustnessTrial:
     if attempt.stressor.no_object:
         doubted = last.confidence is not None and last.confidence < DOUBTFUL
         return replace(trial, outcome="doubted" if doubted else "believed")

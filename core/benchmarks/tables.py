@@ -1,166 +1,277 @@
-"""What the benchmarks measured as Markdown tables."""
+"""The measurements of the benchmarks as Markdown tables: lists of columns, and the lines around them."""
 
 import statistics
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from operator import attrgetter, itemgetter
+from typing import Any
 
-from core.benchmarks.ablations import AblationResults
-from core.benchmarks.architectures import Architecture
-from core.benchmarks.fits import FitResults
-from core.benchmarks.model_sizes import ModelSizeResults
+from core.benchmarks.csv_files import Results
+from core.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.benchmarks.recipe import RecipeScore
-from core.benchmarks.rendering import RenderingResults
-from core.benchmarks.robustness import ROUGH_DEGREES, SUCCESS_DEGREES, RobustnessResults
-from core.benchmarks.scaling import ScalingResults
+from core.benchmarks.rendering import Interaction, RenderRow, median_turns
+from core.benchmarks.robustness import (
+    ROUGH_DEGREES,
+    SUCCESS_DEGREES,
+    Rates,
+    RobustnessTrial,
+    rough_rates,
+    success_rates,
+)
 from core.benchmarks.stressors import STRESSORS
-from core.evaluation.statistics import format_difference, format_share
+from core.evaluation.statistics import Mean, format_difference, format_share
 from core.fitting.confidence import auroc
 
 _SURE = 0.9
 """A wrong camera of more confidence misleads."""
 
+Column = tuple[str, str | Callable[[Any], Any], str | Callable[[Any], str]]
+"""heading; attribute of a row, or a function of it; how its value is formatted"""
 
-def rendering_table(found: RenderingResults) -> str:
+
+def markdown_table(columns: Sequence[Column], rows: Iterable[Any]) -> str:
+    """A table.
+
+    Example:
+        >>> print(markdown_table([("ms", "real", "{:.1f}"), ("twice", lambda ms: 2 * ms, "{:.0f}")], [1.25]))
+        | ms | twice |
+        |---|---|
+        | 1.2 | 2 |
+    """
+    lines = [[heading for heading, *_ in columns], *([_cell(row, *column[1:]) for column in columns] for row in rows)]
+    head, *body = ("| " + " | ".join(line) + " |" for line in lines)
+    return "\n".join((head, "|" + "---|" * len(columns), *body))
+
+
+def _cell(row: Any, key: str | Callable[[Any], Any], form: str | Callable[[Any], str]) -> str:
+    value = attrgetter(key)(row) if isinstance(key, str) else key(row)
+    return form.format(value) if isinstance(form, str) else form(value)
+
+
+def _text(about: str, *blocks: str) -> str:
+    """Tables and sentences below a first line, with empty lines between them."""
+    return "\n\n".join((about, *blocks)) + "\n"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A line about a run, in which ``{first}`` is its first row, then a line per row."""
+
+    about: str
+    columns: Sequence[Column]
+
+    def __call__(self, found: Results[Any]) -> str:
+        """The table as text."""
+        return _text(self.about.format(first=found.rows[0], **found.about), markdown_table(self.columns, found.rows))
+
+
+# Rendering
+
+
+def rendering_table(found: Results[RenderRow]) -> str:
     """Milliseconds and PSNR by recipe, of the ablations, by image size, and while something moves."""
-    naive = found.naive[-1].ms
-    lines = [f"{found.machine}; {found.views} views; PSNR against 256 exact samples in float32.", ""]
-    lines += [
-        f"| renderer | samples | ms | times naive {found.naive[-1].samples} | PSNR (dB) | worst view | worst pixel |"
+    curves = median_turns(found.rows)
+    naive, full = curves["naive"][-1], curves["ablation"][0]
+    renderers: list[Column] = [
+        ("renderer", "recipe", "{}"),
+        ("samples", "samples", "{}"),
+        ("ms", "ms", "{:.1f}"),
+        (f"times naive {naive.samples}", lambda one: naive.ms / one.ms, "{:.0f}"),
+        ("PSNR (dB)", "psnr", "{:.1f}"),
+        ("worst view", "worst_view", "{:.1f}"),
+        ("worst pixel", "worst_pixel", "{:.3f}"),
     ]
-    lines += ["|" + "---|" * 7]
-    for one in (*found.naive, *found.fast, *found.float32, *found.baked):
-        quality = f"{one.psnr:.1f} | {one.worst_view:.1f} | {one.worst_pixel:.3f}"
-        lines.append(f"| {one.recipe} | {one.samples} | {one.ms:.1f} | {naive / one.ms:.0f} | {quality} |")
-    full = found.ablation[0]
-    lines += ["", "| ablation, default settings | ms | difference | PSNR (dB) | difference |", "|" + "---|" * 5]
-    for one in found.ablation:
-        change = f"{one.ms - full.ms:+.1f} ms | {one.psnr:.1f} | {one.psnr - full.psnr:+.1f} dB"
-        lines.append(f"| {one.recipe} | {one.ms:.1f} | {change} |")
-    lines += ["", "| size (px) | ms | PSNR (dB) |", "|" + "---|" * 3]
-    lines += [f"| {one.size} | {one.ms:.1f} | {one.psnr:.1f} |" for one in found.sizes]
-    head = (
-        "moving | size (px) | full image p50 (ms) | p95 | preview p50 (ms) | p95 | preview size (px) | settle time (s)"
+    ablations: list[Column] = [
+        ("ablation, default settings", "recipe", "{}"),
+        ("ms", "ms", "{:.1f}"),
+        ("difference", lambda one: one.ms - full.ms, "{:+.1f} ms"),
+        ("PSNR (dB)", "psnr", "{:.1f}"),
+        ("difference", lambda one: one.psnr - full.psnr, "{:+.1f} dB"),
+    ]
+    return _text(
+        f"{found.about['machine']}; {found.about['views']} views; PSNR against 256 exact samples in float32.",
+        markdown_table(renderers, [one for name in ("naive", "fast", "float32", "baked") for one in curves[name]]),
+        markdown_table(ablations, curves["ablation"]),
+        markdown_table(_SIZES, curves["sizes"]),
+        markdown_table(_INTERACTIONS, [row for row in found.rows if isinstance(row, Interaction)]),
     )
-    lines += ["", f"| {head} |", "|" + "---|" * 8]
-    for move in found.interactions:
-        preview = f"{move.preview_p50:.1f} | {move.preview_p95:.1f} | {move.preview_size} | {move.settle_time:.2f}"
-        lines.append(f"| {move.what} | {move.size} | {move.p50:.1f} | {move.p95:.1f} | {preview} |")
-    return "\n".join(lines) + "\n"
 
 
-def fit_table(found: FitResults) -> str:
+_SIZES: list[Column] = [("size (px)", "size", "{}"), ("ms", "ms", "{:.1f}"), ("PSNR (dB)", "psnr", "{:.1f}")]
+_INTERACTIONS: list[Column] = [
+    ("moving", "what", "{}"),
+    ("size (px)", "size", "{}"),
+    ("full image p50 (ms)", "p50", "{:.1f}"),
+    ("p95", "p95", "{:.1f}"),
+    ("preview p50 (ms)", "preview_p50", "{:.1f}"),
+    ("p95", "preview_p95", "{:.1f}"),
+    ("preview size (px)", "preview_size", "{}"),
+    ("settle time (s)", "settle_time", "{:.2f}"),
+]
+
+
+# Fits
+
+
+def fit_table(found: Results[FitTrial]) -> str:
     """A line per preset, then cameras that are right by symmetry, then a calibration of the confidence."""
-    summaries, calibration = found.summaries, found.calibration
-    lines = [f"{found.machine}; {summaries[0].fits} views, cameras unknown; shares with their 95 % intervals.", ""]
-    head = (
-        "preset | s (median) | initial rotation error | rotation error (median) | within 5° | within 10° | within 3 %"
-    )
-    lines += [f"| {head} | other views | confidence (AUROC) |", "|" + "---|" * 9]
-    for one in summaries:
-        shares = map(format_share, (one.within_5_degrees, one.within_10_degrees, one.within_3_percent))
-        errors = f"{one.preset} | {one.seconds:.1f} | {one.initial_rotation:.0f}° | {one.rotation:.2f}°"
-        auroc = "" if one.auroc is None else f"{one.auroc:.2f}"
-        lines.append(f"| {errors} | {' | '.join(shares)} | {one.held_out.mean:.1f} dB | {auroc} |")
-    symmetric = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in found.trials if trial.symmetric]
+    summaries, calibration = summarise_presets(found.rows), calibrate_fits(found.rows)
+    symmetric = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in found.rows if trial.symmetric]
+    lines = []
     if symmetric:
-        lines += ["", f"Right by symmetry, for the object looks the same from there: {', '.join(symmetric)}."]
+        lines.append(f"Right by symmetry, for the object looks the same from there: {', '.join(symmetric)}.")
     if calibration:
         numbers = ", ".join(f"{name} {value:.3f}" for name, value in calibration._asdict().items())
-        lines += ["", f"A calibration of the confidence on these fits alone: {numbers}."]
-    return "\n".join(lines) + "\n"
+        lines.append(f"A calibration of the confidence on these fits alone: {numbers}.")
+    about = f"{summaries[0].fits} views, cameras unknown; shares with their 95 % intervals."
+    return _text(f"{found.about['machine']}; {about}", markdown_table(_FITS, summaries), *lines)
 
 
-def robustness_table(found: RobustnessResults) -> str:
+_FITS: list[Column] = [
+    ("preset", "preset", "{}"),
+    ("s (median)", "seconds", "{:.1f}"),
+    ("initial rotation error", "initial_rotation", "{:.0f}°"),
+    ("rotation error (median)", "rotation", "{:.2f}°"),
+    ("within 5°", "within_5_degrees", format_share),
+    ("within 10°", "within_10_degrees", format_share),
+    ("within 3 %", "within_3_percent", format_share),
+    ("other views", "held_out.mean", "{:.1f} dB"),
+    ("confidence (AUROC)", "auroc", lambda area: "" if area is None else f"{area:.2f}"),
+]
+
+
+ablations_table = Table(
+    "{machine}; {first.summary.fits} views, cameras unknown; with 95 % intervals.",
+    [
+        ("normal preset", "summary.preset", "{}"),
+        ("time", "time", "{:.2f}"),
+        ("rotation error (median)", "summary.rotation", "{:.2f}°"),
+        ("within 5°", "summary.within_5_degrees", format_share),
+        ("within 10°", "summary.within_10_degrees", format_share),
+        ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
+        ("difference to the full method (dB)", "gain", format_difference),
+    ],
+)
+
+
+def robustness_table(found: Results[RobustnessTrial]) -> str:
     """The share of successes by stressor, level and preset; how confidence and size fare; how often which way fails."""
-    within, rough = found.success_rates(), found.rough_rates()
-    presets = list(dict.fromkeys(trial.preset for trial in found.trials))
-    what = f"{found.objects} objects; share of cameras within {SUCCESS_DEGREES:g}°, with 95 % intervals"
-    lines = [f"{found.machine}; {what}; and within {ROUGH_DEGREES:g}°.", ""]
-    heads = " | ".join(f"{preset} | within {ROUGH_DEGREES:g}°" for preset in presets)
-    lines += [f"| stressor | level | {heads} | wrong at confidence > 0.9 | size error (median) |"]
-    lines += ["|" + "---|" * (4 + 2 * len(presets))]
-    for name, level in within:
-        unit = STRESSORS[name].unit if name in STRESSORS else ""
-        shares = (
-            f"{format_share(within[name, level][one])} | {100 * rough[name, level][one].mean:.0f} %"
-            if one in within[name, level]
-            else " | "
-            for one in presets
-        )
-        trials = [one for one in found.trials if (one.stressor, one.level, one.preset) == (name, level, presets[0])]
-        sure = sum(not one.success and (one.confidence or 0) > _SURE for one in trials)
-        sizes = [abs(one.size_error) for one in trials if one.size_error is not None]
-        size = f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
-        lines.append(f"| {name} | {f'{level:g} {unit}'.strip()} | {' | '.join(shares)} | {sure} | {size} |")
-    judged = [one for one in found.trials if one.preset == presets[0] and one.confidence is not None]
-    area = auroc([one.confidence or 0 for one in judged], [one.success for one in judged])
-    lines += ["", f"Confidence of {presets[0]} over {len(judged)} fits: AUROC {area:.3f}."]
-    failed = Counter(one.outcome for one in found.trials if not one.success and one.preset == presets[0])
-    lines += ["", f"Failures of {presets[0]}: {', '.join(f'{n} {name}' for name, n in failed.most_common())}."]
-    symmetric = dict.fromkeys(trial.name for trial in found.trials if trial.outcome == "symmetric")
-    lines += ["", f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}."]
-    return "\n".join(lines) + "\n"
+    within, rough = success_rates(found.rows), rough_rates(found.rows)
+    presets = list(dict.fromkeys(trial.preset for trial in found.rows))
+    ours = [trial for trial in found.rows if trial.preset == presets[0]]
+    groups = {key: [trial for trial in ours if (trial.stressor, trial.level) == key] for key in within}
+    columns: list[Column] = [("stressor", itemgetter(0), "{}"), ("level", _level, "{}")]
+    for one in presets:
+        columns.append((one, _of(one, within), _share))
+        columns.append((f"within {ROUGH_DEGREES:g}°", _of(one, rough), _per_cent))
+    columns += [
+        (f"wrong at confidence > {_SURE:g}", lambda key: sum(map(_misleads, groups[key])), "{}"),
+        ("size error (median)", lambda key: _size_error(groups[key]), "{}"),
+    ]
+    judged = [trial for trial in ours if trial.confidence is not None]
+    area = auroc([trial.confidence or 0 for trial in judged], [trial.success for trial in judged])
+    failed = Counter(trial.outcome for trial in ours if not trial.success).most_common()
+    symmetric = dict.fromkeys(trial.name for trial in found.rows if trial.outcome == "symmetric")
+    what = f"share of cameras within {SUCCESS_DEGREES:g}°, with 95 % intervals; and within {ROUGH_DEGREES:g}°."
+    return _text(
+        f"{found.about['machine']}; {len({trial.name for trial in found.rows})} objects; {what}",
+        markdown_table(columns, within),
+        f"Confidence of {presets[0]} over {len(judged)} fits: AUROC {area:.3f}.",
+        f"Failures of {presets[0]}: {', '.join(f'{count} {name}' for name, count in failed)}.",
+        f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}.",
+    )
 
 
-def ablations_table(found: AblationResults) -> str:
-    """The full method, then without each component."""
-    fits = found.ablations[0].summary.fits
-    lines = [f"{found.machine}; {fits} views, cameras unknown; with 95 % intervals.", ""]
-    head = "normal preset | time | rotation error (median) | within 5° | within 10° | other views (dB)"
-    lines += [f"| {head} | difference to the full method (dB) |", "|" + "---|" * 7]
-    for part in found.ablations:
-        one = part.summary
-        shares = " | ".join(map(format_share, (one.within_5_degrees, one.within_10_degrees)))
-        times = f"{one.preset} | {part.time:.2f} | {one.rotation:.2f}°"
-        lines.append(f"| {times} | {shares} | {one.held_out.mean:.1f} | {format_difference(part.gain)} |")
-    return "\n".join(lines) + "\n"
+def _level(key: tuple[str, float]) -> str:
+    name, level = key
+    return f"{level:g} {STRESSORS[name].unit if name in STRESSORS else ''}".strip()
 
 
-def model_sizes_table(found: ModelSizeResults) -> str:
-    """A line per model."""
-    what = f"{found.objects} objects, {found.steps} steps each"
-    lines = [f"{found.machine}; {what}; held out: {found.tests} objects fitted on one view of known camera.", ""]
-    head = "differs in | parameters | file (kB) | training objects, new views (dB) | held out (dB)"
-    costs = "cameras within 10° | 100,000 samples (ms) | blind fit (s)"
-    lines += [f"| {head} | difference to the baseline (dB) | {costs} |", "|" + "---|" * 9]
-    for one in found.sizes:
-        name = f"{one.axis.replace('_', ' ')} {one.value}" if one.value else one.axis
-        quality = f"{one.new_views:.2f} | {one.held_out.mean:.2f} | {format_difference(one.gain)}"
-        speed = f"{format_share(one.found)} | {one.field_ms:.0f} | {one.fit_seconds:.1f}"
-        lines.append(f"| {name} | {one.parameters} | {one.bytes / 1000:.0f} | {quality} | {speed} |")
-    return "\n".join(lines) + "\n"
+def _of(preset: str, rates: Rates) -> Callable[[tuple[str, float]], Mean | None]:
+    return lambda key: rates[key].get(preset)
 
 
-def scaling_table(found: ScalingResults) -> str:
-    """A line per number of training shapes."""
-    what = f"{found.category}, {found.steps} steps each; held out: {found.tests} objects, one view fitted"
-    lines = [f"{found.machine}; {what}; with 95 % intervals.", ""]
-    head = "shapes | objects | training objects, new views (dB) | held out, camera known (dB)"
-    lines += [f"| {head} | difference to the fewest (dB) | cameras within 10° |", "|" + "---|" * 6]
-    for one in found.points:
-        quality = f"{one.new_views:.2f} | {one.held_out.mean:.2f} | {format_difference(one.gain)}"
-        lines.append(f"| {one.shapes} | {one.objects} | {quality} | {format_share(one.found)} |")
-    return "\n".join(lines) + "\n"
+def _share(share: Mean | None) -> str:
+    return format_share(share) if share else ""
 
 
-def architectures_table(about: str, found: Sequence[Architecture]) -> str:
-    """A line per architecture."""
-    lines = [f"{about}; with 95 % intervals.", ""]
-    head = "architecture | parameters | training objects, new views (dB) | another texture changes the opacity by"
-    lines += [f"| {head} |", "|" + "---|" * 4]
-    for one in found:
-        mean, low, high = one.opacity_change
-        change = "0" if not high else f"{mean:.3f} ({low:.3f} to {high:.3f})"
-        lines.append(f"| {one.name} | {one.parameters} | {one.new_views:.2f} | {change} |")
-    return "\n".join(lines) + "\n"
+def _per_cent(share: Mean | None) -> str:
+    return f"{100 * share.mean:.0f} %" if share else ""
 
 
-def recipe_table(about: str, found: Sequence[RecipeScore]) -> str:
+def _misleads(trial: RobustnessTrial) -> bool:
+    return not trial.success and (trial.confidence or 0) > _SURE
+
+
+def _size_error(trials: Sequence[RobustnessTrial]) -> str:
+    sizes = [abs(trial.size_error) for trial in trials if trial.size_error is not None]
+    return f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
+
+
+# Trained models
+
+
+model_sizes_table = Table(
+    "{machine}; {objects} objects, {steps} steps each; held out: {tests} objects fitted on one view of known camera.",
+    [
+        ("differs in", lambda one: f"{one.axis.replace('_', ' ')} {one.value or ''}".strip(), "{}"),
+        ("parameters", "parameters", "{}"),
+        ("file (kB)", lambda one: one.bytes / 1000, "{:.0f}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        ("held out (dB)", "held_out.mean", "{:.2f}"),
+        ("difference to the baseline (dB)", "gain", format_difference),
+        ("cameras within 10°", "found", format_share),
+        ("100,000 samples (ms)", "field_ms", "{:.0f}"),
+        ("blind fit (s)", "fit_seconds", "{:.1f}"),
+    ],
+)
+
+
+scaling_table = Table(
+    "{machine}; {category}, {steps} steps each; held out: {tests} objects, one view fitted; with 95 % intervals.",
+    [
+        ("shapes", "shapes", "{}"),
+        ("objects", "objects", "{}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        ("held out, camera known (dB)", "held_out.mean", "{:.2f}"),
+        ("difference to the fewest (dB)", "gain", format_difference),
+        ("cameras within 10°", "found", format_share),
+    ],
+)
+
+
+architectures_table = Table(
+    "{machine}; {objects} {category}, {steps} steps each; with 95 % intervals.",
+    [
+        ("architecture", "name", "{}"),
+        ("parameters", "parameters", "{}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        (
+            "another texture changes the opacity by",
+            "opacity_change",
+            lambda one: f"{one.mean:.3f} ({one.low:.3f} to {one.high:.3f})" if one.high else "0",
+        ),
+    ],
+)
+
+
+def recipe_table(found: Results[RecipeScore]) -> str:
     """A line per variant of the recipe, the first of them the default."""
-    lines = [f"{about}; held out: {len(found[0].held_out)} objects, one view of known camera; 95 % intervals.", ""]
-    head = "recipe | steps | time (s) | training objects, new views (dB) | held out (dB)"
-    lines += [f"| {head} | difference to the default (dB) |", "|" + "---|" * 6]
-    for one in found:
-        quality = f"{one.new_views:.2f} | {statistics.mean(one.held_out):.2f} | {format_difference(one.gain(found[0]))}"
-        lines.append(f"| {one.name} | {one.steps} | {one.seconds:.0f} | {quality} |")
-    return "\n".join(lines) + "\n"
+    default = found.rows[0]
+    columns: list[Column] = [
+        ("recipe", "name", "{}"),
+        ("steps", "steps", "{}"),
+        ("time (s)", "seconds", "{:.0f}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        ("held out (dB)", lambda one: statistics.mean(one.held_out), "{:.2f}"),
+        ("difference to the default (dB)", lambda one: one.gain(default), format_difference),
+    ]
+    what = f"held out: {len(default.held_out)} objects, one view of known camera; 95 % intervals."
+    return _text(f"{recipe_title(found)}; {what}", markdown_table(columns, found.rows))
+
+
+def recipe_title(found: Results[RecipeScore]) -> str:
+    """Machine, data and time of all models."""
+    of = found.about
+    return f"{of['machine']}; {of['objects']} {of['category']}, about {of['time']} s each"

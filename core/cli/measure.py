@@ -22,11 +22,10 @@ from core.benchmarks import (
     rendering_charts,
     robustness,
     scaling,
-    tables,
-    training_charts,
 )
-from core.benchmarks.csv_files import append_record, read_records, to_row, write_csv
+from core.benchmarks.csv_files import Results, append_record, read_records, to_row, write_csv
 from core.benchmarks.figures import fit_photo, write_figures
+from core.benchmarks.fit_charts import keep_failure
 from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.benchmarks.machine import describe_machine
 from core.cli.fit import probable_model
@@ -34,7 +33,7 @@ from core.cli.progress import wait_for_view_bank
 from core.datasets.splits import evenly_spaced
 from core.datasets.srn import ObjectEntry, ObjectViews, index_objects, read_dataset
 from core.evaluation.disentanglement import PairScore, pairs, score_pairs
-from core.evaluation.protocol import ObjectScore, Protocol
+from core.evaluation.protocol import EvaluationProtocol, ObjectScore
 from core.evaluation.protocol import evaluate as scored
 from core.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
 from core.files import require_writable
@@ -44,13 +43,15 @@ from core.photos.photo import load_photo, read_cut_out
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")
-_Found = TypeVar("_Found")
+_Found = TypeVar("_Found", bound=Results)
 
 
 def evaluate(chosen: argparse.Namespace) -> None:
     """``evaluate``: the paper's table on a test set, or how well shape and texture are separated."""
-    protocol = Protocol(chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride)
-    if chosen.disentanglement and protocol != Protocol(seed=chosen.seed):
+    protocol = EvaluationProtocol(
+        chosen.input_views, chosen.pose == "estimate", chosen.preset, chosen.seed, chosen.view_stride
+    )
+    if chosen.disentanglement and protocol != EvaluationProtocol(seed=chosen.seed):
         raise ValueError(
             "--disentanglement renders all of a pair from its true cameras: "
             "no --input-views, --pose, --preset or --view-stride"
@@ -105,13 +106,10 @@ def bench_render(chosen: argparse.Namespace) -> None:
     drawing.prepare(chosen.out)
     model = load_model(chosen.model, chosen.device)
     about = {"machine": describe_machine(model.device), "views": str(chosen.views), "model": model.fingerprint}
-    rows = rendering_charts.read_rows(chosen.out, about)
-    for row in _said(rendering.run(model, chosen.views, {row.key for row in rows})):
-        rows.append(row)
+    done = {row.key for row in rendering_charts.read_rows(chosen.out, about)}
+    for row in _said(rendering.measure_rendering(model, chosen.views, done)):
         rendering_charts.add_row(chosen.out, about, row)
-    found = rendering.RenderingResults.of(about["machine"], chosen.views, rows)
-    print(tables.rendering_table(found), flush=True)
-    rendering_charts.draw_rendering(chosen.out)
+    print(charts.draw(chosen.out, "render"), flush=True)
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:
@@ -120,7 +118,7 @@ def bench_gate(chosen: argparse.Namespace) -> None:
     baseline = () if chosen.write else gate.read_baseline(path)
     model = load_model(DEFAULT_MODEL)
     wait_for_view_bank(model)
-    found = list(_said(gate.measure(model)))
+    found = list(_said(gate.measure_ratios(model)))
     if chosen.write:
         write_csv(path, list(map(to_row, found)))
     elif lines := gate.compare(found, baseline):
@@ -130,69 +128,64 @@ def bench_gate(chosen: argparse.Namespace) -> None:
 def bench_fit(chosen: argparse.Namespace) -> None:
     """``bench fit``: speed and accuracy of blind fits, as CSV, table and chart."""
     drawing.prepare(chosen.out)
-    found = _last_value(fits.run(*_held_out_views(chosen)))
-    charts.write_fits(found, chosen.out)
-    print(tables.fit_table(found), flush=True)
+    _write(chosen, "fit", fits.measure_fits(*_held_out_views(chosen)))
 
 
 def bench_ablations(chosen: argparse.Namespace) -> None:
     """``bench ablations``: blind fits without each component of the method, as CSV, table and chart."""
     drawing.prepare(chosen.out)
-    found = _last_value(ablations.run(*_held_out_views(chosen)))
-    charts.write_ablations(found, chosen.out)
-    print(tables.ablations_table(found), flush=True)
+    _write(chosen, "ablations", ablations.measure_ablations(*_held_out_views(chosen)))
 
 
 def bench_robustness(chosen: argparse.Namespace) -> None:
     """``bench robustness``: where blind fits fail, as CSV, table and chart; goes on where an earlier run stopped."""
     drawing.prepare(chosen.out)
-    before = charts.read_robustness(chosen.out)
-    done = {trial.key for trial in before.trials} if before else set()
+    path = chosen.out / "robustness.csv"
+    done = {trial.key for trial in read_records(path, robustness.RobustnessTrial)}
     model, views = _held_out_views(chosen)
-    trials = robustness.run(model, views, chosen.stressors, chosen.presets, chosen.part, done, chosen.seed)
-    machine = describe_machine(model.device)
+    trials = robustness.measure_robustness(
+        model, views, chosen.stressors, chosen.presets, chosen.part, done, chosen.seed
+    )
+    about = {"machine": describe_machine(model.device)}
     for measured in tqdm(trials, unit="fit", disable=None):
-        charts.add_trial(chosen.out, machine, measured)
-    charts.draw_robustness(chosen.out)
-    print((chosen.out / "robustness.md").read_text(), flush=True)
+        append_record(path, about, measured.trial)
+        keep_failure(chosen.out, measured)
+    print(charts.draw(chosen.out, "robustness"), flush=True)
 
 
 def bench_model_size(chosen: argparse.Namespace) -> None:
     """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
-    found = _last_value(model_sizes.run(*_trained_models(chosen)))
-    training_charts.write_model_sizes(found, chosen.out)
-    print(tables.model_sizes_table(found), flush=True)
+    _prepare_models(chosen)
+    found = model_sizes.measure_model_sizes(chosen.datasets, _tests(chosen), chosen.steps, chosen.models)
+    _write(chosen, "model_sizes", found)
 
 
 def bench_scaling(chosen: argparse.Namespace) -> None:
     """``bench scaling``: quality against the number of training shapes, as CSV, table and chart."""
-    found = _last_value(scaling.run(*_trained_models(chosen)))
-    training_charts.write_scaling(found, chosen.out)
-    print(tables.scaling_table(found), flush=True)
+    _prepare_models(chosen)
+    _write(chosen, "scaling", scaling.measure_scaling(chosen.datasets, _tests(chosen), chosen.steps, chosen.models))
 
 
 def bench_architectures(chosen: argparse.Namespace) -> None:
     """``bench architectures``: CodeNeRF beside the paper's ablations M1 and M2, as CSV, table and picture."""
     _prepare_models(chosen)
-    found = _last_value(architectures.run(chosen.datasets, chosen.steps, chosen.models))
-    training_charts.write_architectures(found, chosen.out)
-    print((chosen.out / "architectures.md").read_text(), flush=True)
+    found = architectures.measure_architectures(chosen.datasets, chosen.steps, chosen.models)
+    results = _write(chosen, "architectures", found)
+    results.picture.save(chosen.out / "architectures.png", optimize=True)
 
 
 def bench_recipe(chosen: argparse.Namespace) -> None:
     """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
     drawing.prepare(chosen.out)
-    dataset = read_dataset(chosen.datasets)
-    tests = evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
+    dataset, tests = read_dataset(chosen.datasets), _tests(chosen)
     about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
     about |= {"objects": str(len(dataset.objects)), "time": f"{chosen.seconds:g}"}
     about |= {"tests": " ".join(entry.name for entry in tests)}
     path = chosen.out / "recipe.csv"
     done = {one.name for one in read_records(path, recipe.RecipeScore, about)}
-    for score in _said(recipe.run(dataset, tests, chosen.seconds, done)):
+    for score in _said(recipe.measure_recipe(dataset, tests, chosen.seconds, done)):
         append_record(path, about, score)
-    training_charts.draw_recipe(chosen.out)
-    print((chosen.out / "recipe.md").read_text(), flush=True)
+    print(charts.draw(chosen.out, "recipe"), flush=True)
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
@@ -208,11 +201,9 @@ def _prepare_models(chosen: argparse.Namespace) -> None:
         raise ValueError(f"there is no folder {chosen.models}")
 
 
-def _trained_models(chosen: argparse.Namespace) -> tuple[list[Path], tuple[ObjectEntry, ...], int, Path]:
-    """Of a benchmark that trains models: what to train on, the test objects, steps, and where models are kept."""
-    _prepare_models(chosen)
-    tests = evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
-    return chosen.datasets, tests, chosen.steps, chosen.models
+def _tests(chosen: argparse.Namespace) -> tuple[ObjectEntry, ...]:
+    """The objects that no model is trained on."""
+    return evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
 
 
 def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:
@@ -231,6 +222,13 @@ def _said(rows: Iterator[_Item]) -> Iterator[_Item]:
     for row in rows:
         tqdm.write(str(row), file=sys.stderr)
         yield row
+
+
+def _write(chosen: argparse.Namespace, name: str, stream: Iterator[str | _Found]) -> _Found:
+    """Writes and returns the results of a benchmark, and prints its table."""
+    found = _last_value(stream)
+    print(charts.write(chosen.out, name, found), flush=True)
+    return found
 
 
 def _last_value(stream: Iterator[str | _Found]) -> _Found:

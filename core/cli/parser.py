@@ -314,7 +314,7 @@ def _add_evaluate(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--objects", type=count, metavar="N", help="at most so many, evenly spaced over the dataset")
     command.add_argument("--view-stride", type=count, default=1, metavar="N", help="render every Nth other view only")
     command.add_argument(
-        "--report", type=Path, metavar="R.json", help="the scores; a chart is written beside them as PNG"
+        "--report", type=Path, metavar="R.json", help="the scores; beside them, with matplotlib, a chart (PNG)"
     )
     add_seed(command)
 

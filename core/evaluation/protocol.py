@@ -22,7 +22,7 @@ OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
 
 
 @dataclass(frozen=True)
-class Protocol:
+class EvaluationProtocol:
     """Which views of an object are fitted and which are rendered."""
 
     inputs: tuple[int, ...] = (64,)
@@ -83,7 +83,7 @@ class ObjectScore:
         return any(pose.outlier for pose in self.poses)
 
 
-def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: Protocol) -> Iterator[ObjectScore]:
+def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectScore]:
     """Yields a score per object, in order.
 
     Codes live in the frame of the fitted cameras; the other views are rendered from their true cameras all the same,
@@ -94,7 +94,7 @@ def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: Protocol) -
         yield _score_object(model, views, protocol)
 
 
-def _score_object(model: Model, views: ObjectViews, protocol: Protocol) -> ObjectScore:
+def _score_object(model: Model, views: ObjectViews, protocol: EvaluationProtocol) -> ObjectScore:
     rest = [index for index in range(len(views.cameras)) if index not in protocol.inputs][:: protocol.every]
     _require_views(views, protocol, rest)
     if protocol.estimate:
@@ -134,7 +134,7 @@ def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> tu
     return psnr(rendered, truth), ssim(rendered, truth)
 
 
-def _require_views(views: ObjectViews, protocol: Protocol, rest: Sequence[int]) -> None:
+def _require_views(views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:
     count, wanted = len(views.cameras), ",".join(map(str, protocol.inputs))
     if max(protocol.inputs) >= count:
         raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, and the input views are {wanted}")
@@ -178,7 +178,7 @@ class PoseSummary:
 
 
 @dataclass(frozen=True)
-class Summary:
+class EvaluationSummary:
     """One line of the paper's table."""
 
     objects: int
@@ -187,10 +187,10 @@ class Summary:
     seconds: Mean
     pose: PoseSummary | None
     """None where cameras are known"""
-    without_outliers: "Summary | None" = None
+    without_outliers: "EvaluationSummary | None" = None
 
 
-def summarise(scores: Sequence[ObjectScore]) -> Summary:
+def summarise(scores: Sequence[ObjectScore]) -> EvaluationSummary:
     """Means over all objects and, where cameras were estimated, over the objects without outliers."""
     whole = _summary(scores)
     if whole.pose is None:
@@ -198,10 +198,10 @@ def summarise(scores: Sequence[ObjectScore]) -> Summary:
     return replace(whole, without_outliers=_summary([score for score in scores if not score.outlier]))
 
 
-def _summary(scores: Sequence[ObjectScore]) -> Summary:
+def _summary(scores: Sequence[ObjectScore]) -> EvaluationSummary:
     psnrs, ssims, seconds = (mean_of([getattr(one, name) for one in scores]) for name in ("psnr", "ssim", "seconds"))
     posed = [score for score in scores if score.poses]
-    return Summary(len(scores), psnrs, ssims, seconds, _pose_summary(posed) if posed else None)
+    return EvaluationSummary(len(scores), psnrs, ssims, seconds, _pose_summary(posed) if posed else None)
 
 
 def _pose_summary(scores: Sequence[ObjectScore]) -> PoseSummary:

@@ -2,16 +2,21 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from core.evaluation.disentanglement import PairScore, summarise_pairs
-from core.evaluation.protocol import ObjectScore, PoseSummary, Protocol, Summary, summarise
+from core.evaluation.protocol import EvaluationProtocol, EvaluationSummary, ObjectScore, PoseSummary, summarise
 from core.evaluation.statistics import Mean
 from core.files import write_json
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)
 """degrees"""
@@ -34,7 +39,7 @@ class _Panel(NamedTuple):
     """the same after the first step of the fit"""
 
 
-def format_table(scores: Sequence[ObjectScore], protocol: Protocol) -> str:
+def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) -> str:
     """The paper's table and, where cameras were estimated, their errors as a table and a histogram."""
     summary = summarise(scores)
     inputs = f"{len(protocol.inputs)}-view ({', '.join(map(str, protocol.inputs))})"
@@ -48,28 +53,35 @@ def format_table(scores: Sequence[ObjectScore], protocol: Protocol) -> str:
     return "\n".join(lines)
 
 
-def write_report(path: Path, scores: Sequence[ObjectScore], protocol: Protocol, about: dict[str, str]) -> None:
+def write_report(
+    path: Path, scores: Sequence[ObjectScore], protocol: EvaluationProtocol, about: dict[str, str]
+) -> None:
     """Writes the numbers as JSON, per object too, and a chart as PNG beside it."""
     objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
     content = about | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
     write_json(path, content)
-    chart(scores).save(path.with_suffix(".png"))
+    with suppress(ImportError):
+        chart(scores).savefig(path.with_suffix(".png"))
 
 
-def chart(scores: Sequence[ObjectScore]) -> Image.Image:
-    """Histograms: PSNR of objects and, where cameras were estimated, their errors beside the initial ones."""
-    panels = [_Panel("PSNR (dB), objects", _PSNR_BINS, [score.psnr for score in scores])]
+def chart(scores: Sequence[ObjectScore]) -> "Figure":
+    """Histograms: PSNR of objects and, where cameras were estimated, their errors beside the initial ones.
+
+    Raises ``ImportError`` where matplotlib is not installed.
+    """
+    from matplotlib.figure import Figure
+
     poses = [pose for score in scores for pose in score.poses]
+    panels = [_Panel("PSNR (dB), objects", _PSNR_BINS, [score.psnr for score in scores])]
     if poses:
         rotation = [pose.rotation for pose in poses], [pose.initial_rotation for pose in poses]
         translation = [100 * pose.translation for pose in poses], [100 * pose.initial_translation for pose in poses]
-        panels.append(_Panel("rotation error (degrees); green: initial", _ROTATION_BINS, *rotation))
-        panels.append(_Panel("translation error (%); green: initial", _TRANSLATION_BINS, *translation))
-    width, height = 460, 300
-    image = Image.new("RGB", (width * len(panels), height), "white")
-    for index, panel in enumerate(panels):
-        _draw_panel(image, index * width, (width, height), panel)
-    return image
+        panels.append(_Panel("rotation error (degrees)", _ROTATION_BINS, *rotation))
+        panels.append(_Panel("translation error (%)", _TRANSLATION_BINS, *translation))
+    figure = Figure(figsize=(4.6 * len(panels), 3.0), layout="constrained")
+    for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
+        _draw_panel(axes, panel)
+    return figure
 
 
 def format_disentanglement(scores: Sequence[PairScore]) -> str:
@@ -117,7 +129,7 @@ def write_disentanglement_report(path: Path, scores: Sequence[PairScore], about:
     sheet.save(path.with_suffix(".png"))
 
 
-def _row(name: str, summary: Summary) -> str:
+def _row(name: str, summary: EvaluationSummary) -> str:
     return f"{name:38}{_interval(summary.psnr, 2):>22}{_interval(summary.ssim, 3):>24}{summary.objects:>9}"
 
 
@@ -128,7 +140,7 @@ def _interval(value: Mean, digits: int, scale: float = 1.0) -> str:
     return f"{mean} [{low}, {high}]"
 
 
-def _pose_table(pose: PoseSummary, kept: Summary | None) -> list[str]:
+def _pose_table(pose: PoseSummary, kept: EvaluationSummary | None) -> list[str]:
     without = kept.pose if kept and kept.pose else None
     head = f"{pose.cameras} cameras"
     lines = [f"{head:22}{'initial':>24}{'final':>24}{'- outliers':>24}"]
@@ -163,25 +175,16 @@ def _counts(values: Sequence[float], bins: Sequence[int]) -> list[int]:
     return counts
 
 
-def _draw_panel(image: Image.Image, left: int, size: tuple[int, int], panel: _Panel) -> None:
+def _draw_panel(axes: "Axes", panel: _Panel) -> None:
     """One histogram with bins of equal width, whatever they span, and counts above the bars."""
-    draw, (width, height), margin = ImageDraw.Draw(image), size, 34
-    bins, final = panel.bins, _counts(panel.values, panel.bins)
-    initial = _counts(panel.initial, bins) if panel.initial else None
-    step, top = (width - 2 * margin) / (len(bins) - 1), max(1, *final, *(initial or []))
-    base, scale = height - margin, (height - 2.5 * margin) / top
-    draw.text((left + margin, 10), panel.title, "black")
-    for index, count in enumerate(final):
-        x = left + margin + index * step
-        bars = (
-            ((initial[index], _INITIAL, 0.5, 0.9), (count, _FINAL, 0.1, 0.5))
-            if initial
-            else ((count, _FINAL, 0.1, 0.9),)
-        )
-        for amount, colour, start, end in bars:
-            if amount:
-                draw.rectangle((x + start * step, base - amount * scale, x + end * step, base), fill=colour)
-                draw.text((x + start * step, base - amount * scale - 13), str(amount), "black")
-        draw.text((x - 4, base + 6), str(bins[index]), "black")
-    draw.text((left + width - margin - 8, base + 6), str(bins[-1]), "black")
-    draw.line((left + margin, base, left + width - margin, base), "black")
+    series = [("final", panel.values, _FINAL), ("initial", panel.initial, _INITIAL)][: 1 + bool(panel.initial)]
+    for number, (name, values, colour) in enumerate(series):
+        counts, width = _counts(values, panel.bins), 0.8 / len(series)
+        lefts = [index + 0.1 + number * width for index in range(len(counts))]
+        bars = axes.bar(lefts, counts, width, align="edge", color=colour, label=name)
+        axes.bar_label(bars, [str(count or "") for count in counts], fontsize=8)
+    axes.set_xticks(range(len(panel.bins)), map(str, panel.bins), fontsize=8)
+    axes.set_title(panel.title, fontsize=10)
+    axes.set_yticks([])
+    if panel.initial:
+        axes.legend(fontsize=8)

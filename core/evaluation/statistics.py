@@ -31,6 +31,16 @@ def mean_of(values: Sequence[float]) -> Mean:
     return Mean(float(array.mean()), float(low), float(high))
 
 
+def mean_gain(values: Sequence[float], others: Sequence[float]) -> Mean:
+    """The mean difference of pairs: of the same objects, or of the same views.
+
+    Example:
+        >>> mean_gain([21.0, 31.0], [20.0, 30.0]).mean
+        1.0
+    """
+    return mean_of([one - other for one, other in zip(values, others, strict=True)])
+
+
 def share_within(values: Sequence[float], limit: float) -> Mean:
     """The share of values that are at most ``limit``, 0..1, with its interval.
 

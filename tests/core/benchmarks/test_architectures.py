@@ -3,13 +3,11 @@ from pathlib import Path
 
 import pytest
 import torch
-from PIL import Image
 
 from core.benchmarks import architectures, trained_models
-from core.benchmarks.architectures import ARCHITECTURES, ArchitectureResults, run
-from core.benchmarks.charts import redraw
+from core.benchmarks.architectures import ARCHITECTURES, ArchitectureResults, measure_architectures
+from core.benchmarks.charts import redraw, write
 from core.benchmarks.drawing import prepare
-from core.benchmarks.training_charts import write_architectures
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
@@ -21,19 +19,19 @@ from tests.core.benchmarks.test_trained_models import train_nothing
 @pytest.fixture
 def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ArchitectureResults:
     folders, _, given = train_nothing(tmp_path, monkeypatch)
-    *said, _ = run(folders, 20, tmp_path / "models")
-    assert [settings.field for _, settings in given] == [RECIPES[name].field for name in ARCHITECTURES.values()]
+    *said, _ = measure_architectures(folders, 20, tmp_path / "models")
+    assert [settings for _, settings in given] == [replace(RECIPES[one], steps=20) for one in ARCHITECTURES.values()]
     assert said
     monkeypatch.setattr(trained_models, "Trainer", None)  # from now on the models come from where they are kept
-    *_, again = run(folders, 20, tmp_path / "models")
+    *_, again = measure_architectures(folders, 20, tmp_path / "models")
     assert isinstance(again, ArchitectureResults)
     return again
 
 
 def test_every_architecture_is_scored_and_shown(found: ArchitectureResults) -> None:
-    assert [one.name for one in found.architectures] == list(ARCHITECTURES)
-    assert found.objects == 4 and found.steps == 20
-    for one in found.architectures:  # the tiny model stands for all of them, and is a CodeNeRF
+    assert [one.name for one in found.rows] == list(ARCHITECTURES)
+    assert (found.about["objects"], found.about["steps"]) == ("4", "20")
+    for one in found.rows:  # the tiny model stands for all of them, and is a CodeNeRF
         assert one.opacity_change == (0, 0, 0)
         assert one.new_views > 0 and one.parameters > 0
     width, height = found.picture.size
@@ -50,9 +48,9 @@ def test_what_another_texture_does_to_the_opacity_is_found(tmp_path: Path, monke
         return replace(found, opacity=torch.full_like(found.opacity, shown[-1]))
 
     monkeypatch.setattr(architectures, "render_exact", render)
-    *_, found = run(folders, 20, tmp_path / "models")
+    *_, found = measure_architectures(folders, 20, tmp_path / "models")
     assert isinstance(found, ArchitectureResults)
-    for one in found.architectures:
+    for one in found.rows:
         assert one.opacity_change.mean == pytest.approx(0.1)
 
 
@@ -65,15 +63,12 @@ def test_a_model_that_shows_nothing_yet_is_told_so(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(architectures, "render_exact", render)
     with pytest.raises(ValueError, match="train it for more steps"):
-        list(run(folders, 20, tmp_path / "models"))
+        list(measure_architectures(folders, 20, tmp_path / "models"))
 
 
-def test_they_are_written_with_their_picture(found: ArchitectureResults, tmp_path: Path) -> None:
+def test_they_are_written_and_drawn_again(found: ArchitectureResults, tmp_path: Path) -> None:
     prepare(tmp_path / "charts")
-    write_architectures(found, tmp_path / "charts")
-    with Image.open(tmp_path / "charts/architectures.png") as picture:
-        assert picture.size == found.picture.size
-    table = (tmp_path / "charts/architectures.md").read_text()
+    table = write(tmp_path / "charts", "architectures", found)
     assert table.count("\n| ") == 1 + len(ARCHITECTURES) and "| CodeNeRF |" in table
     (tmp_path / "charts/architectures.md").unlink()
     assert redraw(tmp_path / "charts") == [tmp_path / "charts/architectures.csv"]

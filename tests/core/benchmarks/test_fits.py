@@ -6,11 +6,11 @@ import pytest
 import torch
 
 from core.benchmarks import fits, held_out_views
-from core.benchmarks.charts import read_fits, redraw, write_fits
+from core.benchmarks.charts import redraw, write
+from core.benchmarks.csv_files import Results, read_results
 from core.benchmarks.drawing import prepare
-from core.benchmarks.fits import FitResults
+from core.benchmarks.fits import FitTrial, measure_fits, summarise_presets
 from core.benchmarks.held_out_views import HELD_OUT_VIEWS, is_symmetric_view, random_camera, training_object_views
-from core.benchmarks.tables import fit_table
 from core.fitting.confidence import confidence, explained
 from core.fitting.fit import PRESETS, FitSettings
 from core.geometry.camera import Camera
@@ -28,11 +28,11 @@ QUICK = {
 
 
 @pytest.fixture(scope="module")
-def found(tiny: Model) -> FitResults:
+def found(tiny: Model) -> Results[FitTrial]:
     targets = tuple(training_object_views(tiny, 2, torch.Generator().manual_seed(0)))
-    *lines, found = fits.run(tiny, targets, QUICK)
+    *lines, found = measure_fits(tiny, targets, QUICK)
     assert all(isinstance(line, str) for line in lines)
-    assert isinstance(found, FitResults)
+    assert isinstance(found, Results)
     return found
 
 
@@ -56,11 +56,11 @@ def test_a_network_that_renders_its_background_has_views_too():
     assert target.views.images.shape[-1] == 3
 
 
-def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: FitResults):
-    assert [(trial.preset, trial.name) for trial in found.trials] == [
+def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: Results[FitTrial]):
+    assert [(trial.preset, trial.name) for trial in found.rows] == [
         (preset, name) for name in ("stool0", "stool2") for preset in QUICK
     ]
-    for trial in found.trials:
+    for trial in found.rows:
         assert trial.rotation_curve[-1] in (trial.initial_rotation, trial.rotation) or trial.seconds > fits.TIMES[-1]
         assert trial.held_out > 5
         if trial.preset == "paper":
@@ -69,17 +69,17 @@ def test_every_preset_fits_every_view_and_is_read_by_its_own_clock(found: FitRes
             assert trial.margin is not None
             assert trial.uncertainty is not None
             assert trial.confidence == confidence(trial.margin, trial.uncertainty) * explained(trial.psnr)
-    assert [summary.preset for summary in found.summaries] == list(QUICK)
-    assert {summary.fits for summary in found.summaries} == {2}
-    assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in found.summaries)
+    summaries = summarise_presets(found.rows)
+    assert [one.preset for one in summaries] == list(QUICK)
+    assert {one.fits for one in summaries} == {2}
+    assert all(one.auroc is None or 0 <= one.auroc <= 1 for one in summaries)
 
 
-def test_charts_are_written(found: FitResults, tmp_path: Path):
+def test_charts_are_written(found: Results[FitTrial], tmp_path: Path):
     prepare(tmp_path / "charts")
-    write_fits(found, tmp_path / "charts")
-    assert read_fits(tmp_path / "charts/fit.csv") == found
+    table = write(tmp_path / "charts", "fit", found)
+    assert read_results(tmp_path / "charts/fit.csv", FitTrial) == found
     assert image_size(tmp_path / "charts/fit.png")[0] > 800
-    table = fit_table(found)
     assert (tmp_path / "charts/fit.md").read_text() == table
     assert "| paper |" in table
     (tmp_path / "charts/fit.md").unlink()
@@ -92,9 +92,9 @@ def test_a_folder_without_results_is_refused(tmp_path: Path):
         redraw(tmp_path)
 
 
-def test_fits_that_end_before_the_first_time_are_drawn_too(found: FitResults, tmp_path: Path) -> None:
-    at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.trials)
-    write_fits(replace(found, trials=at_once), tmp_path)
+def test_fits_that_end_before_the_first_time_are_drawn_too(found: Results[FitTrial], tmp_path: Path) -> None:
+    at_once = tuple(replace(one, seconds=1e-3, rotation=0.0) for one in found.rows)
+    write(tmp_path, "fit", replace(found, rows=at_once))
     assert (tmp_path / "fit.png").exists()
 
 

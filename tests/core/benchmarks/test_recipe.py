@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from core.benchmarks import recipe, trained_models
-from core.benchmarks.recipe import DEFAULT, VARIANTS, RecipeScore, run
+from core.benchmarks.recipe import DEFAULT, VARIANTS, RecipeScore, measure_recipe
 from core.datasets.srn import Dataset, index_objects, read_dataset
 from core.models.model import Model
 from core.training.recipes import RECIPES, TrainSettings
@@ -47,11 +47,11 @@ def test_each_variant_is_trained_for_the_same_time(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(recipe, "Trainer", SlowTrainer)
     monkeypatch.setattr(recipe.time, "process_time", lambda: now)
     some = set(VARIANTS) - {DEFAULT, "AdamW instead of Muon"}
-    found = list(run(read_dataset(folders), entries[:2], 30, some))
+    found = list(measure_recipe(read_dataset(folders), entries[:2], 30, some))
     assert [(one.name, one.steps) for one in found] == [(DEFAULT, 120), ("AdamW instead of Muon", 300)]
     assert all(one.seconds == pytest.approx(30) for one in found)
     assert all(len(one.held_out) == 2 and one.gain(found[0]).mean == 0 for one in found)  # the same model
-    assert trained_models.held_out_psnrs(tiny_model(), index_objects(folders)[1][:2]) == list(found[0].held_out)
+    assert trained_models.held_out_psnrs(tiny_model(), index_objects(folders)[1][:2]) == found[0].held_out
 
 
 def test_a_gain_is_positive_where_a_recipe_is_better() -> None:

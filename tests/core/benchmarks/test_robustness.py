@@ -6,9 +6,18 @@ import pytest
 import torch
 
 from core.benchmarks import robustness
-from core.benchmarks.charts import add_trial, draw_robustness, read_robustness
+from core.benchmarks.charts import draw
+from core.benchmarks.csv_files import Results, append_record, read_results
+from core.benchmarks.fit_charts import keep_failure
 from core.benchmarks.held_out_views import HeldOutView, training_object_views
-from core.benchmarks.robustness import Measured, RobustnessResults, Trial, name_camera, run
+from core.benchmarks.robustness import (
+    Measured,
+    RobustnessTrial,
+    measure_robustness,
+    name_camera,
+    rough_rates,
+    success_rates,
+)
 from core.benchmarks.stressors import STRESSORS, Stressor
 from core.benchmarks.tables import robustness_table
 from core.fitting.fit import PRESETS, FitSettings
@@ -46,7 +55,7 @@ def found(tiny: Model) -> list[Measured]:
     with patch.context() as changed:
         changed.setattr(robustness, "STRESSORS", some)
         changed.setattr(robustness, "PRESETS", QUICK)
-        return list(run(tiny, (view(),)))
+        return list(measure_robustness(tiny, (view(),)))
 
 
 def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[Measured]):
@@ -79,7 +88,7 @@ def test_parts_share_out_all_trials_and_a_resumed_run_leaves_out_what_is_done(mo
     monkeypatch.setattr(robustness, "STRESSORS", blank)
 
     def keys(part: tuple[int, int], done: set[tuple[str, float, str, str]]) -> list[tuple[str, float, str, str]]:
-        return [one.trial.key for one in run(tiny_model(), (view(),), part=part, done=done)]
+        return [one.trial.key for one in measure_robustness(tiny_model(), (view(),), part=part, done=done)]
 
     everything = keys((1, 1), set())
     one, other = keys((1, 2), set()), keys((2, 2), set())
@@ -89,20 +98,19 @@ def test_parts_share_out_all_trials_and_a_resumed_run_leaves_out_what_is_done(mo
     with pytest.raises(ValueError, match="K of 1 to N"):
         keys((3, 2), set())
     with pytest.raises(ValueError, match="no 'c'"):
-        next(run(tiny_model(), (view(),), ["c"]))
+        next(measure_robustness(tiny_model(), (view(),), ["c"]))
 
 
 def test_shares_have_intervals_and_are_read_at_two_angles():
     trials = tuple(
-        Trial("none", 0.0, "normal", f"{i}", rotation, 0.95, 0.02, "correct" if rotation < 10 else "near")
+        RobustnessTrial("none", 0.0, "normal", f"{i}", rotation, 0.95, 0.02, "correct" if rotation < 10 else "near")
         for i, rotation in enumerate((1.0, 2.0, 20.0, 60.0))
     )
-    results = RobustnessResults("m", trials)
-    share = results.success_rates()["none", 0.0]["normal"]
+    share = success_rates(trials)["none", 0.0]["normal"]
     assert share.mean == 0.5
     assert share.low < 0.5 < share.high
-    assert results.rough_rates()["none", 0.0]["normal"].mean == 0.75
-    table = robustness_table(results)
+    assert rough_rates(trials)["none", 0.0]["normal"].mean == 0.75
+    table = robustness_table(Results({"machine": "m"}, trials))
     assert "| none | 0 | 50 % (" in table
     assert "| 75 % | 2 | 2.0 % |" in table
     assert "Failures of normal: 2 near." in table
@@ -110,14 +118,12 @@ def test_shares_have_intervals_and_are_read_at_two_angles():
 
 def test_charts_are_drawn_from_rows(found: list[Measured], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(STRESSORS, "hidden", Stressor("", (1.0,)))
-    assert read_robustness(tmp_path) is None
     for measured in found:
-        add_trial(tmp_path, "a machine, idle", measured)
-    results = read_robustness(tmp_path)
-    assert results is not None
-    assert results.trials == tuple(one.trial for one in found)
-    assert (results.machine, results.objects) == ("a machine, idle", 1)
-    draw_robustness(tmp_path)
+        append_record(tmp_path / "robustness.csv", {"machine": "a machine, idle"}, measured.trial)
+        keep_failure(tmp_path, measured)
+    results = Results({"machine": "a machine, idle"}, tuple(one.trial for one in found))
+    assert read_results(tmp_path / "robustness.csv", RobustnessTrial) == results
+    assert draw(tmp_path, "robustness") == robustness_table(results)
     assert image_size(tmp_path / "robustness.png")[0] > 400
     assert (tmp_path / "robustness.md").read_text() == robustness_table(results)
     assert image_size(tmp_path / "failures.png")[0] > 400

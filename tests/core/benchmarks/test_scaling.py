@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from core.benchmarks import scaling, trained_models
-from core.benchmarks.scaling import STRIDES, run, subsets
+from core.benchmarks.scaling import STRIDES, measure_scaling, subsets
 from core.datasets.srn import ObjectEntry
 from tests.core.benchmarks.test_trained_models import train_nothing
 
@@ -22,15 +22,15 @@ def test_each_set_of_shapes_holds_the_smaller_ones_in_all_textures() -> None:
 def test_models_are_trained_once_on_more_and_more_shapes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folders, entries, given = train_nothing(tmp_path, monkeypatch)
     monkeypatch.setattr(scaling, "STRIDES", (2, 1))
-    *said, found = run(folders, entries[:1], 20, tmp_path / "models")
-    assert [(one.shapes, one.objects) for one in found.points] == [(2, 2), (4, 4)]
+    *said, found = measure_scaling(folders, entries[:1], 20, tmp_path / "models")
+    assert [(one.shapes, one.objects) for one in found.rows] == [(2, 2), (4, 4)]
     assert [len(dataset.objects) for dataset, _ in given] == [2, 4]
-    assert {settings.steps for _, settings in given} == {found.steps} == {20}
-    few, many = found.points
+    assert {settings.steps for _, settings in given} == {int(found.about["steps"])} == {20}
+    few, many = found.rows
     assert few.gain.mean == 0
     assert many.gain.mean == pytest.approx(many.held_out.mean - few.held_out.mean) and many.gain.mean > 1
     for done in ("Trainer", "evaluate"):  # from now on all comes from what is kept
         monkeypatch.setattr(trained_models, done, None)
-    *_, again = run(folders, entries[:1], 20, tmp_path / "models")
+    *_, again = measure_scaling(folders, entries[:1], 20, tmp_path / "models")
     assert again == found and said
     assert STRIDES == (8, 4, 2, 1)

@@ -1,5 +1,5 @@
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,11 +7,19 @@ import pytest
 import torch
 
 from core.benchmarks import trained_models
-from core.benchmarks.trained_models import load_trained, score_model, trained_objects_views
+from core.benchmarks.trained_models import (
+    Scores,
+    TrainedModel,
+    Variant,
+    score_variants,
+    train_variants,
+    trained_objects_views,
+)
 from core.datasets.srn import Dataset, ObjectEntry, index_objects, write_manifest, write_object
 from core.fitting.fit import PRESETS, FitSettings
 from core.models.model import Model
-from core.training.recipes import TrainSettings
+from core.streams import run_to_end
+from core.training.recipes import RECIPES, TrainSettings
 from core.training.trainer import TrainStep
 from tests.core.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
@@ -43,6 +51,8 @@ def train_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[list[P
             codes = model.codes.subset([known.index(name) for name in self._names])
             return replace(model, field=field, codes=codes)
 
+    for number, name in enumerate(("default", "M1", "M2")):  # all of the tiny model's network, and yet to be told apart
+        monkeypatch.setitem(RECIPES, name, replace(RECIPES[name], field=tiny_model().field.config, seed=number))
     for preset in ("draft", "normal"):
         monkeypatch.setitem(PRESETS, preset, FitSettings(hypotheses=2, steps=5, rays=32, samples=8))
     monkeypatch.setattr(trained_models, "Trainer", FakeTrainer)
@@ -55,29 +65,25 @@ def train_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[list[P
 
 def test_scores_are_kept_with_their_model_and_tests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     _, entries, _ = train_nothing(tmp_path, monkeypatch)
-    model, path = tiny_model(), tmp_path / "scores.json"
+    model = tiny_model()
     views = trained_objects_views(entries, "stools", model)
     assert len(views.objects) == len(entries) and all(len(one.cameras) == 1 for one in views.objects)
 
-    def scores(tests: Sequence[ObjectEntry]) -> tuple[list[str], trained_models.Scores]:
-        said = []
-        stream = score_model(model, views, tests, path)
-        while True:
-            try:
-                said.append(next(stream))
-            except StopIteration as end:
-                return said, end.value
+    def stream(tests: Sequence[ObjectEntry]) -> Generator[str, None, list[Scores]]:
+        return score_variants([TrainedModel(tmp_path / "m.safetensors", model)], views, tests)
 
-    said, first = scores(entries[:2])
-    assert len(first.held_out) == len(first.found) == len(first.fit_seconds) == 2 and said
-    assert scores(entries[:2]) == ([], first)
-    said, _ = scores(entries[1:3])  # other tests are measured anew
-    assert said
+    (first,) = run_to_end(stream(entries[:2]))
+    assert len(first.held_out) == len(first.found) == len(first.fit_seconds) == 2
+    assert list(stream(entries[:2])) == []  # nothing is measured
+    assert run_to_end(stream(entries[:2])) == [first]
+    assert list(stream(entries[1:3]))  # other tests are measured anew
 
 
 def test_a_model_of_other_objects_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _, entries, _ = train_nothing(tmp_path, monkeypatch)
-    tiny_model().save(tmp_path / "kept.safetensors")
-    assert load_trained(tmp_path / "kept.safetensors", entries).fingerprint == tiny_model().fingerprint
-    with pytest.raises(ValueError, match=r"kept\.safetensors was trained on other objects"):
-        load_trained(tmp_path / "kept.safetensors", entries[1:])
+    folders, entries, given = train_nothing(tmp_path, monkeypatch)
+    settings = replace(RECIPES["default"], steps=20)
+    tiny_model().save(tmp_path / "kept-20.safetensors")
+    (kept,) = run_to_end(train_variants(folders, [Variant("kept", settings, entries)], tmp_path))
+    assert kept.model.fingerprint == tiny_model().fingerprint and not given
+    with pytest.raises(ValueError, match=r"kept-20\.safetensors was trained on other objects"):
+        run_to_end(train_variants(folders, [Variant("kept", settings, entries[1:])], tmp_path))

@@ -1,11 +1,9 @@
 from pathlib import Path
 
-from core.benchmarks.charts import redraw
-from core.benchmarks.csv_files import append_record
+from core.benchmarks.charts import draw, redraw, write
+from core.benchmarks.csv_files import Results, append_record, read_results
 from core.benchmarks.recipe import RecipeScore
-from core.benchmarks.scaling import ScalingPoint, ScalingResults
-from core.benchmarks.tables import scaling_table
-from core.benchmarks.training_charts import draw_recipe, read_scaling, write_scaling
+from core.benchmarks.scaling import ScalingPoint
 from core.evaluation.statistics import Mean
 
 
@@ -16,10 +14,10 @@ def test_what_is_written_is_read_and_drawn_again(tmp_path: Path) -> None:
         )
         for shapes in (5, 10, 20)
     )
-    found = ScalingResults("a machine", "stools", 12, 6000, points)
-    write_scaling(found, tmp_path)
-    assert read_scaling(tmp_path / "scaling.csv") == found
-    assert (tmp_path / "scaling.md").read_text() == scaling_table(found)
+    found = Results({"machine": "a machine", "category": "stools", "tests": "12", "steps": "6000"}, points)
+    table = write(tmp_path, "scaling", found)
+    assert read_results(tmp_path / "scaling.csv", ScalingPoint) == found
+    assert (tmp_path / "scaling.md").read_text() == table and "| 5 | 10 | 27.00 | 20.50 | +0.50 (" in table
     (tmp_path / "scaling.png").unlink()
     assert redraw(tmp_path) == [tmp_path / "scaling.csv"]
     assert (tmp_path / "scaling.png").stat().st_size > 5000
@@ -31,8 +29,7 @@ def test_recipes_are_drawn_beside_the_default(tmp_path: Path) -> None:
         append_record(
             tmp_path / "recipe.csv", about, RecipeScore(name, 100, 30.0, 25.0 + better, (20.0, 22.0 + better))
         )
-    draw_recipe(tmp_path)
-    table = (tmp_path / "recipe.md").read_text()
+    table = draw(tmp_path, "recipe")
     assert "| default | 100 | 30 | 25.00 | 21.00 |" in table
     assert "| without masks | 100 | 30 | 24.00 | 20.50 | -0.50 (" in table
     assert (tmp_path / "recipe.png").stat().st_size > 5000

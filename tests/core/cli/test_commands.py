@@ -247,8 +247,8 @@ def test_bench_measures_fits_and_draws_their_charts(tmp_path, capsys, monkeypatc
     (tmp_path / "charts/fit.png").unlink()
     run("bench", "redraw", "--out", tmp_path / "charts")
     assert str(tmp_path / "charts/fit.csv") in capsys.readouterr().out
-    for name, (_, components) in ablations.ABLATIONS.items():
-        monkeypatch.setitem(ablations.ABLATIONS, name, (PRESETS["normal"], components))
+    for name, method in ablations.ABLATIONS.items():
+        monkeypatch.setitem(ablations.ABLATIONS, name, method._replace(settings=PRESETS["normal"]))
     run("bench", "ablations", *words)
     assert "| full |" in capsys.readouterr().out
     assert {path.name for path in (tmp_path / "charts").iterdir() if "failures" not in path.name} == {

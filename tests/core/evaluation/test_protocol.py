@@ -8,7 +8,7 @@ import torch
 
 from core.datasets.srn import ObjectViews
 from core.evaluation import protocol as module
-from core.evaluation.protocol import ObjectScore, PoseScore, Protocol, evaluate, summarise
+from core.evaluation.protocol import EvaluationProtocol, ObjectScore, PoseScore, evaluate, summarise
 from core.fitting.fit import PRESETS, FitJob, FitSettings
 from core.metrics import psnr, rotation_error, ssim, translation_error
 from core.models.model import Model
@@ -32,7 +32,7 @@ def views_of(model: Model, index: int, count: int = 4) -> ObjectViews:
 
 def test_a_known_object_scores_as_rendering_its_fit_by_hand(tiny: Model):
     views = views_of(tiny, 1)
-    (score,) = evaluate(tiny, [views], Protocol(inputs=(2,)))
+    (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(2,)))
     _, last = module.fit_first_last(tiny, FitJob((module.as_photo(views, 2, True),), PRESETS["normal"]))
     by_hand = []
     for index in (0, 1, 3):
@@ -50,24 +50,24 @@ def test_a_known_object_scores_as_rendering_its_fit_by_hand(tiny: Model):
 
 def test_every_other_of_the_other_views_may_be_left_out(tiny: Model):
     views = views_of(tiny, 1)
-    (whole,) = evaluate(tiny, [views], Protocol(inputs=(2,)))
-    (half,) = evaluate(tiny, [views], Protocol(inputs=(2,), every=2))
+    (whole,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(2,)))
+    (half,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(2,), every=2))
     assert (whole.views, half.views) == (3, 2)  # 0, 1, 3; and of these 0, 3
     assert half.psnr == pytest.approx(whole.psnr, abs=1.0)
 
 
 def test_two_inputs_beat_none_of_the_right_kind(tiny: Model):
     views = views_of(tiny, 2)
-    (score,) = evaluate(tiny, [views], Protocol(inputs=(0, 2)))
+    (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(0, 2)))
     assert score.views == 2
     wrong = replace(views_of(tiny, 0), images=views_of(tiny, 0).images[[0, 0, 0, 0]])
-    (worse,) = evaluate(tiny, [wrong], Protocol(inputs=(0, 2)))
+    (worse,) = evaluate(tiny, [wrong], EvaluationProtocol(inputs=(0, 2)))
     assert score.psnr > worse.psnr + 3
 
 
 def test_estimated_cameras_are_compared_with_the_true_ones(tiny: Model):
     views = views_of(tiny, 1)
-    (score,) = evaluate(tiny, [views], Protocol(inputs=(1,), estimate=True))
+    (score,) = evaluate(tiny, [views], EvaluationProtocol(inputs=(1,), estimate=True))
     job = FitJob((module.as_photo(views, 1, False),), PRESETS["normal"])
     first, last = module.fit_first_last(tiny, job)
     (pose,) = score.poses
@@ -86,7 +86,7 @@ def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
             read.append(index)
             yield views_of(tiny, index, 2)
 
-    found = list(islice(evaluate(tiny, lazily(), Protocol(inputs=(0,))), 2))
+    found = list(islice(evaluate(tiny, lazily(), EvaluationProtocol(inputs=(0,))), 2))
     assert [score.name for score in found] == ["stool0", "stool1"]
     assert read == [0, 1]
 
@@ -94,15 +94,15 @@ def test_objects_come_one_by_one_and_are_read_when_asked_for(tiny: Model):
 def test_what_cannot_be_evaluated_is_refused(tiny: Model):
     views = views_of(tiny, 0, 2)
     with pytest.raises(ValueError, match="stool0: 2 views"):
-        list(evaluate(tiny, [views], Protocol(inputs=(2,))))
+        list(evaluate(tiny, [views], EvaluationProtocol(inputs=(2,))))
     with pytest.raises(ValueError, match="stool0: 2 views"):
-        list(evaluate(tiny, [views], Protocol(inputs=(0, 1))))
+        list(evaluate(tiny, [views], EvaluationProtocol(inputs=(0, 1))))
     closer = replace(views, cameras=tuple(replace(camera, focal=90.0) for camera in views.cameras))
     with pytest.raises(ValueError, match="focal length"):
-        list(evaluate(tiny, [closer], Protocol(inputs=(0,), estimate=True)))
+        list(evaluate(tiny, [closer], EvaluationProtocol(inputs=(0,), estimate=True)))
     for inputs in ((), (-1,), (3, 3)):
         with pytest.raises(ValueError, match="input views"):
-            Protocol(inputs=inputs)
+            EvaluationProtocol(inputs=inputs)
 
 
 # Averages

@@ -1,10 +1,10 @@
 import json
 from pathlib import Path
 
-import numpy as np
 import pytest
+from matplotlib.container import BarContainer
 
-from core.evaluation.protocol import ObjectScore, PoseScore, Protocol
+from core.evaluation.protocol import EvaluationProtocol, ObjectScore, PoseScore
 from core.evaluation.report import chart, format_table, write_report
 from tests.conftest import image_size
 
@@ -16,7 +16,7 @@ KNOWN = [ObjectScore("a", 24.0, 0.9, 250, 4.0), ObjectScore("b", 26.0, 0.92, 250
 
 
 def test_known_cameras_give_a_line_of_the_paper():
-    text = format_table(KNOWN, Protocol())
+    text = format_table(KNOWN, EvaluationProtocol())
     assert "1-view (64), camera known" in text
     assert "25.00 [24.00, 26.00]" in text
     assert "0.910 [0.900, 0.920]" in text
@@ -25,7 +25,7 @@ def test_known_cameras_give_a_line_of_the_paper():
 
 
 def test_estimated_cameras_add_errors_outliers_and_a_histogram():
-    text = format_table(ESTIMATED, Protocol((64, 104), estimate=True))
+    text = format_table(ESTIMATED, EvaluationProtocol((64, 104), estimate=True))
     lines = {line.split("  ")[0].strip(): line for line in text.splitlines()}
     assert "2-view (64, 104), camera estimated" in text
     assert "24.00 [24.00, 24.00]" in next(line for line in text.splitlines() if "- outliers (over" in line)
@@ -38,21 +38,20 @@ def test_estimated_cameras_add_errors_outliers_and_a_histogram():
 
 
 def test_all_outliers_leave_a_dash():
-    assert " - " in format_table(ESTIMATED[1:], Protocol(estimate=True))
+    assert " - " in format_table(ESTIMATED[1:], EvaluationProtocol(estimate=True))
 
 
 @pytest.mark.parametrize("scores, panels", [(KNOWN, 1), (ESTIMATED, 3)])
-def test_the_chart_has_a_bar_for_every_kind(scores: list[ObjectScore], panels: int):
-    drawn = np.asarray(chart(scores))
-    assert drawn.shape == (300, 460 * panels, 3)
-    for panel in range(panels):
-        part = drawn[:, 460 * panel : 460 * (panel + 1)].reshape(-1, 3)
-        assert (part == (0x2F, 0x6F, 0xB0)).all(1).sum() > 100
-        assert ((part == (0x8C, 0xC0, 0x84)).all(1).sum() > 100) == (panel > 0)
+def test_the_chart_counts_every_kind(scores: list[ObjectScore], panels: int):
+    drawn = chart(scores).axes
+    assert len(drawn) == panels
+    for number, axes in enumerate(drawn):
+        heights = [[bar.get_height() for bar in bars] for bars in axes.containers if isinstance(bars, BarContainer)]
+        assert [sum(each) for each in heights] == [len(scores)] * (2 if number else 1)
 
 
 def test_the_report_holds_every_object_and_no_nan(tmp_path: Path):
-    write_report(tmp_path / "r.json", ESTIMATED[1:], Protocol(estimate=True), {"model": "m"})
+    write_report(tmp_path / "r.json", ESTIMATED[1:], EvaluationProtocol(estimate=True), {"model": "m"})
     text = (tmp_path / "r.json").read_text()
     about = json.loads(text)
     assert "NaN" not in text
