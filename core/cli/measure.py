@@ -80,7 +80,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
     print(format_table(scores, protocol), flush=True)
 
 
-def _with_objects(objects: Iterator[ObjectViews], protocol: Protocol) -> Iterator[ObjectViews]:
+def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:
     """Those whose input views show something; the others are named. Real ShapeNet has a few that are all white."""
     for views in objects:
         blank = [index for index in protocol.inputs if index < len(views.masks) and not views.masks[index].any()]
