@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from core.cli.parser import parse
-from core.models.threads import use_one_thread
+from core.runtime.threads import use_one_thread
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

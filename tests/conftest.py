@@ -44,8 +44,8 @@ from core.models.codes import CodeBook, Entry  # noqa: E402
 from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
-from core.models.precision import use_dtype  # noqa: E402
 from core.photos.view_bank import ViewBank, build_view_bank, view_bank  # noqa: E402
+from core.runtime.precision import use_dtype  # noqa: E402
 
 torch.set_num_threads(1)  # where it was imported before
 

@@ -7,7 +7,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
-from core.models.threads import use_one_thread
+from core.runtime.threads import use_one_thread
 from viewer.screen import window
 from viewer.screen.splash import Splash
 from viewer.screen.window import NoDisplayError, config_folder

@@ -2,7 +2,7 @@
 
 import argparse
 
-from core.files import VIEW_BANKS, cache_folder
+from core.runtime.files import VIEW_BANKS, cache_folder
 
 
 def cache(chosen: argparse.Namespace) -> None:

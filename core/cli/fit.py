@@ -15,7 +15,6 @@ import torch
 from tqdm import tqdm
 
 from core.cli.progress import wait_for_view_bank
-from core.files import require_writable, save_or_elsewhere
 from core.fitting.category_check import describe_category, guess_category, likeliest_category
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -29,6 +28,7 @@ from core.photos.decode import read_rgba, upright_size
 from core.photos.photo import Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
+from core.runtime.files import require_writable, save_or_elsewhere
 
 
 def fit(chosen: argparse.Namespace) -> None:

@@ -9,7 +9,9 @@ from typing import TypeVar
 import torch
 from tqdm import tqdm
 
-from core.benchmarks import (
+from core.cli.fit import probable_model
+from core.cli.progress import wait_for_view_bank
+from core.lab.benchmarks import (
     ablations,
     architectures,
     charts,
@@ -23,23 +25,21 @@ from core.benchmarks import (
     robustness,
     scaling,
 )
-from core.benchmarks.csv_files import Results, append_record, read_records, to_row, write_csv
-from core.benchmarks.figures import fit_photo, write_figures
-from core.benchmarks.fit_charts import keep_failure
-from core.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
-from core.benchmarks.machine import describe_machine
-from core.cli.fit import probable_model
-from core.cli.progress import wait_for_view_bank
-from core.datasets.splits import evenly_spaced
-from core.datasets.srn import ObjectEntry, ObjectViews, index_objects, read_dataset
-from core.evaluation.disentanglement import PairScore, pairs, score_pairs
-from core.evaluation.protocol import EvaluationProtocol, ObjectScore
-from core.evaluation.protocol import evaluate as scored
-from core.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
-from core.files import require_writable
+from core.lab.benchmarks.csv_files import Results, append_record, read_records, to_row, write_csv
+from core.lab.benchmarks.figures import fit_photo, write_figures
+from core.lab.benchmarks.fit_charts import keep_failure
+from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
+from core.lab.benchmarks.machine import describe_machine
+from core.lab.datasets.splits import evenly_spaced
+from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects, read_dataset
+from core.lab.evaluation.disentanglement import PairScore, pairs, score_pairs
+from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
+from core.lab.evaluation.protocol import evaluate as scored
+from core.lab.evaluation.report import format_disentanglement, format_table, write_disentanglement_report, write_report
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
 from core.photos.photo import load_photo, read_cut_out
+from core.runtime.files import require_writable
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")

@@ -9,9 +9,9 @@ from typing import NoReturn
 from core.cli.argument_types import box, count, degrees, view_numbers
 from core.cli.bench_parser import add_bench
 from core.cli.options import add_command, add_device, add_model, add_seed
-from core.datasets.categories import SPLITS, SRN_DISTANCES
 from core.fitting.settings import PRESETS
-from core.training.recipes import RECIPES
+from core.lab.datasets.categories import SPLITS, SRN_DISTANCES
+from core.lab.training.recipes import RECIPES
 
 
 class _Parser(argparse.ArgumentParser):

@@ -13,7 +13,6 @@ from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
 from core.export.mesh import MeshSettings, export_mesh
 from core.export.video import WHITE, VideoSettings, write_video
-from core.files import require_writable
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.library import load_model
@@ -21,6 +20,7 @@ from core.models.model import Model
 from core.models.scene import Scene, open_scene, save_image
 from core.rendering.progressive import render_frame
 from core.rendering.reference import render_exact
+from core.runtime.files import require_writable
 
 
 def render(chosen: argparse.Namespace) -> None:

@@ -8,26 +8,26 @@ from dataclasses import replace
 import torch
 from tqdm import tqdm
 
+from core.classifiers.category import CategoryClassifier
+from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress
-from core.datasets.glb_objects import render_meshes, select_meshes
-from core.datasets.light import Light, daylight, sample_light
-from core.datasets.mesh_variants import pairs
-from core.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
-from core.datasets.srn import Dataset, read_dataset
-from core.datasets.srn_cameras import SPIRAL_VIEWS
-from core.files import require_writable
+from core.lab.datasets.glb_objects import render_meshes, select_meshes
+from core.lab.datasets.light import Light, daylight, sample_light
+from core.lab.datasets.mesh_variants import pairs
+from core.lab.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
+from core.lab.datasets.srn import Dataset, read_dataset
+from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
+from core.lab.training.category import category_accuracy, train_category
+from core.lab.training.curve import CurvePoint, read_curve, write_curve
+from core.lab.training.gallery import select_gallery, training_psnr
+from core.lab.training.recipes import RECIPES
+from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
+from core.lab.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
 from core.models.authors_checkpoint import load_authors
-from core.models.category import CategoryClassifier
 from core.models.field_config import FieldConfig
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.viewpoint import ViewpointClassifier
-from core.training.category import category_accuracy, train_category
-from core.training.curve import CurvePoint, read_curve, write_curve
-from core.training.gallery import select_gallery, training_psnr
-from core.training.recipes import RECIPES
-from core.training.trainer import Trainer, held_out_psnr, hold_out
-from core.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
+from core.runtime.files import require_writable
 
 _CHECKPOINT_EVERY = 5000
 """Steps between two measurements of a model in training; it is saved at the same time."""

@@ -21,7 +21,6 @@ from torch import Tensor
 from core.export.glb import glb
 from core.export.normals import face_normals, vertex_normals
 from core.export.texture import TexturedMesh, textured
-from core.files import atomic_file
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
@@ -29,6 +28,7 @@ from core.models.model import Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy
+from core.runtime.files import atomic_file
 from core.streams import subprogress
 
 MAX_RESOLUTION = 1024

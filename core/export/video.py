@@ -16,8 +16,8 @@ from PIL import Image
 
 from core.export.frames import Rgb, baked_frames, exact_frames
 from core.export.keyframes import View
-from core.files import atomic_file, atomic_folder
 from core.models.model import Model
+from core.runtime.files import atomic_file, atomic_folder
 
 WHITE: Rgb = (255, 255, 255)
 _BT709, _LIMITED_RANGE = 1, 1

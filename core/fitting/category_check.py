@@ -1,7 +1,7 @@
 """Does the photo show the model's category? The loss of a fit cannot tell.
 
 A car in a chairs model becomes a grey chair of some kind, from a side that may well be clear. So a network that knows
-all categories predicts it (:mod:`core.models.category`).
+all categories predicts it (:mod:`core.classifiers.category`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from operator import mul
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.models.category import predict_category
+from core.classifiers.category import predict_category
 from core.models.library import category_classifier
 from core.photos.photo import Photo
 

@@ -36,8 +36,8 @@ from core.fitting.schedule import Stage
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays
 from core.models.model import Model
-from core.models.precision import matmul_dtype
 from core.rendering.jacobian import BiasJacobians, render_with_jacobian
+from core.runtime.precision import matmul_dtype
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
 """of each camera parameter: beyond, the quadratic says nothing"""

@@ -13,12 +13,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from core.classifiers.viewpoint import direction_weights, viewpoint_nll
 from core.fitting.hypotheses import Parameters, hypothesis_rays, known_cells
 from core.fitting.observations import PixelBatch
 from core.models.model import Model
-from core.models.precision import autocast
-from core.models.viewpoint import direction_weights, viewpoint_nll
 from core.rendering.importance import render_top_samples
+from core.runtime.precision import autocast
 
 MASK_WEIGHT = 0.1
 """The squared error of opacity against that of colour."""
@@ -137,7 +137,7 @@ class Objective(NamedTuple):
     """of :func:`camera_residuals`; infinite where a camera is given, or says nothing"""
     camera_weight: Float[Tensor, "7"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
     expected_scale: Float[Tensor, "views directions"] | None = None
-    """of photos (logarithm), from the directions of :func:`core.models.viewpoint.directions`; None: all 0"""
+    """of photos (logarithm), from the directions of :func:`core.classifiers.viewpoint.directions`; None: all 0"""
     mask_weight: float = MASK_WEIGHT
     """0 where the network itself paints the background, which makes all rays opaque"""
     robust_scale: float = math.inf
@@ -230,7 +230,7 @@ def viewpoint_weights(
     """Factors for the losses of hypotheses: at least 1, the more the less likely their viewpoints are.
 
     Args:
-        probabilities: of every view, as :func:`core.models.viewpoint.predict_viewpoint` has them, or None.
+        probabilities: of every view, as :func:`core.classifiers.viewpoint.predict_viewpoint` has them, or None.
     """
     nll = torch.zeros(len(parameters.angles))
     for probability, angles in zip(probabilities, parameters.angles.unbind(1), strict=True):

@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from core.classifiers.viewpoint import predict_viewpoint
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
@@ -22,7 +23,6 @@ from core.fitting.settings import Components, FitSettings
 from core.geometry.camera import Camera
 from core.models.codes import CodeSpace
 from core.models.model import Model
-from core.models.viewpoint import predict_viewpoint
 from core.photos.photo import Photo
 from core.photos.ranking import ObjectImage, expected_scales
 from core.photos.view_bank import view_bank

@@ -71,7 +71,7 @@ class Components:
     prototype_shapes: bool = True
     """begin from the shapes of the view bank that look most like the photo, else from the mean shape"""
     viewpoint_classifier: bool = True
-    """weigh cameras by what :mod:`core.models.viewpoint` predicts"""
+    """weigh cameras by what :mod:`core.classifiers.viewpoint` predicts"""
     distinct_basins: bool = True
     """keep the best hypothesis of each basin before a second one of any"""
     fresh_codes: bool = True

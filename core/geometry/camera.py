@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from core.reading import whole
+from core.runtime.reading import whole
 
 FRONT_AZIMUTH = math.pi / 2
 """rad, from where the front of an object is seen"""

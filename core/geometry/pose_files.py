@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from core.geometry.camera import Camera
-from core.reading import optional, read_numbers, reading
+from core.runtime.reading import optional, read_numbers, reading
 
 POSE_AXES = {
     "opencv": "camera to world, x right, y down, looking along +z: ShapeNet-SRN",

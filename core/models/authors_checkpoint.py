@@ -14,7 +14,7 @@ from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.model import Model
-from core.reading import open_zip, read_json, reading, typed
+from core.runtime.reading import open_zip, read_json, reading, typed
 
 _LAYERS = {
     "encoding_xyz.0": "point_layer",

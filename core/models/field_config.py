@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from core.reading import number, whole
+from core.runtime.reading import number, whole
 
 _SIZES = {
     "width": (2, 1024),
@@ -33,7 +33,7 @@ class FieldConfig:
     bounded_colour: bool = True
     """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
     architecture: str = "codenerf"
-    """"M1" and "M2" are those of :mod:`core.models.ablations`."""
+    """"M1" and "M2" are those of :mod:`core.models.architecture_variants`."""
 
     def __post_init__(self) -> None:
         if self.architecture not in ("codenerf", "M1", "M2"):

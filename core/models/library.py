@@ -3,10 +3,10 @@
 from functools import cache
 from pathlib import Path
 
+from core.classifiers.category import CategoryClassifier
 from core.models.authors_checkpoint import load_authors
-from core.models.category import CategoryClassifier
 from core.models.model import Model
-from core.models.precision import require_device
+from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SHIPPED = _ASSETS / "models"

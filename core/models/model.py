@@ -13,15 +13,15 @@ from jaxtyping import Bool, Float, Shaped
 from safetensors.torch import save
 from torch import Tensor
 
-from core.files import atomic_file
+from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.camera import MAX_SIDE, Camera
-from core.models.ablations import build_field
+from core.models.architecture_variants import build_field
 from core.models.codes import CodeBook, CodeSpace, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
-from core.models.viewpoint import ViewpointClassifier
-from core.reading import number, parse_json, read_tensors, reading, typed, whole
+from core.runtime.files import atomic_file
+from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
 
 FORMAT = "codenerf-1"
 _LARGEST = 1e6
@@ -97,7 +97,7 @@ class Model:
 
     @property
     def is_ablation(self) -> bool:
-        """Whether it is one of :mod:`core.models.ablations`, which the exact renderer alone takes."""
+        """Whether it is one of :mod:`core.models.architecture_variants`, which the exact renderer alone takes."""
         return self.field.config.architecture != "codenerf"
 
     @cached_property

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from core.models.cells import corner_points, corners_of, max_of_corners, with_neighbours
 from core.models.field import Field, encode
-from core.models.precision import autocast
+from core.runtime.precision import autocast
 
 CELLS = 32
 """along each axis of the box"""

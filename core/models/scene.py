@@ -13,11 +13,11 @@ import torch
 from jaxtyping import UInt8
 from PIL import Image, PngImagePlugin
 
-from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.reading import optional, parse_json, read_json, read_text, reading, typed
+from core.runtime.files import atomic_file
+from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 
 IMAGE_FORMATS = (".png", ".jpg", ".webp")
 """The endings to offer: images that nearly every program opens."""

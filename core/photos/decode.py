@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
-from core.reading import open_image, optional, reading
+from core.runtime.reading import open_image, optional, reading
 
 WORKING_SIDE = 1024
 """px: the longer side at which images are cut out"""

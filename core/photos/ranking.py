@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float, Int, Int8, UInt8
 from torch import Tensor
 from torch.nn import functional
 
+from core.classifiers.viewpoint import AZIMUTHS
 from core.geometry.camera import camera_rotation
 from core.geometry.pixels import bounding_box
-from core.models.viewpoint import AZIMUTHS
 from core.photos.view_bank import SIDE, ViewBank, normalised_luminance, unpack_bits
 
 _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
@@ -65,7 +65,7 @@ def rank_cameras(
     from the opposite side of the one before.
 
     Args:
-        viewpoint: how probable every direction is, as :func:`core.models.viewpoint.predict_viewpoint` has it.
+        viewpoint: how probable every direction is, as :func:`core.classifiers.viewpoint.predict_viewpoint` has it.
         cropped: the image was moved and perhaps scaled: size and place in it do not count.
     """
     templates = _templates(image)

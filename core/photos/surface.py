@@ -11,9 +11,9 @@ from torch.nn import functional
 
 from core.models.cells import contains, divide, with_neighbours
 from core.models.codes import Codes
-from core.models.layers import pad_rows
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
+from core.runtime.layers import pad_rows
 
 _CELLS = 40
 """along the longest side of the model's box"""

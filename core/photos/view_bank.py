@@ -18,14 +18,14 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from core.caches import CACHE, Kind
-from core.files import VIEW_BANKS, atomic_file, cache_folder
+from core.classifiers.viewpoint import directions
 from core.geometry.camera import camera_rotation
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.occupied_cells import pack
-from core.models.viewpoint import directions
 from core.photos.surface import surface_points
+from core.runtime.caches import CACHE, Kind
+from core.runtime.files import VIEW_BANKS, atomic_file, cache_folder
 
 PROTOTYPES = 120
 """With 60 of them, fits of a model's own objects end in worse codes; with 240, fits of others are no better."""
@@ -43,8 +43,8 @@ _TENSORS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
 
 @dataclass(frozen=True, eq=False)
 class ViewBank:
-    """Small views of prototypes from the directions of :func:`core.models.viewpoint.directions`, each normalised to its
-    bounding box. Raises ``ValueError`` where the parts do not fit together.
+    """Small views of prototypes from the directions of :func:`core.classifiers.viewpoint.directions`, each normalised
+    to its bounding box. Raises ``ValueError`` where the parts do not fit together.
     """
 
     codes: Codes

@@ -16,7 +16,6 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 from torch.nn import functional
 
-from core.caches import CACHE, Kind
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, ray_points
 from core.models.cells import corners_of, divide
@@ -27,6 +26,7 @@ from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
 from core.rendering.reference import Rendered
+from core.runtime.caches import CACHE, Kind
 
 LOGITS = -8.0, 24.0
 """What 0 and 255 stand for; the least is a density of 0.01 per scene unit."""

@@ -13,15 +13,15 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from core.caches import CACHE, Kind
 from core.geometry.camera import Camera
 from core.geometry.rays import Rays, rays_at_pixels
 from core.models.codes import Codes
-from core.models.layers import pad_rows
 from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy, Tolerances, tolerances
 from core.rendering.reference import Rendered
+from core.runtime.caches import CACHE, Kind
+from core.runtime.layers import pad_rows
 from core.streams import run_to_end
 
 CHUNK_RAYS = 4096

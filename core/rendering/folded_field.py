@@ -20,9 +20,9 @@ from torch.nn import functional
 from core.models.cells import contains
 from core.models.codes import Codes
 from core.models.field import Field, encode
-from core.models.layers import linear_relu, pad_rows, relu_
 from core.models.model import Model
-from core.models.precision import matmul_dtype
+from core.runtime.layers import linear_relu, pad_rows, relu_
+from core.runtime.precision import matmul_dtype
 
 _CHUNK_POINTS = 16384
 """Points evaluated in one go: with fewer, calls cost more than leaving the cache does."""

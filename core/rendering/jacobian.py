@@ -16,13 +16,13 @@ from torch.nn.functional import pad
 
 from core.geometry.rays import Rays, ray_points
 from core.models.field import encode
-from core.models.layers import linear_relu, relu_, relu_backward_
 from core.models.model import Model
-from core.models.precision import matmul_dtype
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import batch_density, field_weights
 from core.rendering.importance import MIN_WEIGHT, largest_weights
 from core.rendering.reference import sample_intervals
+from core.runtime.layers import linear_relu, relu_, relu_backward_
+from core.runtime.precision import matmul_dtype
 
 CHUNK_POINTS = 4096
 """Points differentiated at a time: with fewer, calls cost more than leaving the cache does."""

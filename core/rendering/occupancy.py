@@ -18,10 +18,10 @@ from torch.nn import functional
 from core.geometry.camera import Camera, project
 from core.geometry.rays import Rays
 from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
-from core.models.layers import pad_rows
 from core.models.model import Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
+from core.runtime.layers import pad_rows
 
 CELLS = 64
 """Cells along each axis of the box."""

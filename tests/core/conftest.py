@@ -5,7 +5,7 @@ from contextlib import nullcontext
 
 import pytest
 
-from core.datasets.rasteriser import Rasteriser
+from core.lab.datasets.rasteriser import Rasteriser
 from core.models.model import Model
 from tests.conftest import make_view_bank, no_opengl, unchecked_shapes
 from tests.core.tiny import tiny_model

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 import torch
 
-from core.datasets.srn import Dataset
 from core.fitting.fit import FitJob, FitSettings, fit
+from core.lab.datasets.srn import Dataset
+from core.lab.training.trainer import Trainer
 from core.metrics import psnr, rotation_error
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.precision import use_dtype
 from core.rendering.baked_field import BakedField, bake
 from core.rendering.fast import render
 from core.rendering.reference import render_exact
-from core.training.trainer import Trainer
-from tests.core.evaluation.test_protocol import views_of
+from core.runtime.precision import use_dtype
+from tests.core.lab.evaluation.test_protocol import views_of
+from tests.core.lab.training.test_trainer import SETTINGS
 from tests.core.tiny import photo_of, tiny_model
-from tests.core.training.test_trainer import SETTINGS
 
 pytestmark = [
     pytest.mark.cuda,

@@ -13,15 +13,15 @@ import pytest
 import torch
 from PIL import Image
 
-from core.datasets.srn import index_objects, write_manifest
+from core.classifiers.category import CategoryClassifier
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose
+from core.lab.datasets.srn import index_objects, write_manifest
+from core.lab.training.curve import read_curve
 from core.models.authors_checkpoint import load_authors
-from core.models.category import CategoryClassifier
 from core.models.model import Model
 from core.models.scene import Scene, open_scene, save_image, scene_model
 from core.photos.decode import lens_focal, read_rgba, upright_size
-from core.training.curve import read_curve
 from tests.conftest import random_model
 from tests.core.models.authors_reference import GOLDEN
 

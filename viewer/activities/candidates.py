@@ -11,9 +11,9 @@ from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.model import Model
-from core.models.precision import autocast
 from core.rendering.progressive import Frame
 from core.rendering.reference import render_exact
+from core.runtime.precision import autocast
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values.saved_session import SavedTile

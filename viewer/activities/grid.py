@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from core.files import atomic_file
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from core.runtime.files import atomic_file
 from viewer.services.jobs import Jobs
 from viewer.values.history import Pair
 

@@ -2,9 +2,9 @@
 
 from imgui_bundle import hello_imgui, imgui
 
-from core.caches import CACHE
-from core.models.precision import matmul_dtype
 from core.rendering.progressive import Frame
+from core.runtime.caches import CACHE
+from core.runtime.precision import matmul_dtype
 from viewer.context import Panel, PanelContext
 from viewer.widgets.controls import tooltip
 

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import torch
 
-from core.files import atomic_file
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.scene import Scene
-from core.reading import optional, parse_json, read_json, read_text, reading, typed
+from core.runtime.files import atomic_file
+from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 from viewer.values import orbit
 from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject, unique_name

@@ -16,7 +16,7 @@ from torch import Tensor
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
 from core.photos.photo import Photo
-from core.reading import open_image, reading, typed, whole
+from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
 
 _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000

@@ -5,8 +5,8 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from core.files import write_json
-from core.reading import optional, read_json
+from core.runtime.files import write_json
+from core.runtime.reading import optional, read_json
 from viewer.values.quality import DEFAULT_QUALITY, QUALITIES
 from viewer.values.share_settings import ShareSettings
 

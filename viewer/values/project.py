@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple
 
 from safetensors.torch import load, save
 
-from core.files import atomic_file
-from core.reading import open_zip, parse_json, reading, typed
+from core.runtime.files import atomic_file
+from core.runtime.reading import open_zip, parse_json, reading, typed
 from viewer.values.encoding import Parts
 from viewer.values.saved_session import SavedSession
 

@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from PIL import Image
 
 from core.models.library import sample_images
-from core.reading import open_image
+from core.runtime.reading import open_image
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip

@@ -11,17 +11,17 @@ import torch
 from PIL import ExifTags, Image
 
 from core.__main__ import main
-from core.benchmarks import ablations, robustness
+from core.classifiers.category import CategoryClassifier
 from core.cli import fit as fitting
-from core.datasets.srn import read_dataset, write_manifest, write_object
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitStep, RunnerUp
-from core.models.category import CategoryClassifier
+from core.lab.benchmarks import ablations, robustness
+from core.lab.datasets.srn import read_dataset, write_manifest, write_object
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.photo import Photo
-from tests.core.evaluation.test_protocol import views_of
+from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model
 
 

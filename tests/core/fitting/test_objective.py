@@ -5,6 +5,7 @@ import math
 import pytest
 import torch
 
+from core.classifiers.viewpoint import directions
 from core.fitting.gauss_newton import gauss_newton_step, normal_equations
 from core.fitting.hypotheses import HypothesisBatch, Parameters
 from core.fitting.objective import (
@@ -25,9 +26,8 @@ from core.fitting.objective import (
 from core.fitting.observations import Observation, PixelBatch, sample_pixels
 from core.fitting.schedule import Stage
 from core.models.model import Model
-from core.models.precision import use_dtype
-from core.models.viewpoint import directions
 from core.rendering.folded_field import AxisLookup
+from core.runtime.precision import use_dtype
 from tests.core.tiny import photo_of
 
 KNOWN = (math.inf,) * 7

@@ -8,12 +8,12 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import save_file
 
+from core.classifiers.crops import SIDE
+from core.classifiers.viewpoint import ViewpointClassifier
 from core.models.codes import CodeBook
-from core.models.crops import SIDE
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
-from core.models.viewpoint import ViewpointClassifier
-from core.reading import read_tensors
+from core.runtime.reading import read_tensors
 
 
 def test_saving_and_loading_is_exact(model: Model, tmp_path):

@@ -17,7 +17,7 @@ from core.models.occupied_cells import (
     pack,
     unpack,
 )
-from core.models.precision import autocast
+from core.runtime.precision import autocast
 from tests.core.tiny import EXTENT, tiny_model
 
 _EXTENT = torch.tensor(EXTENT)

@@ -7,19 +7,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn import functional
 
-from core.caches import CACHE, Kind
 from core.geometry.camera import _world_to_camera as placing
 from core.geometry.rays import camera_rays, midpoints, ray_points, uniform_edges
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode
 from core.models.library import load_model
-from core.models.precision import use_dtype
 from core.rendering import fast as renderer
 from core.rendering.fast import render
 from core.rendering.folded_field import AxisLookup, FoldedField
 from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
 from core.rendering.reference import render_exact, render_rays
+from core.runtime.caches import CACHE, Kind
+from core.runtime.precision import use_dtype
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model
 

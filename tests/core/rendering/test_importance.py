@@ -7,9 +7,9 @@ from torch import Tensor
 from core.geometry.camera import camera_rotation
 from core.geometry.rays import Rays, cast_rays
 from core.models.model import Model
-from core.models.precision import use_dtype
 from core.rendering.importance import render_top_samples
 from core.rendering.reference import render_rays
+from core.runtime.precision import use_dtype
 from tests.conftest import random_model
 
 

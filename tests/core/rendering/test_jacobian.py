@@ -9,10 +9,10 @@ from torch import Tensor
 
 from core.geometry.rays import Rays
 from core.models.model import Model
-from core.models.precision import use_dtype
 from core.rendering import jacobian as jacobians
 from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 from core.rendering.reference import render_rays
+from core.runtime.precision import use_dtype
 from tests.conftest import random_model
 from tests.core.rendering.test_importance import bundle
 

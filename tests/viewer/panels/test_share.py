@@ -11,10 +11,10 @@ import trimesh
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.files import atomic_file
 from core.models.field import Field
 from core.models.model import Model
 from core.models.scene import Scene, save_image
+from core.runtime.files import atomic_file
 from tests.conftest import image_size
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend

@@ -1,0 +1,1 @@
+"""The laboratory: datasets, training, evaluation and benchmarks. Only the command line imports it."""

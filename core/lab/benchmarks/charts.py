@@ -1,0 +1,96 @@
+"""What every benchmark writes: CSV, a Markdown table and a chart. matplotlib comes with the extra ``bench``.
+
+The CSV is the data: tables and charts can be made again from it (:func:`redraw`). To add a benchmark, add a module that
+measures its rows, a table in :mod:`core.lab.benchmarks.tables`, a function that draws them, and a line to
+:data:`CHARTS`.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from core.lab.benchmarks import fit_charts, rendering_charts, tables, training_charts
+from core.lab.benchmarks.ablations import Ablation
+from core.lab.benchmarks.architectures import Architecture
+from core.lab.benchmarks.csv_files import Results, read_csv, read_results, write_results
+from core.lab.benchmarks.drawing import DPI
+from core.lab.benchmarks.fits import FitTrial
+from core.lab.benchmarks.model_sizes import ModelSize
+from core.lab.benchmarks.recipe import RecipeScore
+from core.lab.benchmarks.robustness import RobustnessTrial
+from core.lab.benchmarks.scaling import ScalingPoint
+from core.lab.training.curve import CurvePoint, draw_curves
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Chart(NamedTuple):
+    """How the CSV file of a benchmark is read and drawn."""
+
+    read: Callable[[Path], Any]
+    table: Callable[[Any], str] | None = None
+    figure: Callable[[Any], "Figure"] | None = None
+    pictures: Callable[[Any, Path], None] = lambda *_: None
+    """more images, written to the folder"""
+
+
+def write(folder: Path, name: str, found: Results[Any]) -> str:
+    """Writes the CSV file of a benchmark, its table and its chart; returns the table."""
+    write_results(folder / f"{name}.csv", found)
+    return draw(folder, name)
+
+
+def draw(folder: Path, name: str) -> str:
+    """Writes table and chart of a CSV file beside it; returns the table. Raises ``ValueError`` where it is none."""
+    chart, path = CHARTS[name], folder / f"{name}.csv"
+    found = chart.read(path)
+    table = chart.table(found) if chart.table else ""
+    if table:
+        path.with_suffix(".md").write_text(table)
+    if chart.figure:
+        chart.figure(found).savefig(path.with_suffix(".png"), dpi=DPI)
+    chart.pictures(found, folder)
+    return table
+
+
+def redraw(folder: Path) -> list[Path]:
+    """Makes the tables and charts of all CSV files in a folder, and in those in it, again; returns these files.
+
+    Raises ``ValueError`` where there is none.
+    """
+    files = [path for path in sorted(folder.rglob("*.csv")) if path.stem in CHARTS]
+    if not files:
+        raise ValueError(f"{folder}: no CSV file of a benchmark in it")
+    for path in files:
+        draw(path.parent, path.stem)
+    return files
+
+
+def _read_curves(path: Path) -> dict[str, list[CurvePoint]]:
+    curves: dict[str, list[CurvePoint]] = {}
+    for row in read_csv(path):
+        point = CurvePoint(int(row["step"]), float(row["seconds"]), float(row["psnr"]))
+        curves.setdefault(row["model"], []).append(point)
+    return curves
+
+
+def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
+    return partial(read_results, kind=kind)
+
+
+CHARTS = {
+    "render": Chart(rendering_charts.read_rendering, tables.rendering_table, rendering_charts.rendering_chart),
+    "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
+    "robustness": Chart(
+        _rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart, fit_charts.draw_failures
+    ),
+    "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
+    "model_sizes": Chart(_rows_of(ModelSize), tables.model_sizes_table, training_charts.model_sizes_chart),
+    "scaling": Chart(_rows_of(ScalingPoint), tables.scaling_table, training_charts.scaling_chart),
+    "architectures": Chart(_rows_of(Architecture), tables.architectures_table),
+    "recipe": Chart(_rows_of(RecipeScore), tables.recipe_table, training_charts.recipe_chart),
+    "training": Chart(_read_curves, figure=draw_curves),
+}
+"""By name of the file."""

@@ -1,0 +1,84 @@
+"""What the charts share: figures, axes, and where they are written. matplotlib comes with the extra ``bench``."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from core.lab.evaluation.statistics import Mean
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
+
+DPI = 110
+
+
+def prepare(folder: Path) -> None:
+    """Checks, before hours are spent on measuring, that charts can be drawn and where they go.
+
+    Raises ``ValueError`` where matplotlib is missing, ``OSError`` where there can be no such folder.
+    """
+    new_figure(1)
+    folder.mkdir(parents=True, exist_ok=True)
+
+
+def new_figure(columns: int, rows: int = 1, width: float = 5.2) -> tuple["Figure", Sequence["Axes"]]:
+    """A figure and its axes, row after row; ``width`` of each in inches."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise ValueError("charts need matplotlib: pip install -e '.[bench]'") from None
+    figure = Figure(figsize=(width * columns, 0.8 * width * rows), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
+
+
+def log_ticks(axis: "Axis", places: Sequence[float] | None = None) -> None:
+    """Plain numbers at 1, 2 and 5 of every decade, or at ``places``; no minor labels to overlap them."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+
+    axis.set_major_locator(FixedLocator(places) if places else LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
+
+
+def around(means: Sequence[Mean]) -> list[list[float]]:
+    """How far the intervals of means reach, below and above, as matplotlib's error bars take it."""
+    return [[one.mean - one.low for one in means], [one.high - one.mean for one in means]]
+
+
+def differences_figure(names: Sequence[str], values: Sequence[float], origin: float, gains: Sequence[Mean]) -> "Figure":
+    """What is compared with one baseline, a row each: on the left ``values``, of which the baseline has ``origin``, and
+    on the right gains over it, with their intervals. Both axes are left to be labelled.
+    """
+    figure, (left, right) = new_figure(2)
+    left.barh(names, values)
+    left.axvline(origin, color="black", linewidth=0.8)
+    right.errorbar([one.mean for one in gains], names, xerr=around(gains), fmt="o", capsize=2)
+    right.axvline(0.0, color="black", linewidth=0.8)
+    left.invert_yaxis()
+    right.set(yticks=[], ylim=left.get_ylim())
+    for axes in (left, right):
+        axes.grid(alpha=0.3, axis="x")
+        axes.set_axisbelow(True)
+    return figure
+
+
+def draw_frontier(axes: "Axes", points: Sequence[tuple[float, float]]) -> None:
+    """A line through the points of (cost, quality) that no other point beats in both."""
+    best = frontier(points)
+    axes.plot(*zip(*best, strict=True), "-", color="grey", linewidth=6, alpha=0.25, zorder=0, label="frontier")
+
+
+def frontier(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """The points of (cost, quality) that no other beats in both, by cost.
+
+    Example:
+        >>> frontier([(3.0, 20.0), (1.0, 10.0), (2.0, 9.0)])
+        [(1.0, 10.0), (3.0, 20.0)]
+    """
+    best: list[tuple[float, float]] = []
+    for cost, quality in sorted(points, key=lambda point: (point[0], -point[1])):
+        if not best or quality > best[-1][1]:
+            best.append((cost, quality))
+    return best

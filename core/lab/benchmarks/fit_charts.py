@@ -1,0 +1,138 @@
+"""Charts of the benchmarks that fit: presets, stressors and ablations."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from core.lab.benchmarks.ablations import Ablation
+from core.lab.benchmarks.csv_files import Results
+from core.lab.benchmarks.drawing import DPI, around, differences_figure, draw_frontier, log_ticks, new_figure
+from core.lab.benchmarks.fits import FitTrial, summarise_presets
+from core.lab.benchmarks.robustness import SUCCESS_DEGREES, Measured, RobustnessTrial, success_rates
+from core.lab.benchmarks.stressors import STRESSORS
+from core.lab.datasets.splits import evenly_spaced
+from core.lab.evaluation.statistics import Mean
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_FAILURE_SIDE, _MAX_FAILURES = 80, 60
+"""px; and how many failures are shown"""
+
+
+def fit_chart(found: Results[FitTrial]) -> "Figure":
+    """Rotation error and share of right cameras over time, and other views against the time of whole fits."""
+    figure, (left, middle, right) = new_figure(3)
+    summaries = summarise_presets(found.rows)
+    for one in summaries:
+        # A curve ends at the time at which half of the fits have ended, with what they have found.
+        end = one.seconds, one.rotation, one.within_5_degrees.mean
+        curve = [point for point in one.curve if point[0] < one.seconds] + [end]
+        left.plot([point[0] for point in curve], [max(point[1], 0.01) for point in curve], "o-", label=one.preset)
+        middle.plot([point[0] for point in curve], [100 * point[2] for point in curve], "o-", label=one.preset)
+        mean = one.held_out.mean
+        right.errorbar(one.seconds, mean, around([one.held_out]), fmt="o", capsize=2)
+        default = " (default)" if one.preset == "normal" else ""
+        right.annotate(f"{one.preset}{default}", (one.seconds, mean), (6, -12), textcoords="offset points", fontsize=8)
+    draw_frontier(right, [(one.seconds, one.held_out.mean) for one in summaries])
+    left.set(xscale="log", yscale="log", xlabel="seconds", ylabel="rotation error (degrees, median)")
+    middle.set(xscale="log", ylim=(-2, 102), xlabel="seconds", ylabel="cameras within 5 degrees (%)")
+    right.set(xscale="log", xlabel="seconds (median)", ylabel="other views (dB, with 95 % intervals)")
+    right.margins(x=0.25)
+    for axes in (left, middle, right):
+        log_ticks(axes.xaxis)
+        axes.grid(alpha=0.3)
+    log_ticks(left.yaxis)
+    left.legend()  # of all: in the middle it would hide points
+    figure.suptitle(f"{found.about['machine']}, {summaries[0].fits} views", fontsize=9)
+    return figure
+
+
+def ablations_chart(found: Results[Ablation]) -> "Figure":
+    """Time and accuracy of each ablation beside the full method."""
+    full, *others = found.rows
+    names, times = [part.summary.preset for part in others], [part.time for part in others]
+    figure = differences_figure(names, times, 1.0, [part.gain for part in others])
+    left, right = figure.axes
+    left.set(xlabel="time (of the full method's)")
+    right.set(xlabel="other views (dB over the full method's)")
+    figure.suptitle(f"{found.about['machine']}, {full.summary.fits} views", fontsize=9)
+    return figure
+
+
+# Robustness
+
+
+def robustness_chart(found: Results[RobustnessTrial]) -> "Figure":
+    """Shares of successes: a panel per stressor, bars per level and preset."""
+    rates = success_rates(found.rows)
+    names = list(dict.fromkeys(name for name, _ in rates))
+    columns = min(4, len(names))
+    figure, panels = new_figure(columns, -(-len(names) // columns), 2.9)
+    for axes in panels[len(names) :]:
+        axes.remove()
+    presets = list(dict.fromkeys(trial.preset for trial in found.rows))
+    for axes, name in zip(panels, names, strict=False):
+        _stressor_panel(
+            axes, name, {level: each for (stressor, level), each in rates.items() if stressor == name}, presets
+        )
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower right", ncols=len(labels))
+    what = f"cameras within {SUCCESS_DEGREES:g}°; without an object: refused or doubted (%)"
+    objects = len({trial.name for trial in found.rows})
+    figure.suptitle(f"{what}; {objects} objects; {found.about['machine']}", fontsize=9)
+    return figure
+
+
+def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]], presets: list[str]) -> None:
+    for number, preset in enumerate(presets):
+        shares = [Mean(*(100 * share for share in one.get(preset, (0, 0, 0)))) for one in rates.values()]
+        width = 0.8 / len(presets)
+        centres = [index + (number - (len(presets) - 1) / 2) * width for index in range(len(rates))]
+        means = [one.mean for one in shares]
+        axes.bar(centres, means, width, label=preset, yerr=around(shares), error_kw={"linewidth": 0.8})
+    axes.set_xticks(range(len(rates)), [f"{level:g}" for level in rates] if len(rates) > 1 else [""])
+    middle, half = (len(rates) - 1) / 2, max(3, len(rates)) / 2
+    axes.set(xlim=(middle - half, middle + half), ylim=(0, 105), yticks=(0, 50, 100))
+    axes.set_title(name, fontsize=10)
+    axes.set_xlabel(STRESSORS[name].unit if name in STRESSORS else "", fontsize=8)
+    axes.grid(alpha=0.3, axis="y")
+    axes.set_axisbelow(True)
+
+
+def keep_failure(folder: Path, measured: Measured) -> None:
+    """Writes the images of a failure to ``failures/``: the corrupted one beside a render of what was fitted."""
+    if measured.image is None:
+        return
+    pair = Image.new("RGB", (2 * _FAILURE_SIDE + 2, _FAILURE_SIDE), "white")
+    for left, pixels in ((0, measured.image), (_FAILURE_SIDE + 2, measured.render)):
+        if pixels is not None:
+            pair.paste(Image.fromarray(pixels).resize((_FAILURE_SIDE, _FAILURE_SIDE)), (left, 0))
+    path = _failure_path(folder, measured.trial)
+    path.parent.mkdir(exist_ok=True)
+    pair.save(path)
+
+
+def draw_failures(found: Results[RobustnessTrial], folder: Path) -> None:
+    """``failures.png``: failures of the normal preset, evenly over all; nothing where their images are not kept."""
+    failed = [trial for trial in found.rows if not trial.success and trial.preset == "normal"]
+    shown = evenly_spaced([trial for trial in failed if _failure_path(folder, trial).exists()], _MAX_FAILURES)
+    if not shown:
+        return
+    figure, panels = new_figure(6, -(-len(shown) // 6), 1.8)
+    for axes in panels:
+        axes.set_axis_off()
+    for axes, trial in zip(panels, shown, strict=False):
+        with Image.open(_failure_path(folder, trial)) as pair:
+            axes.imshow(np.asarray(pair))
+        confidence = "" if trial.confidence is None else f", confidence {trial.confidence:.2f}"
+        axes.set_title(f"{trial.stressor} {trial.level:g}\n{trial.outcome[:18]}{confidence}", fontsize=7)
+    figure.savefig(folder / "failures.png", dpi=DPI)
+
+
+def _failure_path(folder: Path, trial: RobustnessTrial) -> Path:
+    name = f"{trial.stressor} {trial.level:g} {trial.preset} {trial.name}.png"
+    return folder / "failures" / name.replace(" ", "_")

@@ -1,0 +1,209 @@
+"""Seconds against degrees: blind fits by every preset, on views whose cameras are known.
+
+One view of every object is fitted without its camera; the time stamps of the steps make the curves. The margins and
+uncertainties of the same fits calibrate :mod:`core.fitting.confidence`.
+"""
+
+import math
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from core.fitting.confidence import RIGHT_DEGREES, Calibration, auroc, fit_calibration
+from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
+from core.fitting.paper import fit_as_set
+from core.fitting.settings import ALL_COMPONENTS, Components
+from core.lab.benchmarks.csv_files import Results
+from core.lab.benchmarks.held_out_views import HELD_OUT_VIEWS, HeldOutView, is_symmetric_view
+from core.lab.benchmarks.machine import describe_machine
+from core.lab.evaluation.protocol import as_photo, score_view
+from core.lab.evaluation.statistics import Mean, mean_of, share_within
+from core.metrics import rotation_error, translation_error
+from core.models.model import Model
+from core.runtime.precision import use_dtype
+
+_FAR = 20.0
+"""degrees: a camera that is further off than this may be right by symmetry"""
+_SYMMETRY_TOLERANCE = 5.0
+"""degrees: it is, if the object looks from there no less like itself than when turned by this"""
+TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))
+"""s, at which the curves are read"""
+
+
+@dataclass(frozen=True)
+class FitTrial:
+    """One fit of one view."""
+
+    preset: str
+    name: str
+    """of the object"""
+    view: int
+    seconds: float
+    initial_rotation: float
+    """degrees, error after the first step"""
+    rotation: float
+    """degrees, error of the fitted camera"""
+    translation: float
+    """error as a share of the true distance"""
+    psnr: float
+    """dB, of the fitted image"""
+    held_out: float
+    """dB, mean over some other views, from their true cameras"""
+    margin: float | None
+    """over the runner-up; None where there is none"""
+    uncertainty: float | None
+    """degrees, as in :class:`core.fitting.fit.FitStep`"""
+    confidence: float | None
+    rotation_curve: tuple[float, ...]
+    """degrees, error at :data:`TIMES`"""
+    symmetric: bool
+    """far off, and yet a render from this camera is nearly the one from the true camera"""
+
+    @property
+    def effective_rotation(self) -> float:
+        """Rotation error in degrees; 0 for a camera that is right by symmetry."""
+        return 0.0 if self.symmetric else self.rotation
+
+
+@dataclass(frozen=True)
+class FitSummary:
+    """A preset over all views."""
+
+    preset: str
+    fits: int
+    seconds: float
+    """median"""
+    initial_rotation: float
+    """degrees, mean"""
+    rotation: float
+    """degrees, median"""
+    symmetric: int
+    """cameras that are right by the object's symmetry"""
+    within_5_degrees: Mean
+    within_10_degrees: Mean
+    within_3_percent: Mean
+    held_out: Mean
+    """dB"""
+    auroc: float | None
+    """of the confidence, right cameras against wrong ones; None without confidence, or where all are right or wrong"""
+    curve: tuple[tuple[float, float, float], ...]
+    """seconds, median rotation error in degrees, share within 5 degrees"""
+
+
+class FitMethod(NamedTuple):
+    """One way to fit."""
+
+    settings: FitSettings
+    components: Components = ALL_COMPONENTS
+    dtype: torch.dtype | None = None
+    """of multiplications; None for the machine's"""
+
+
+def measure_fits(
+    model: Model, targets: Sequence[HeldOutView], presets: dict[str, FitSettings] = PRESETS
+) -> Iterator[str | Results[FitTrial]]:
+    """Yields what is being measured, and at the end the results."""
+    trials = yield from fit_views(model, targets, {name: FitMethod(preset) for name, preset in presets.items()})
+    yield Results({"machine": describe_machine(model.device)}, tuple(trials))
+
+
+def fit_views(
+    model: Model, targets: Sequence[HeldOutView], methods: Mapping[str, FitMethod]
+) -> Generator[str, None, list[FitTrial]]:
+    """Fits every view by all methods, one right after the other; yields what is being measured."""
+    trials = list[FitTrial]()
+    for number, target in enumerate(targets):
+        for name, method in methods.items():
+            yield f"{target.views.name}, {name}"
+            with use_dtype(method.dtype) if method.dtype else nullcontext():
+                trials.append(fit_view(model, target, name, method, number))
+    return trials
+
+
+def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
+    """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
+    views, index = target.views, target.index
+    job = FitJob((as_photo(views, index, False),), method.settings, seed, components=method.components)
+    steps = list(fit_as_set(model, job))
+    last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
+    remaining = [other for other in range(len(views.cameras)) if other != index]
+    others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
+    held_out = [score_view(model, last.codes, views, other)[0] for other in others]
+    symmetric = errors[-1] > _FAR and is_symmetric_view(
+        model, target.codes, last.cameras[0], target.camera, _SYMMETRY_TOLERANCE
+    )
+    return FitTrial(
+        preset,
+        views.name,
+        index,
+        seconds=last.seconds,
+        initial_rotation=errors[0],
+        rotation=errors[-1],
+        translation=translation_error(last.cameras[0], target.camera),
+        psnr=last.psnr,
+        held_out=float(np.mean(held_out)) if held_out else math.nan,
+        margin=last.margin,
+        uncertainty=last.uncertainty,
+        confidence=last.confidence,
+        rotation_curve=tuple(errors[_step_at(steps, time)] for time in TIMES),
+        symmetric=symmetric,
+    )
+
+
+def _step_at(steps: Sequence[FitStep], seconds: float) -> int:
+    """Index of the last step that a fit had finished by then; the first before that."""
+    return max((index for index, step in enumerate(steps) if step.seconds <= seconds), default=0)
+
+
+def summarise_presets(trials: Sequence[FitTrial]) -> tuple[FitSummary, ...]:
+    """One summary per preset, in the order of the trials."""
+    presets = dict.fromkeys(trial.preset for trial in trials)
+    return tuple(summarise_fits(name, [trial for trial in trials if trial.preset == name]) for name in presets)
+
+
+def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
+    """Medians and shares over the trials of one preset."""
+    rotations = [trial.effective_rotation for trial in trials]
+    translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
+    curve = []
+    for number, time in enumerate(TIMES):
+        errors = [trial.rotation_curve[number] for trial in trials]
+        curve.append((time, median(errors), share_within(errors, 5.0).mean))
+    return FitSummary(
+        preset,
+        len(trials),
+        median(trial.seconds for trial in trials),
+        float(np.mean([trial.initial_rotation for trial in trials])),
+        median(trial.rotation for trial in trials),
+        sum(trial.symmetric for trial in trials),
+        share_within(rotations, 5.0),
+        share_within(rotations, 10.0),
+        share_within(translations, 0.03),
+        mean_of([trial.held_out for trial in trials]),
+        _confidence_auroc(trials),
+        tuple(curve),
+    )
+
+
+def calibrate_fits(trials: Sequence[FitTrial]) -> Calibration | None:
+    """The calibration of the confidence on these fits alone; None where all cameras are right, or all wrong."""
+    judged, right = _judged(trials)
+    margins = [trial.margin or 0.0 for trial in judged]
+    uncertainties = [trial.uncertainty or 0.0 for trial in judged]
+    return fit_calibration(margins, uncertainties, right) if len(set(right)) == 2 else None
+
+
+def _confidence_auroc(trials: Sequence[FitTrial]) -> float | None:
+    judged, right = _judged(trials)
+    return auroc([trial.confidence or 0.0 for trial in judged], right) if len(set(right)) == 2 else None
+
+
+def _judged(trials: Sequence[FitTrial]) -> tuple[list[FitTrial], list[bool]]:
+    """The trials that have a confidence, and which of their cameras are right."""
+    judged = [trial for trial in trials if trial.confidence is not None]
+    return judged, [trial.effective_rotation <= RIGHT_DEGREES for trial in judged]

@@ -1,0 +1,138 @@
+"""A gate against collapses: how long things take against something plain that is measured beside them.
+
+Seconds depend on the machine, ratios hardly do, so a small baseline of them is committed. What has become more than
+twice as slow ends the gate: threads that wait for each other, a view bank that every process makes anew, a renderer or
+a fit without its shortcuts. Fields run in float32, which every machine multiplies, and what runs in this process is
+timed by the processor; commands are timed by the clock, beside processes that keep all other cores busy.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+
+from core.fitting.fit import PRESETS, FitJob
+from core.fitting.paper import fit_as_set
+from core.fitting.settings import ALL_COMPONENTS, FitSettings
+from core.lab.benchmarks.csv_files import read_records
+from core.lab.benchmarks.held_out_views import evenly_spaced_objects, render_on_white
+from core.models.library import sample_images
+from core.models.model import Model
+from core.photos.photo import Photo
+from core.rendering import fast
+from core.rendering.progressive import RenderSettings
+from core.rendering.reference import render_exact
+from core.runtime.precision import use_dtype
+
+TOLERANCE = 2.0
+"""times the baseline that a ratio may be"""
+_EXACT, _NAIVE_STEPS = 64, 20
+"""px and samples of the exact render; steps of the paper's recipe"""
+_IMPORT = (sys.executable, "-c", "import torch")
+_SPIN = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: sum(range(10000))"
+"""ends with the program that started it, however that ends"""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """How long one thing takes against another."""
+
+    name: str
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.value:.3g}"
+
+
+def measure_ratios(model: Model) -> Iterator[Ratio]:
+    """Yields each ratio; under a minute on a quiet machine. The model's view bank must be there."""
+    ((_, codes),) = evenly_spaced_objects(model, 1)
+    camera = model.camera(0.9, 0.4)
+    with use_dtype(torch.float32):
+        exact = _second_time(
+            lambda: render_exact(model, codes, camera.resized(_EXACT, _EXACT), _EXACT), time.process_time
+        )
+        rendered = _second_time(
+            lambda: fast.render(model, codes, camera, RenderSettings().samples), time.process_time, fast.clear_views
+        )
+        yield Ratio("a render against an exact one", rendered / exact)
+        photo = Photo(*render_on_white(model, codes, camera))
+        naive = _second_time(
+            lambda: _fit(model, photo, replace(PRESETS["paper"], steps=_NAIVE_STEPS)), time.process_time
+        )
+        fitted = _second_time(lambda: _fit(model, photo, replace(PRESETS["draft"], max_restarts=0)), time.process_time)
+        yield Ratio(f"a draft fit against {_NAIVE_STEPS} naive steps", fitted / naive)
+    yield from _commands(model.category)
+
+
+def compare(found: Sequence[Ratio], baseline: Sequence[Ratio]) -> list[str]:
+    """A line for each ratio of the baseline that is missing or has become too large."""
+    values = {one.name: one.value for one in found}
+    return [
+        f"{one}, now {values[one.name]:.3g}" if one.name in values else f"{one}, now missing"
+        for one in baseline
+        if not values.get(one.name, float("inf")) <= TOLERANCE * one.value
+    ]
+
+
+def read_baseline(path: Path) -> tuple[Ratio, ...]:
+    """Raises ``ValueError`` where there is none."""
+    if not path.is_file():
+        raise ValueError(f"no baseline: {path}")
+    return read_records(path, Ratio)
+
+
+def _second_time(
+    run: Callable[[], object], clock: Callable[[], float], before: Callable[[], None] = lambda: None
+) -> float:
+    """Seconds of a second run: the first one fills caches, and is what oneDNN compiles for."""
+    run()
+    before()
+    began = clock()
+    run()
+    return clock() - began
+
+
+def _fit(model: Model, photo: Photo, settings: FitSettings) -> None:
+    """Of fixed work: it does not stop early."""
+    for _ in fit_as_set(model, FitJob((photo,), settings, components=replace(ALL_COMPONENTS, early_stopping=False))):
+        pass
+
+
+def _commands(category: str) -> Iterator[Ratio]:
+    """Whole processes of the command line, the first of which makes the view bank."""
+    photo = str(sample_images(category)[0])
+    words = (sys.executable, "-m", "core", "fit", photo, "--model", category, "--preset", "draft")
+    with tempfile.TemporaryDirectory() as folder, busy_processes(max(1, (os.cpu_count() or 1) - 1)):
+        said: list[str] = []
+
+        def command() -> None:
+            environment = os.environ | {"CODENERF_CACHE": folder}
+            said.append(subprocess.run(words, env=environment, capture_output=True, text=True, check=True).stdout)
+
+        plain = _second_time(lambda: subprocess.run(_IMPORT, check=True), time.perf_counter)
+        whole = _second_time(command, time.perf_counter)
+        yield Ratio("a draft fit's process against importing torch", whole / plain)
+        parts = json.loads(said[-1].splitlines()[-1])["seconds_by_part"]
+        yield Ratio("a kept view bank against the search", parts["view_bank"] / parts["search"])
+
+
+@contextmanager
+def busy_processes(count: int) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """So many processes that do nothing but keep a core busy, until the end of a ``with``."""
+    processes = [subprocess.Popen([sys.executable, "-c", _SPIN]) for _ in range(count)]
+    try:
+        yield processes
+    finally:
+        for process in processes:
+            process.kill()
+        for process in processes:
+            process.wait()

@@ -1,0 +1,109 @@
+"""What fits are measured on: views of objects whose cameras are known."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from core.fitting.fit import PRESETS, FitJob, fit
+from core.geometry.camera import Camera
+from core.lab.datasets.splits import evenly_spaced
+from core.lab.datasets.srn import ObjectEntry, ObjectViews
+from core.lab.evaluation.protocol import as_photo
+from core.metrics import psnr, rotation_error
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.images import render_image
+
+HELD_OUT_VIEWS = 4
+"""other views of each object that a fit is scored on"""
+_BACKGROUND = 0.99
+"""A pixel that is brighter in all channels is background, where the network renders the background itself."""
+_NEAR_DEGREES = 8.0
+"""Views of a test spiral are so far apart."""
+_SAME_FOCAL = 0.02
+"""logarithm of the ratio"""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutView:
+    """An object and the view of it that is fitted without its camera."""
+
+    views: ObjectViews
+    index: int
+    """of the fitted view"""
+    codes: Codes
+    """the object's own; or, for an object the model was not trained on, fitted to a few views with their cameras"""
+
+    @property
+    def camera(self) -> Camera:
+        """The true camera of the fitted view."""
+        return self.views.cameras[self.index]
+
+    def nearest(self, camera: Camera) -> int | None:
+        """The index of the view taken from nearest to a camera; None where none is near and of its focal length."""
+        errors = [
+            math.inf if abs(math.log(one.focal / camera.focal)) > _SAME_FOCAL else rotation_error(one, camera)
+            for one in self.views.cameras
+        ]
+        index = int(np.argmin(errors))
+        return index if errors[index] < _NEAR_DEGREES else None
+
+
+def training_object_views(model: Model, count: int, generator: torch.Generator) -> Iterator[HeldOutView]:
+    """Training objects, evenly spaced over the model, rendered from random cameras on the upper hemisphere."""
+    for name, codes in evenly_spaced_objects(model, count):
+        cameras = tuple(random_camera(model, generator) for _ in range(1 + HELD_OUT_VIEWS))
+        renders = [render_on_white(model, codes, camera) for camera in cameras]
+        images = np.stack([(colour * 255 + 0.5).byte().numpy() for colour, _ in renders])
+        masks = np.stack([mask.numpy() for _, mask in renders])
+        yield HeldOutView(ObjectViews(name, name, name, images, masks, cameras), 0, codes)
+
+
+def dataset_views(model: Model, entries: Sequence[ObjectEntry], generator: torch.Generator) -> Iterator[HeldOutView]:
+    """One random view of every object of a dataset."""
+    for entry in entries:
+        views = entry.read()
+        stride = -(-len(views.cameras) // HELD_OUT_VIEWS)
+        photos = tuple(as_photo(views, index, True) for index in range(0, len(views.cameras), stride))
+        *_, last = fit(model, FitJob(photos, PRESETS["draft"]))
+        yield HeldOutView(views, int(torch.randint(len(views.cameras), (), generator=generator)), last.codes)
+
+
+def evenly_spaced_objects(model: Model, count: int) -> list[tuple[str, Codes]]:
+    """Names and codes of ``count`` objects of the model, evenly spaced, without those whose training collapsed."""
+    some = evenly_spaced(model.codes.valid, count)
+    return [(model.codes.objects[index].name, model.codes[index]) for index in some]
+
+
+def random_camera(model: Model, generator: torch.Generator) -> Camera:
+    """A camera whose direction is uniform on the upper hemisphere."""
+    turn, height = torch.rand(2, generator=generator).tolist()
+    return model.camera(2 * math.pi * turn, math.asin(height))
+
+
+def is_symmetric_view(model: Model, codes: Codes, found: Camera, truth: Camera, degrees: float) -> bool:
+    """Whether an object looks the same from both cameras: no less than when the true one is turned by ``degrees``.
+
+    A round stool has several right cameras, and the one that its image was rendered from is no better than the others.
+    """
+    lift = math.radians(degrees) * (-1 if truth.elevation > 0 else 1)
+    turned = (
+        replace(truth, azimuth=truth.azimuth + math.radians(degrees)),
+        replace(truth, elevation=truth.elevation + lift),
+    )
+    seen, image = (render_on_white(model, codes, camera)[0] for camera in (found, truth))
+    return psnr(seen, image) >= min(psnr(render_on_white(model, codes, camera)[0], image) for camera in turned)
+
+
+def render_on_white(
+    model: Model, codes: Codes, camera: Camera
+) -> tuple[Float[Tensor, "height width 3"], Bool[Tensor, "height width"]]:
+    """An image in [0, 1] and the object's mask."""
+    rendered = render_image(model, codes, camera)
+    colour = rendered.colour.clamp(0, 1).cpu()
+    return colour, (colour < _BACKGROUND).any(-1) if model.white_from_network else rendered.opacity.cpu() > 0.5

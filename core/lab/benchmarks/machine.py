@@ -1,0 +1,14 @@
+"""The machine that measurements are taken on."""
+
+import platform
+
+import torch
+
+from core.runtime.precision import matmul_dtype
+
+
+def describe_machine(device: torch.device) -> str:
+    """Processor, threads, precision and torch version in one line."""
+    dtype = str(matmul_dtype(device.type)).removeprefix("torch.")
+    card = f"{torch.cuda.get_device_name(device)}, " if device.type == "cuda" else ""
+    return f"{card}{platform.machine()}, {torch.get_num_threads()} threads, {dtype}, torch {torch.__version__}"

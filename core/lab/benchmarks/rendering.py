@@ -1,0 +1,327 @@
+"""Milliseconds against decibels: the naive renderer, the fast one in each number format, and without each of its parts.
+
+PSNR is against the exact renderer with 256 samples a ray in float32. Times of the network on a processor are processor
+times in one thread, which other load changes little; all settings take turns, so that it affects all of them, and times
+are medians over the turns: read them as ratios. A turn of a setting is a row, so a run can be resumed. Only how long
+images take while something moves is told by the clock.
+"""
+
+import math
+import time
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from statistics import median
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from core.geometry.camera import Camera
+from core.lab.benchmarks.held_out_views import evenly_spaced_objects
+from core.metrics import psnr
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering import fast
+from core.rendering.baked_field import BakedField, bake, render_baked
+from core.rendering.frame_budget import FrameBudget
+from core.rendering.occupancy import Tolerances, tolerances
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+from core.rendering.reference import exact_rays, render_exact, render_rays
+from core.runtime.precision import matmul_dtype, use_dtype
+
+FULL = "full renderer"
+REFERENCE_SAMPLES = 256
+NAIVE_SAMPLES = (8, 16, 32, 64, 96)
+FAST_SAMPLES = (32, 48, 64, 96, 128, 192, 256)
+SIZES = (64, 128, 256, 512)
+INTERACTION_SIZES = (128, 256)
+"""px"""
+_SIZE = 128
+"""px, of most images"""
+_COMPARED = 64
+"""px, of larger images that are compared with the reference pixel by pixel"""
+TURNS, NAIVE_TURNS = 5, 2
+"""The naive renderer is slow and varies little."""
+INTERACTION_FRAMES = 24
+_WARMUP_FRAMES = 8
+"""frames before these, in which caches fill and the frame budget settles"""
+_SETTLES = 2
+"""times that the movement stops"""
+CURVES = ("naive", "fast", "float32", "baked", "sizes", "ablation")
+"""fast: in the number format that this machine multiplies fastest; float32: the same in float32, where it is another"""
+
+
+@dataclass(frozen=True)
+class RenderTiming:
+    """One setting of one recipe: a turn of it, or the median over turns."""
+
+    curve: str
+    """of :data:`CURVES`"""
+    recipe: str
+    size: int
+    """px"""
+    samples: int
+    """along a ray; of a baked field the cells along an axis"""
+    turn: int
+    ms: float
+    """per frame, mean over the views"""
+    psnr: float
+    """dB, mean over the views"""
+    worst_view: float
+    """dB"""
+    worst_pixel: float
+    """largest difference of a channel, 0..1"""
+
+    @property
+    def key(self) -> tuple[str, str, int, int, int]:
+        """What tells a turn from all others."""
+        return self.curve, self.recipe, self.size, self.samples, self.turn
+
+    def __str__(self) -> str:
+        return f"{self.recipe}, {self.size} px, {self.samples} samples: {self.ms:.1f} ms, {self.psnr:.1f} dB"
+
+
+@dataclass(frozen=True)
+class Interaction:
+    """How long images take while the camera or a code moves."""
+
+    what: str
+    """that moves: the camera ("orbit"), the texture or the shape"""
+    size: int
+    """px, of the final image"""
+    p50: float
+    """ms for the full image with all samples"""
+    p95: float
+    preview_p50: float
+    """ms for the preview, as coarse as the frame budget makes it"""
+    preview_p95: float
+    preview_size: int
+    """px, of the last preview"""
+    settle_time: float
+    """s from the end of the movement to the final image with 2 x 2 supersampling, mean over a few"""
+
+    @property
+    def key(self) -> Hashable:
+        """What tells it from all others."""
+        return self.what, self.size
+
+    def __str__(self) -> str:
+        images = f"first image after {self.preview_p50:.0f} ms, the whole after {self.p50:.0f} ms"
+        return f"{self.what}, {self.size} px: {images}"
+
+
+RenderRow = RenderTiming | Interaction
+
+
+def median_turns(rows: Iterable[RenderRow]) -> dict[str, tuple[RenderTiming, ...]]:
+    """The median over turns of each setting, by curve."""
+    turns: dict[Hashable, list[RenderTiming]] = {}
+    for row in rows:
+        if isinstance(row, RenderTiming):
+            turns.setdefault(row.key[:-1], []).append(row)
+    timings = [replace(some[0], turn=0, ms=median(one.ms for one in some)) for some in turns.values()]
+    return {curve: tuple(one for one in timings if one.curve == curve) for curve in CURVES}
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    codes: Codes
+    camera: Camera
+
+
+class _Setting(NamedTuple):
+    curve: str
+    recipe: str
+    size: int
+    """px"""
+    samples: int
+    views: Sequence[_View]
+    render: Callable[[Model, _View], Tensor]
+    turns: int = TURNS
+    warm: bool = True
+    """It is rendered once before it is timed: the shape is known, and the caches hold nothing of other recipes."""
+
+
+def measure_rendering(model: Model, views: int = 2, done: Collection[Hashable] = ()) -> Iterator[RenderRow]:
+    """Yields each row as it is measured; those whose keys are done are left out."""
+
+    @cache
+    def truth(view: _View) -> Tensor:
+        return _exact(model, view, REFERENCE_SAMPLES)
+
+    settings = _settings(_views(model, views))
+    for turn in range(TURNS):
+        for setting in settings:
+            key = (*setting[:4], turn)
+            if turn < setting.turns and key not in done:
+                yield _measure(model, setting, turn, truth)
+    for size in INTERACTION_SIZES:
+        for what in ("orbit", "texture", "shape"):
+            if (what, size) not in done:
+                yield _interaction(model, what, size)
+
+
+def _settings(views: Sequence[_View]) -> list[_Setting]:
+    """All that takes turns."""
+    fastest, default = matmul_dtype("cpu"), RenderSettings().samples
+    name = f"fast, {str(fastest).removeprefix('torch.')}"
+    settings = [
+        _Setting("naive", "naive, float32", _SIZE, samples, views, _naive(samples), NAIVE_TURNS, warm=False)
+        for samples in NAIVE_SAMPLES
+    ]
+    settings += [_Setting("fast", name, _SIZE, samples, views, _fast(samples)) for samples in FAST_SAMPLES]
+    if fastest != torch.float32:
+        settings += [
+            _Setting("float32", "fast, float32", _SIZE, samples, views, _in_float32(_fast(samples)))
+            for samples in FAST_SAMPLES
+        ]
+    settings += [
+        _Setting("baked", "baked, marched by torch", _SIZE, 64 * 2**level, views, _baked(level)) for level in (0, 1)
+    ]
+    settings += [
+        _Setting("ablation", part, _SIZE, default, views, _fast(default, cutoff))
+        for part, cutoff in _ablations(default).items()
+    ]
+    for size in SIZES:
+        some = [_View(view.codes, view.camera.resized(size, size)) for view in views[:1]]
+        settings.append(_Setting("sizes", name, size, default, some, _fast(default)))
+    return settings
+
+
+def _measure(model: Model, setting: _Setting, turn: int, truth: Callable[[_View], Tensor]) -> RenderTiming:
+    """A turn of a setting: all of its views."""
+    seconds, quality, off = [], [], []
+    for view in setting.views:
+        exact = truth(view)
+        image, spent = _timed(setting, model, view)
+        seconds.append(spent)
+        quality.append(psnr(image, exact))
+        off.append(float((image - exact).abs().max()))
+    ms, mean = 1000 * sum(seconds) / len(seconds), sum(quality) / len(quality)
+    return RenderTiming(*setting[:4], turn, ms, mean, min(quality), max(off))
+
+
+def _views(model: Model, count: int) -> list[_View]:
+    """Objects evenly spaced over the model, from cameras evenly over the upper hemisphere."""
+    some = evenly_spaced_objects(model, count)
+    directions = [(2.4 * index + 0.9, math.asin((index + 0.7) / (len(some) + 0.9))) for index in range(len(some))]
+    return [_View(codes, model.camera(*angles)) for (_, codes), angles in zip(some, directions, strict=True)]
+
+
+def _exact(model: Model, view: _View, samples: int) -> Tensor:
+    """Every pixel of a small image, of a large one as many as make 64 x 64: the exact renderer is slow."""
+    every = _every(view.camera)
+    if every == 1:
+        return render_exact(model, view.codes, view.camera, samples).colour.clamp(0, 1).cpu()
+    biases, rows = model.field.biases(view.codes.shape, view.codes.texture), exact_rays(model, view.camera)
+    with torch.no_grad():
+        parts = [
+            render_rays(model, rows[row, ::every], samples, *biases).colour for row in range(0, len(rows.near), every)
+        ]
+    return torch.stack(parts).clamp(0, 1).cpu()
+
+
+def _every(camera: Camera) -> int:
+    """Of how many rows and columns of an image one is compared with the reference."""
+    return camera.height // _COMPARED if camera.height > _SIZE else 1
+
+
+def _naive(samples: int) -> Callable[[Model, _View], Tensor]:
+    return lambda model, view: _exact(model, view, samples)
+
+
+def _fast(samples: int, cutoff: Tolerances | None = None) -> Callable[[Model, _View], Tensor]:
+    """A new view of a known shape."""
+
+    def render(model: Model, view: _View) -> Tensor:
+        fast.clear_views()
+        return fast.render(model, view.codes, view.camera, samples, cutoff=cutoff).colour.clamp(0, 1)
+
+    return render
+
+
+def _in_float32(render: Callable[[Model, _View], Tensor]) -> Callable[[Model, _View], Tensor]:
+    def forced(model: Model, view: _View) -> Tensor:
+        with use_dtype(torch.float32):
+            return render(model, view)
+
+    return forced
+
+
+def _baked(level: int) -> Callable[[Model, _View], Tensor]:
+    """What OpenGL draws while an object is turned, drawn by torch; baking is not timed."""
+
+    @cache
+    def baked(model: Model, codes: Codes) -> BakedField:
+        return [field for field in bake(model, codes) if field][level]
+
+    return lambda model, view: render_baked(baked(model, view.codes), view.camera).colour.clamp(0, 1)
+
+
+def _timed(setting: _Setting, model: Model, view: _View) -> tuple[Tensor, float]:
+    if setting.warm:
+        fast.clear_cache()
+        setting.render(model, view)
+    clock = time.perf_counter if model.device.type == "cuda" else time.process_time
+    began = clock()
+    image = setting.render(model, view).cpu()  # which waits for a graphics card to be done
+    seconds = clock() - began
+    every = _every(view.camera)
+    return image[::every, ::every], seconds
+
+
+def _ablations(samples: int) -> dict[str, Tolerances]:
+    """The fast renderer, and without each of its shortcuts."""
+    cutoff = tolerances(samples)
+    return {
+        FULL: cutoff,
+        "without early ray termination": cutoff._replace(termination=math.inf),
+        "colouring all intervals": cutoff._replace(min_weight=-1.0),
+    }
+
+
+def _interaction(model: Model, what: str, size: int) -> Interaction:
+    """The camera moves, or the texture, or the shape."""
+    codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
+    other = model.codes[len(model.codes.objects) // 2]
+
+    def at(share: float, divisors: tuple[int, ...], supersampling: int) -> RenderJob:
+        turned = replace(camera, azimuth=camera.azimuth + 2 * share)
+        mixed = codes.mixed(other, share * (what == "shape"), share * (what == "texture"))
+        settings = RenderSettings(divisors=divisors, supersampling=supersampling)
+        return RenderJob(mixed, turned if what == "orbit" else camera, settings)
+
+    def whole(share: float, divisors: tuple[int, ...] = (1,), supersampling: int = 1) -> float:
+        return _until(model, at(share, divisors, supersampling), last=True)[0]
+
+    frames = INTERACTION_FRAMES + _WARMUP_FRAMES
+    shares = [(index + 1) / frames for index in range(frames)]
+    images = [whole(share) for share in shares]
+    fast.clear_cache()
+    whole(0.0, RenderSettings().divisors)
+    budget, previews, preview_size = FrameBudget(), list[float](), size
+    for share in shares:
+        divisors = budget.divisors(size)
+        seconds, frame = _until(model, at(share, divisors, 2), last=False)
+        previews.append(seconds)
+        preview_size = frame.resolution[0]
+        if frame.stage == 0:  # of a shape that is known at full size, the first image is a finer one
+            budget.observe(divisors[0], seconds)
+    settle = sum(whole(1.0 + index, budget.divisors(size), 2) for index in range(_SETTLES)) / _SETTLES
+    return Interaction(what, size, *_quantiles(images), *_quantiles(previews), preview_size, settle)
+
+
+def _until(model: Model, job: RenderJob, last: bool) -> tuple[float, Frame]:
+    """Seconds until a job's first image is there, or its last; and that image."""
+    began = time.perf_counter()
+    for frame in render_progressively(model, job):
+        if frame and (frame.final or not last):
+            return time.perf_counter() - began, frame
+    raise ValueError("a render without an image")
+
+
+def _quantiles(values: Sequence[float]) -> tuple[float, float]:
+    """ms: the median and the 95th percentile, without the warm-up."""
+    ordered = sorted(1000 * value for value in values[_WARMUP_FRAMES:])
+    return median(ordered), ordered[int(0.95 * (len(ordered) - 1))]

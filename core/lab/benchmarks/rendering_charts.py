@@ -1,0 +1,75 @@
+"""The files and the chart of :mod:`core.lab.benchmarks.rendering`."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, read_results
+from core.lab.benchmarks.drawing import draw_frontier, log_ticks, new_figure
+from core.lab.benchmarks.rendering import Interaction, RenderRow, RenderTiming, median_turns
+from core.rendering.progressive import RenderSettings
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_FILES: dict[type[RenderTiming] | type[Interaction], str] = {
+    RenderTiming: "render.csv",
+    Interaction: "interaction.csv",
+}
+
+
+def read_rows(folder: Path, about: Row) -> list[RenderRow]:
+    """The rows of an earlier run into a folder. Raises ``ValueError`` where that was of something else."""
+    return [row for kind, name in _FILES.items() for row in read_records(folder / name, kind, about)]
+
+
+def add_row(folder: Path, about: Row, row: RenderRow) -> None:
+    """A row more of ``render.csv`` or of ``interaction.csv``."""
+    append_record(folder / _FILES[type(row)], about, row)
+
+
+def read_rendering(path: Path) -> Results[RenderRow]:
+    """Reads ``render.csv`` and, beside it, ``interaction.csv``. Raises ``ValueError`` where they are none."""
+    return Results(read_results(path, RenderTiming).about, tuple(read_rows(path.parent, {})))
+
+
+def rendering_chart(found: Results[RenderRow]) -> "Figure":
+    """PSNR against milliseconds, and milliseconds against the size of the image."""
+    timings = median_turns(found.rows)
+    sizes = timings["sizes"]
+    figure, (left, right) = new_figure(2)
+    curves = [timings[name] for name in ("naive", "fast", "float32") if timings[name]]
+    for points in curves:
+        _timing_curve(left, points)
+    draw_frontier(left, [(point.ms, point.psnr) for points in curves for point in points])
+    default = RenderSettings()
+    for name, samples, marker in (("preview", default.preview_samples, "kD"), ("final image", default.samples, "k*")):
+        marked = [point for point in timings["fast"] if point.samples == samples]
+        left.plot([p.ms for p in marked], [p.psnr for p in marked], marker, markersize=9, label=name, zorder=3)
+    left.set(xscale="log", xlabel="ms per 128 x 128 image", ylabel="PSNR to the exact renderer (dB)")
+    left.margins(y=0.1)
+    right.plot([p.size for p in sizes], [p.ms for p in sizes], "o-", label=sizes[0].recipe)
+    proportional = [sizes[0].ms * (p.size / sizes[0].size) ** 2 for p in sizes]
+    right.plot([p.size for p in sizes], proportional, ":", color="grey", label="proportional to pixels")
+    right.set(xscale="log", yscale="log", xlabel="width and height (px)", ylabel="ms per image")
+    log_ticks(right.xaxis, [p.size for p in sizes])
+    for axes in (left, right):
+        log_ticks(axes.xaxis if axes is left else axes.yaxis)
+        axes.grid(alpha=0.3)
+        axes.legend()
+    figure.suptitle(f"{found.about['machine']}, {found.about['views']} views", fontsize=9)
+    return figure
+
+
+def _timing_curve(axes: "Axes", points: Sequence[RenderTiming]) -> None:
+    """PSNR against milliseconds; the numbers at the points are samples a ray."""
+    (line,) = axes.plot([point.ms for point in points], [point.psnr for point in points], "o-", label=points[0].recipe)
+    place: tuple[float, float] | None = None
+    for point in points:
+        # Points that nearly coincide would write over one another.
+        if place is None or point.ms > 1.25 * place[0] or abs(point.psnr - place[1]) > 3:
+            place = point.ms, point.psnr
+            axes.annotate(
+                str(point.samples), place, (5, -10), textcoords="offset points", fontsize=7, color=line.get_color()
+            )

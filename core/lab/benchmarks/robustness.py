@@ -1,0 +1,235 @@
+"""Where fits fail: images corrupted in one way at a time, fitted without their camera.
+
+A corrupted image enters a fit as a user's photo does: it is segmented by its alpha channel, or by its background where
+there is none. Trials are measured in an order that is the same for all runs of the same views, so a run can be resumed
+and shared out.
+"""
+
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+
+from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
+from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
+from core.fitting.paper import fit_as_set
+from core.fitting.settings import FitSettings, PaperSettings
+from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
+from core.lab.benchmarks.held_out_views import HeldOutView, is_symmetric_view, render_on_white
+from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor
+from core.lab.evaluation.statistics import Mean, mean_of
+from core.metrics import rotation_error
+from core.models.codes import Codes
+from core.models.library import load_model, shipped_models
+from core.models.model import Model
+from core.photos.photo import photo_from_array
+from core.photos.surface import surface_points
+
+COMPARED = ("normal", "paper")
+"""presets"""
+SUCCESS_DEGREES = RIGHT_DEGREES
+ROUGH_DEGREES = 30.0
+"""A camera that is off by less sees the right side."""
+
+
+@dataclass(frozen=True)
+class RobustnessTrial:
+    """One fit of one corrupted image."""
+
+    stressor: str
+    level: float
+    preset: str
+    name: str
+    """of the object"""
+    rotation: float | None = None
+    """degrees, error; 0 where the object looks the same; None where the image was refused or shows no object"""
+    confidence: float | None = None
+    size_error: float | None = None
+    """of the fitted object's longest side, relative to the true one"""
+    outcome: str = ""
+    """"correct", "symmetric", "near", "opposite", "wrong", or why the image was refused; where there is no object to be
+    found "refused", "doubted" or "believed"."""
+
+    @property
+    def success(self) -> bool:
+        """The camera is within 10 degrees, or right by symmetry; without an object, the fit was refused or doubted."""
+        return self.outcome in ("correct", "symmetric", "refused", "doubted")
+
+    @property
+    def key(self) -> tuple[str, float, str, str]:
+        """What tells a trial from all others."""
+        return self.stressor, self.level, self.preset, self.name
+
+
+class Measured(NamedTuple):
+    """A trial, and its images where it failed."""
+
+    trial: RobustnessTrial
+    image: UInt8[np.ndarray, "height width 3"] | None = None
+    """the corrupted image"""
+    render: UInt8[np.ndarray, "size size 3"] | None = None
+    """of what was fitted; None where the image was refused"""
+
+
+Rates = dict[tuple[str, float], dict[str, Mean]]
+"""shares of every preset, 0..1, by stressor and level"""
+
+
+def success_rates(trials: Sequence[RobustnessTrial]) -> Rates:
+    """The share of successes."""
+    return _shares(trials, lambda trial: trial.success)
+
+
+def rough_rates(trials: Sequence[RobustnessTrial]) -> Rates:
+    """The share of cameras within 30 degrees; a success without an object counts as one."""
+    return _shares(
+        trials, lambda trial: trial.success or (trial.rotation is not None and trial.rotation <= ROUGH_DEGREES)
+    )
+
+
+def _shares(trials: Sequence[RobustnessTrial], counts: Callable[[RobustnessTrial], bool]) -> Rates:
+    found: dict[tuple[str, float], dict[str, list[bool]]] = {}
+    for trial in trials:
+        presets = found.setdefault((trial.stressor, trial.level), {})
+        presets.setdefault(trial.preset, []).append(counts(trial))
+    return {key: {name: mean_of(each) for name, each in presets.items()} for key, presets in found.items()}
+
+
+def measure_robustness(
+    model: Model,
+    views: Sequence[HeldOutView],
+    stressors: Sequence[str] = (),
+    presets: Sequence[str] = COMPARED,
+    part: tuple[int, int] = (1, 1),
+    done: Collection[tuple[str, float, str, str]] = (),
+    seed: int = 0,
+) -> Iterator[Measured]:
+    """Yields each trial as it is measured.
+
+    Args:
+        stressors: names; all of them if empty.
+        part: (k, n): the k-th of n equal parts of all trials, for n processes beside each other.
+        done: keys of trials that are left out.
+
+    Raises ``ValueError`` where there is no such stressor, preset or part.
+    """
+    for name in (*stressors, *presets):
+        if name not in STRESSORS and name not in PRESETS:
+            raise ValueError(f"there is no {name!r}; there are {', '.join((*STRESSORS, *PRESETS))}")
+    which, parts = part
+    if not 1 <= which <= parts:
+        raise ValueError(f"a part K/N has K of 1 to N, not {which}/{parts}")
+    keys = [
+        (name, level, preset, number)
+        for number in range(len(views))
+        for name in stressors or STRESSORS
+        for level in STRESSORS[name].levels
+        for preset in presets
+    ]
+    for name, level, preset, number in keys[which - 1 :: parts]:
+        trial, stressor = RobustnessTrial(name, level, preset, views[number].views.name), STRESSORS[name]
+        if trial.key in done:
+            continue
+        seen = _view(model, views[number], stressor.camera(views[number].camera, level))
+        image = _corrupted(model, seen, stressor, level, seed + number)
+        yield _fit(model, _Attempt(image, seen, PRESETS[preset], seed + number, stressor, level), trial)
+
+
+class _Seen(NamedTuple):
+    """An object from its true camera."""
+
+    cutout: Cutout
+    camera: Camera
+    view: HeldOutView
+
+
+def _view(model: Model, view: HeldOutView, camera: Camera) -> _Seen:
+    """The object from a camera: the image taken from there, or from close by; else a render of its codes."""
+    index = view.nearest(camera)
+    if index is None:
+        return _Seen(_cutout(*map(np.asarray, render_on_white(model, view.codes, camera))), camera, view)
+    image = view.views.images[index].astype(np.float32) / 255
+    return _Seen(_cutout(image, view.views.masks[index]), view.views.cameras[index], view)
+
+
+def _cutout(image: np.ndarray, mask: np.ndarray) -> Cutout:
+    return np.concatenate((image, mask[..., None]), -1).astype(np.float32)
+
+
+def _corrupted(model: Model, seen: _Seen, stressor: Stressor, level: float, seed: int) -> np.ndarray:
+    cutout = seen.cutout
+    if stressor.other_category:
+        other = load_model(next(name for name in shipped_models() if name != model.category), model.device.type)
+        codes = other.codes[seed % len(other.codes.objects)]
+        camera = other.camera(seen.camera.azimuth, seen.camera.elevation)
+        cutout = _cutout(*map(np.asarray, render_on_white(other, codes, camera)))
+    return stressor.corrupt(cutout, level, np.random.default_rng(seed))
+
+
+class _Attempt(NamedTuple):
+    """A corrupted image, the truth about it, and how it is fitted."""
+
+    image: np.ndarray
+    seen: _Seen
+    settings: FitSettings
+    seed: int
+    stressor: Stressor
+    level: float
+
+    def job(self, model: Model) -> FitJob:
+        """The fit; the paper's recipe from the mean codes at an initial camera, where the stressor gives one."""
+        photo, initial = photo_from_array(self.image, model), None
+        if self.stressor.init and isinstance(self.settings, PaperSettings):
+            camera = self.stressor.init(self.seen.camera, self.level)
+            initial = Hypothesis(0, math.inf, (camera,), model.codes.mean, torch.zeros(1, 4))
+        return FitJob((photo,), self.settings, self.seed, initial)
+
+
+def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> Measured:
+    """The trial with its outcome, and its images where it failed."""
+    image = attempt.image[..., :3]
+    image = image if image.dtype == np.uint8 else to_bytes(image)
+    try:
+        *_, last = fit_as_set(model, attempt.job(model))
+    except ValueError as error:
+        trial = replace(trial, outcome="refused" if attempt.stressor.no_object else str(error))
+        return Measured(trial) if trial.success else Measured(trial, image)
+    trial = _judge(model, attempt, last, replace(trial, confidence=last.confidence))
+    if trial.success:
+        return Measured(trial)
+    return Measured(trial, image, to_bytes(render_on_white(model, last.codes, last.cameras[0])[0]))
+
+
+def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: RobustnessTrial) -> RobustnessTrial:
+    if attempt.stressor.no_object:
+        doubted = last.confidence is not None and last.confidence < DOUBTFUL
+        return replace(trial, outcome="doubted" if doubted else "believed")
+    camera, truth, codes = last.cameras[0], attempt.seen.camera, attempt.seen.view.codes
+    rotation, name = rotation_error(camera, truth), name_camera(camera, truth)
+    if name in ("opposite", "wrong") and is_symmetric_view(model, codes, camera, truth, SUCCESS_DEGREES):
+        rotation, name = 0.0, "symmetric"
+    size = _longest_side(model, last.codes) / _longest_side(model, codes) - 1
+    return replace(trial, rotation=rotation, size_error=size, outcome=name)
+
+
+def _longest_side(model: Model, codes: Codes) -> float:
+    """Scene units; NaN where there is nothing."""
+    points, _ = surface_points(model, codes)
+    return float((points.amax(0) - points.amin(0)).max()) if len(points) else math.nan
+
+
+def name_camera(found: Camera, truth: Camera) -> str:
+    """Where a fitted camera ended: "correct", "near", "opposite" (180 degrees around) or "wrong"."""
+    rotation = rotation_error(found, truth)
+    if rotation <= SUCCESS_DEGREES:
+        return "correct"
+    if rotation <= ROUGH_DEGREES:
+        return "near"
+    turn = math.degrees(found.azimuth - truth.azimuth) % 360
+    tilt = abs(math.degrees(found.elevation - truth.elevation))
+    return "opposite" if abs(turn - 180) < ROUGH_DEGREES and tilt < ROUGH_DEGREES else "wrong"

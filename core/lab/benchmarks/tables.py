@@ -1,0 +1,277 @@
+"""The measurements of the benchmarks as Markdown tables: lists of columns, and the lines around them."""
+
+import statistics
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from operator import attrgetter, itemgetter
+from typing import Any
+
+from core.fitting.confidence import auroc
+from core.lab.benchmarks.csv_files import Results
+from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
+from core.lab.benchmarks.recipe import RecipeScore
+from core.lab.benchmarks.rendering import Interaction, RenderRow, median_turns
+from core.lab.benchmarks.robustness import (
+    ROUGH_DEGREES,
+    SUCCESS_DEGREES,
+    Rates,
+    RobustnessTrial,
+    rough_rates,
+    success_rates,
+)
+from core.lab.benchmarks.stressors import STRESSORS
+from core.lab.evaluation.statistics import Mean, format_difference, format_share
+
+_SURE = 0.9
+"""A wrong camera of more confidence misleads."""
+
+Column = tuple[str, str | Callable[[Any], Any], str | Callable[[Any], str]]
+"""heading; attribute of a row, or a function of it; how its value is formatted"""
+
+
+def markdown_table(columns: Sequence[Column], rows: Iterable[Any]) -> str:
+    """A table.
+
+    Example:
+        >>> print(markdown_table([("ms", "real", "{:.1f}"), ("twice", lambda ms: 2 * ms, "{:.0f}")], [1.25]))
+        | ms | twice |
+        |---|---|
+        | 1.2 | 2 |
+    """
+    lines = [[heading for heading, *_ in columns], *([_cell(row, *column[1:]) for column in columns] for row in rows)]
+    head, *body = ("| " + " | ".join(line) + " |" for line in lines)
+    return "\n".join((head, "|" + "---|" * len(columns), *body))
+
+
+def _cell(row: Any, key: str | Callable[[Any], Any], form: str | Callable[[Any], str]) -> str:
+    value = attrgetter(key)(row) if isinstance(key, str) else key(row)
+    return form.format(value) if isinstance(form, str) else form(value)
+
+
+def _text(about: str, *blocks: str) -> str:
+    """Tables and sentences below a first line, with empty lines between them."""
+    return "\n\n".join((about, *blocks)) + "\n"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A line about a run, in which ``{first}`` is its first row, then a line per row."""
+
+    about: str
+    columns: Sequence[Column]
+
+    def __call__(self, found: Results[Any]) -> str:
+        """The table as text."""
+        return _text(self.about.format(first=found.rows[0], **found.about), markdown_table(self.columns, found.rows))
+
+
+# Rendering
+
+
+def rendering_table(found: Results[RenderRow]) -> str:
+    """Milliseconds and PSNR by recipe, of the ablations, by image size, and while something moves."""
+    curves = median_turns(found.rows)
+    naive, full = curves["naive"][-1], curves["ablation"][0]
+    renderers: list[Column] = [
+        ("renderer", "recipe", "{}"),
+        ("samples", "samples", "{}"),
+        ("ms", "ms", "{:.1f}"),
+        (f"times naive {naive.samples}", lambda one: naive.ms / one.ms, "{:.0f}"),
+        ("PSNR (dB)", "psnr", "{:.1f}"),
+        ("worst view", "worst_view", "{:.1f}"),
+        ("worst pixel", "worst_pixel", "{:.3f}"),
+    ]
+    ablations: list[Column] = [
+        ("ablation, default settings", "recipe", "{}"),
+        ("ms", "ms", "{:.1f}"),
+        ("difference", lambda one: one.ms - full.ms, "{:+.1f} ms"),
+        ("PSNR (dB)", "psnr", "{:.1f}"),
+        ("difference", lambda one: one.psnr - full.psnr, "{:+.1f} dB"),
+    ]
+    return _text(
+        f"{found.about['machine']}; {found.about['views']} views; PSNR against 256 exact samples in float32.",
+        markdown_table(renderers, [one for name in ("naive", "fast", "float32", "baked") for one in curves[name]]),
+        markdown_table(ablations, curves["ablation"]),
+        markdown_table(_SIZES, curves["sizes"]),
+        markdown_table(_INTERACTIONS, [row for row in found.rows if isinstance(row, Interaction)]),
+    )
+
+
+_SIZES: list[Column] = [("size (px)", "size", "{}"), ("ms", "ms", "{:.1f}"), ("PSNR (dB)", "psnr", "{:.1f}")]
+_INTERACTIONS: list[Column] = [
+    ("moving", "what", "{}"),
+    ("size (px)", "size", "{}"),
+    ("full image p50 (ms)", "p50", "{:.1f}"),
+    ("p95", "p95", "{:.1f}"),
+    ("preview p50 (ms)", "preview_p50", "{:.1f}"),
+    ("p95", "preview_p95", "{:.1f}"),
+    ("preview size (px)", "preview_size", "{}"),
+    ("settle time (s)", "settle_time", "{:.2f}"),
+]
+
+
+# Fits
+
+
+def fit_table(found: Results[FitTrial]) -> str:
+    """A line per preset, then cameras that are right by symmetry, then a calibration of the confidence."""
+    summaries, calibration = summarise_presets(found.rows), calibrate_fits(found.rows)
+    symmetric = [f"{trial.name} ({trial.preset}, {trial.rotation:.0f}°)" for trial in found.rows if trial.symmetric]
+    lines = []
+    if symmetric:
+        lines.append(f"Right by symmetry, for the object looks the same from there: {', '.join(symmetric)}.")
+    if calibration:
+        numbers = ", ".join(f"{name} {value:.3f}" for name, value in calibration._asdict().items())
+        lines.append(f"A calibration of the confidence on these fits alone: {numbers}.")
+    about = f"{summaries[0].fits} views, cameras unknown; shares with their 95 % intervals."
+    return _text(f"{found.about['machine']}; {about}", markdown_table(_FITS, summaries), *lines)
+
+
+_FITS: list[Column] = [
+    ("preset", "preset", "{}"),
+    ("s (median)", "seconds", "{:.1f}"),
+    ("initial rotation error", "initial_rotation", "{:.0f}°"),
+    ("rotation error (median)", "rotation", "{:.2f}°"),
+    ("within 5°", "within_5_degrees", format_share),
+    ("within 10°", "within_10_degrees", format_share),
+    ("within 3 %", "within_3_percent", format_share),
+    ("other views", "held_out.mean", "{:.1f} dB"),
+    ("confidence (AUROC)", "auroc", lambda area: "" if area is None else f"{area:.2f}"),
+]
+
+
+ablations_table = Table(
+    "{machine}; {first.summary.fits} views, cameras unknown; with 95 % intervals.",
+    [
+        ("normal preset", "summary.preset", "{}"),
+        ("time", "time", "{:.2f}"),
+        ("rotation error (median)", "summary.rotation", "{:.2f}°"),
+        ("within 5°", "summary.within_5_degrees", format_share),
+        ("within 10°", "summary.within_10_degrees", format_share),
+        ("other views (dB)", "summary.held_out.mean", "{:.1f}"),
+        ("difference to the full method (dB)", "gain", format_difference),
+    ],
+)
+
+
+def robustness_table(found: Results[RobustnessTrial]) -> str:
+    """The share of successes by stressor, level and preset; how confidence and size fare; how often which way fails."""
+    within, rough = success_rates(found.rows), rough_rates(found.rows)
+    presets = list(dict.fromkeys(trial.preset for trial in found.rows))
+    ours = [trial for trial in found.rows if trial.preset == presets[0]]
+    groups = {key: [trial for trial in ours if (trial.stressor, trial.level) == key] for key in within}
+    columns: list[Column] = [("stressor", itemgetter(0), "{}"), ("level", _level, "{}")]
+    for one in presets:
+        columns.append((one, _of(one, within), _share))
+        columns.append((f"within {ROUGH_DEGREES:g}°", _of(one, rough), _per_cent))
+    columns += [
+        (f"wrong at confidence > {_SURE:g}", lambda key: sum(map(_misleads, groups[key])), "{}"),
+        ("size error (median)", lambda key: _size_error(groups[key]), "{}"),
+    ]
+    judged = [trial for trial in ours if trial.confidence is not None]
+    area = auroc([trial.confidence or 0 for trial in judged], [trial.success for trial in judged])
+    failed = Counter(trial.outcome for trial in ours if not trial.success).most_common()
+    symmetric = dict.fromkeys(trial.name for trial in found.rows if trial.outcome == "symmetric")
+    what = f"share of cameras within {SUCCESS_DEGREES:g}°, with 95 % intervals; and within {ROUGH_DEGREES:g}°."
+    return _text(
+        f"{found.about['machine']}; {len({trial.name for trial in found.rows})} objects; {what}",
+        markdown_table(columns, within),
+        f"Confidence of {presets[0]} over {len(judged)} fits: AUROC {area:.3f}.",
+        f"Failures of {presets[0]}: {', '.join(f'{count} {name}' for name, count in failed)}.",
+        f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}.",
+    )
+
+
+def _level(key: tuple[str, float]) -> str:
+    name, level = key
+    return f"{level:g} {STRESSORS[name].unit if name in STRESSORS else ''}".strip()
+
+
+def _of(preset: str, rates: Rates) -> Callable[[tuple[str, float]], Mean | None]:
+    return lambda key: rates[key].get(preset)
+
+
+def _share(share: Mean | None) -> str:
+    return format_share(share) if share else ""
+
+
+def _per_cent(share: Mean | None) -> str:
+    return f"{100 * share.mean:.0f} %" if share else ""
+
+
+def _misleads(trial: RobustnessTrial) -> bool:
+    return not trial.success and (trial.confidence or 0) > _SURE
+
+
+def _size_error(trials: Sequence[RobustnessTrial]) -> str:
+    sizes = [abs(trial.size_error) for trial in trials if trial.size_error is not None]
+    return f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
+
+
+# Trained models
+
+
+model_sizes_table = Table(
+    "{machine}; {objects} objects, {steps} steps each; held out: {tests} objects fitted on one view of known camera.",
+    [
+        ("differs in", lambda one: f"{one.axis.replace('_', ' ')} {one.value or ''}".strip(), "{}"),
+        ("parameters", "parameters", "{}"),
+        ("file (kB)", lambda one: one.bytes / 1000, "{:.0f}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        ("held out (dB)", "held_out.mean", "{:.2f}"),
+        ("difference to the baseline (dB)", "gain", format_difference),
+        ("cameras within 10°", "found", format_share),
+        ("100,000 samples (ms)", "field_ms", "{:.0f}"),
+        ("blind fit (s)", "fit_seconds", "{:.1f}"),
+    ],
+)
+
+
+scaling_table = Table(
+    "{machine}; {category}, {steps} steps each; held out: {tests} objects, one view fitted; with 95 % intervals.",
+    [
+        ("shapes", "shapes", "{}"),
+        ("objects", "objects", "{}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        ("held out, camera known (dB)", "held_out.mean", "{:.2f}"),
+        ("difference to the fewest (dB)", "gain", format_difference),
+        ("cameras within 10°", "found", format_share),
+    ],
+)
+
+
+architectures_table = Table(
+    "{machine}; {objects} {category}, {steps} steps each; with 95 % intervals.",
+    [
+        ("architecture", "name", "{}"),
+        ("parameters", "parameters", "{}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        (
+            "another texture changes the opacity by",
+            "opacity_change",
+            lambda one: f"{one.mean:.3f} ({one.low:.3f} to {one.high:.3f})" if one.high else "0",
+        ),
+    ],
+)
+
+
+def recipe_table(found: Results[RecipeScore]) -> str:
+    """A line per variant of the recipe, the first of them the default."""
+    default = found.rows[0]
+    columns: list[Column] = [
+        ("recipe", "name", "{}"),
+        ("steps", "steps", "{}"),
+        ("time (s)", "seconds", "{:.0f}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        ("held out (dB)", lambda one: statistics.mean(one.held_out), "{:.2f}"),
+        ("difference to the default (dB)", lambda one: one.gain(default), format_difference),
+    ]
+    what = f"held out: {len(default.held_out)} objects, one view of known camera; 95 % intervals."
+    return _text(f"{recipe_title(found)}; {what}", markdown_table(columns, found.rows))
+
+
+def recipe_title(found: Results[RecipeScore]) -> str:
+    """Machine, data and time of all models."""
+    of = found.about
+    return f"{of['machine']}; {of['objects']} {of['category']}, about {of['time']} s each"

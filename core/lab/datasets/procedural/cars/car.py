@@ -1,0 +1,20 @@
+"""Procedural cars: one seed, one car, made of labelled meshes in metres and then brought to ShapeNet's scale."""
+
+import numpy as np
+
+from core.lab.datasets.procedural.cars.bodies import body
+from core.lab.datasets.procedural.cars.fittings import fittings
+from core.lab.datasets.procedural.cars.kinds import KINDS, sample_dimensions
+from core.lab.datasets.procedural.cars.wheels import wheels
+from core.lab.datasets.procedural.carving import mirrored
+from core.lab.datasets.procedural.solids import Part, Shape, normalised_shape, warped
+
+
+def car(seed: int) -> Shape:
+    """The car of a seed, always the same."""
+    generator = np.random.default_rng([seed, 17])
+    kind = str(generator.choice(list(KINDS), p=[share for _, share in KINDS.values()]))
+    dims = sample_dimensions(generator, kind)
+    parts = [Part(p.label, warped(p.solid, dims.bent)) for p in body(generator, dims) + fittings(generator, dims)]
+    parts += wheels(generator, dims)
+    return normalised_shape(kind, [Part(part.label, mirrored(part.solid)) for part in parts])

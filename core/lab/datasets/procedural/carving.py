@@ -1,0 +1,109 @@
+"""Cuts open or closed meshes along curves, so that a window, a lamp or a wheel arch has a crisp outline.
+
+A region is a list of functions of the points; a point is inside where all of them are positive.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from core.lab.datasets.procedural.solids import Points, Solid, same_place
+
+Values = Float[np.ndarray, "points"]
+Region = Sequence[Callable[[Points], Values]]
+
+
+def carve(solid: Solid, region: Region) -> tuple[Solid, Solid]:
+    """The mesh inside the region, and the rest. Each function is taken as linear along an edge."""
+    # Faces wholly outside of one function stay whole, or a line would go on around the object.
+    near = np.ones(len(solid.faces), bool)
+    for inside in region:
+        a, b, c = (inside(solid.vertices) > 0)[solid.faces.T]
+        near &= a | b | c
+    rest = [_compact(replace(solid, faces=solid.faces[~near]))]
+    solid = _compact(replace(solid, faces=solid.faces[near]))
+    for inside in region:
+        solid, outside = _halves(solid, inside(solid.vertices))
+        rest.append(outside)
+    return solid, joined(rest)
+
+
+def inset(piece: Solid, move: Callable[[Points], Points]) -> Solid:
+    """A piece cut out of a half mesh (x >= 0), moved, and the walls between its border there and where it was."""
+    rim = _border(piece)
+    rim = rim[(np.abs(piece.vertices[rim, 0]) > 1e-6).any(1)]
+    count = len(piece.vertices)
+    start, end = rim.T
+    walls = np.concatenate((np.stack((start, end, end + count), -1), np.stack((start, end + count, start + count), -1)))
+    vertices = np.concatenate((piece.vertices, move(piece.vertices)))
+    return Solid(vertices, np.concatenate((piece.faces + count, walls)), np.concatenate((piece.local, piece.local)))
+
+
+def mirrored(solid: Solid) -> Solid:
+    """The mesh and its image on the other side of x = 0."""
+    flip = np.array([-1.0, 1.0, 1.0])
+    return joined([solid, Solid(solid.vertices * flip, solid.faces[:, ::-1], solid.local * flip)])
+
+
+def joined(solids: Sequence[Solid]) -> Solid:
+    """Several meshes as one."""
+    starts = np.cumsum([0] + [len(solid.vertices) for solid in solids])
+    return Solid(
+        np.concatenate([solid.vertices for solid in solids]),
+        np.concatenate([solid.faces + start for solid, start in zip(solids, starts[:-1], strict=True)]),
+        np.concatenate([solid.local for solid in solids]),
+    )
+
+
+def _halves(solid: Solid, value: Values) -> tuple[Solid, Solid]:
+    """The mesh where ``value`` is positive, and where it is not."""
+    inside = value > 0
+    if inside.all():
+        return solid, _compact(replace(solid, faces=solid.faces[:0]))
+    corners = inside[solid.faces]
+    count = corners[:, 0].astype(int) + corners[:, 1] + corners[:, 2]
+    mixed = (count == 1) | (count == 2)
+    # The corner that is alone on its side comes first.
+    alone = np.where(count == 1, corners.argmax(1), corners.argmin(1))[mixed]
+    order = (alone[:, None] + np.arange(3)) % 3
+    cut = np.take_along_axis(solid.faces[mixed], order, 1)
+    size, lone_inside = len(solid.vertices), inside[cut[:, 0]]
+    crossing = np.arange(2 * len(cut)).reshape(2, -1) + size
+    a, b, c = cut.T
+    positive = np.where(lone_inside, np.stack((a, a)), np.stack((b, c))).reshape(-1)
+    negative = np.where(lone_inside, np.stack((b, c)), np.stack((a, a))).reshape(-1)
+    # From the positive end on, so that both faces at an edge find the very same point.
+    way = (value[positive] / (value[positive] - value[negative]))[:, None]
+    grown = [
+        np.concatenate((points, points[positive] + way * (points[negative] - points[positive])))
+        for points in (solid.vertices, solid.local)
+    ]
+    p, q = crossing
+    tip = np.stack((a, p, q), -1)
+    base = np.stack((np.stack((p, b, c), -1), np.stack((p, c, q), -1)))
+    own = np.concatenate((solid.faces[count == 3], tip[lone_inside], *base[:, ~lone_inside]))
+    other = np.concatenate((solid.faces[count == 0], tip[~lone_inside], *base[:, lone_inside]))
+    whole = Solid(grown[0], own, grown[1])
+    return _compact(whole), _compact(replace(whole, faces=other))
+
+
+def _compact(solid: Solid) -> Solid:
+    """Without points that no face uses."""
+    used = np.zeros(len(solid.vertices), bool)
+    used[solid.faces] = True
+    return Solid(solid.vertices[used], (np.cumsum(used) - 1)[solid.faces], solid.local[used])
+
+
+def _border(solid: Solid) -> Int[np.ndarray, "edges 2"]:
+    """Edges of one face only, in that face's direction; points at the same place count as one."""
+    point = same_place(solid.vertices)
+    corners = point[solid.faces]
+    # A cut close to a corner leaves faces without area, whose edges would count twice.
+    faces = solid.faces[(corners != np.roll(corners, 1, 1)).all(1)]
+    edges = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)])
+    ends = point[edges]
+    key = ends.min(1) * len(solid.vertices) + ends.max(1)
+    _, index, times = np.unique(key, return_index=True, return_counts=True)
+    return edges[index[times == 1]]

@@ -1,0 +1,52 @@
+"""Which objects train and which are held out for testing (``assets/held_out.json``), and each split's cameras."""
+
+import json
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from core.geometry.camera import Camera
+from core.lab.datasets.categories import SRN_DISTANCES, Split
+from core.lab.datasets.srn_cameras import spiral_views, training_views
+
+_HELD_OUT = Path(__file__).resolve().parents[2] / "assets" / "held_out.json"
+
+
+_Item = TypeVar("_Item")
+
+
+def evenly_spaced(items: Sequence[_Item], count: int | None) -> tuple[_Item, ...]:
+    """``count`` of the items, evenly spaced; all where there are no more, or without a count.
+
+    Example:
+        >>> evenly_spaced("abcdef", 3)
+        ('a', 'c', 'e')
+    """
+    count = len(items) if count is None else min(count, len(items))
+    return tuple(items[index * len(items) // count] for index in range(count))
+
+
+def held_out_meshes(category: str) -> frozenset[str]:
+    """Names of the meshes that are kept for testing and never trained on."""
+    return frozenset(json.loads(_HELD_OUT.read_text())["meshes"].get(category, ()))
+
+
+def first_seed(split: Split) -> int:
+    """The first seed of a split's procedural shapes and textures."""
+    return int(json.loads(_HELD_OUT.read_text())["procedural_first_seed"][split])
+
+
+def split_cameras(split: Split, count: int, name: str, category: str, size: int) -> tuple[Camera, ...]:
+    """SRN's cameras of a split. Training views depend on the object's name alone, whatever else is rendered.
+
+    Raises ``ValueError`` for a category whose distance is not known.
+    """
+    if category not in SRN_DISTANCES:
+        raise ValueError(f"unknown category {category!r}: one of {', '.join(SRN_DISTANCES)}")
+    if split == "test":
+        return spiral_views(count, SRN_DISTANCES[category], size)
+    generator = np.random.default_rng(zlib.crc32(name.encode()))
+    return training_views(count, generator, SRN_DISTANCES[category], size)

@@ -1,0 +1,276 @@
+"""Datasets on disk in ShapeNet-SRN's layout: ``DATASET/OBJECT/{rgb/000000.png, pose/000000.txt, intrinsics.txt}``.
+
+Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.png`` (255 inside the object), and
+``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture.
+"""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+from PIL import Image
+
+from core.geometry.camera import Camera
+from core.geometry.pose_files import read_pose
+from core.runtime.files import atomic_folder, write_json
+from core.runtime.reading import number, open_image, read_json, read_text, reading, typed, whole
+
+_WHITE_LEVEL = 253
+"""A pixel whose channels are all this bright is background where there is no mask; saving again changes 1-2 levels."""
+
+
+@dataclass(frozen=True)
+class ObjectViews:
+    """One object's images and their cameras. Raises ``ValueError`` where they do not belong together."""
+
+    name: str
+    shape_id: str
+    """objects with the same shape_id have one geometry"""
+    texture_id: str
+    """objects with the same texture_id have the same colours"""
+    images: UInt8[np.ndarray, "views height width 3"]
+    """on white"""
+    masks: Bool[np.ndarray, "views height width"]
+    """True on the object"""
+    cameras: tuple[Camera, ...]
+
+    def __post_init__(self) -> None:
+        if self.images.ndim != 4 or self.images.shape[-1] != 3 or self.images.dtype != np.uint8:
+            raise ValueError(f"{self.name}: images must be uint8 [views, height, width, 3], got {self.images.shape}")
+        if self.masks.shape != self.images.shape[:3] or self.masks.dtype != np.bool_:
+            raise ValueError(f"{self.name}: masks {self.masks.shape} do not fit images {self.images.shape}")
+        if len(self.cameras) != len(self.images) or not self.cameras:
+            raise ValueError(f"{self.name}: {len(self.cameras)} cameras for {len(self.images)} images")
+        height, width = self.images.shape[1:3]
+        if any((camera.width, camera.height) != (width, height) for camera in self.cameras):
+            raise ValueError(f"{self.name}: the cameras' size is not the images' {width}x{height}")
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Objects of one category, all seen through the same square image and focal length."""
+
+    objects: tuple[ObjectViews, ...]
+    category: str
+    """'' where the files do not say"""
+    image_size: int
+    """px, width and height"""
+    focal: float
+    """px, at image_size"""
+
+
+class _Identity(NamedTuple):
+    """Of an object, in a manifest."""
+
+    shape_id: str
+    texture_id: str
+
+
+class _Manifest(NamedTuple):
+    category: str = ""
+    objects: dict[str, _Identity] = {}  # noqa: RUF012  (never written to)
+
+
+@dataclass(frozen=True)
+class ObjectEntry:
+    """An object of a dataset that has not been read yet: a test set need not fit into memory."""
+
+    folder: Path
+    shape_id: str
+    texture_id: str
+
+    @property
+    def name(self) -> str:
+        """As :class:`ObjectViews` has it."""
+        return self.folder.name
+
+    def read(self) -> ObjectViews:
+        """Its images. Raises ``ValueError`` naming the file for anything missing, broken or contradictory."""
+        return _read_object(self.folder, (self.shape_id, self.texture_id))
+
+
+def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry, ...]]:
+    """The category ('' where no manifest says) and the objects of dataset folders, in order of folder, then of name.
+
+    Raises ``ValueError`` naming the folder where there are none, or where categories or names clash.
+    """
+    categories, entries = set[str](), list[ObjectEntry]()
+    for folder in map(Path, folders):
+        category, found = _index_folder(folder)
+        categories |= {category} - {""}
+        entries += found
+    if len(categories) > 1:
+        raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
+    names = [entry.name for entry in entries]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice:
+        raise ValueError(f"{twice}: two folders hold an object of this name")
+    return "".join(categories), tuple(entries)
+
+
+def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
+    """Reads one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
+
+    Raises ``ValueError`` naming the file for anything missing, broken or contradictory.
+    """
+    several = [folders] if isinstance(folders, str | Path) else list(folders)
+    objects: list[ObjectViews] = []
+    categories: set[str] = set()
+    for folder in map(Path, several):
+        category, found = _read_folder(folder)
+        objects += found
+        categories |= {category} - {""}
+    _check_consistent(objects, categories)
+    camera = objects[0].cameras[0]
+    return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal)
+
+
+def write_object(folder: Path | str, views: ObjectViews) -> None:
+    """Writes ``folder/NAME/...``, replacing what is there.
+
+    A folder of that name appears only once it is whole, so a stopped job can resume.
+    """
+    target = Path(folder) / views.name
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_folder(target, replace=True) as partial:
+        for part in ("rgb", "pose", "mask"):
+            (partial / part).mkdir()
+        for i, (image, mask, camera) in enumerate(zip(views.images, views.masks, views.cameras, strict=True)):
+            Image.fromarray(image).save(partial / f"rgb/{i:06d}.png", compress_level=4)
+            Image.fromarray(mask.astype(np.uint8) * 255).save(partial / f"mask/{i:06d}.png", compress_level=4)
+            numbers = " ".join(f"{value:.12g}" for value in camera.pose().flatten().tolist())
+            (partial / f"pose/{i:06d}.txt").write_text(numbers + "\n")
+        camera = views.cameras[0]
+        intrinsics = f"{camera.focal:.9g} {camera.width / 2:.9g} {camera.height / 2:.9g} 0."
+        (partial / "intrinsics.txt").write_text(f"{intrinsics}\n0. 0. 0.\n1.\n{camera.height} {camera.width}\n")
+
+
+def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
+    """Writes ``manifest.json``: the category and, for each object's name, its (shape_id, texture_id).
+
+    It may name objects that are not there yet, so it can be written before the images are.
+    """
+    objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    write_json(Path(folder) / "manifest.json", {"category": category, "objects": objects})
+
+
+def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
+    """The category and the objects of one dataset folder."""
+    category, entries = _index_folder(folder)
+    # Decoding a PNG releases the interpreter lock, so threads are enough.
+    with ThreadPoolExecutor() as pool:
+        return category, list(pool.map(ObjectEntry.read, entries))
+
+
+def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
+    """The category and the objects of one dataset folder.
+
+    Without a manifest, an object shares neither shape nor texture (the paper's setting).
+    """
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: no such dataset folder")
+    category, identities = _read_manifest(folder / "manifest.json")
+    found = sorted(path for path in folder.iterdir() if path.is_dir() and not _is_junk(path))
+    if not found:
+        raise ValueError(f"{folder}: no object folders in it")
+    return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in found]
+
+
+def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
+    """The category and name -> (shape_id, texture_id); ('', {}) where there is no manifest."""
+    if not path.exists():
+        return "", {}
+    with reading(path, "a manifest"):
+        manifest = typed(_Manifest, read_json(path), name="manifest")
+    return manifest.category, {name: (ids.shape_id, ids.texture_id) for name, ids in manifest.objects.items()}
+
+
+def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
+    """One object's folder."""
+    paths = sorted(path for path in (folder / "rgb").glob("*.png") if not _is_junk(path))
+    if not paths:
+        raise ValueError(f"{folder / 'rgb'}: no images (*.png)")
+    stems = [path.stem for path in paths]
+    poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt") if not _is_junk(pose)}
+    if set(poses) != set(stems):
+        raise ValueError(f"{folder / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
+    focal, made_for = _read_intrinsics(folder / "intrinsics.txt")
+    images, masks = zip(*(_read_image(path, folder / "mask" / path.name) for path in paths), strict=True)
+    height, width = images[0].shape[:2]
+    for path, image in zip(paths, images, strict=True):
+        if image.shape != (height, width, 3):
+            raise ValueError(f"{path}: its size is not the {width}x{height} of the object's other images")
+    scaled = focal * height / made_for
+    cameras = tuple(_camera(poses[stem], scaled, width, height) for stem in stems)
+    return ObjectViews(folder.name, *identity, np.stack(images), np.stack(masks), cameras)
+
+
+def _is_junk(path: Path) -> bool:
+    """What systems leave in folders that are copied or zipped: ``._000000.png``, ``__MACOSX``."""
+    return path.name.startswith(".") or path.name == "__MACOSX"
+
+
+def _read_intrinsics(path: Path) -> tuple[float, int]:
+    """Focal length in px and the image height in px that it belongs to."""
+    with reading(path, "a file of SRN intrinsics"):
+        lines = [line.split() for line in read_text(path).splitlines() if line.strip()]
+        focal, height = number(float(lines[0][0])), whole(float(lines[-1][0]))
+        if focal <= 0 or height < 1:
+            raise ValueError(f"focal length and height must be positive, got {focal} and {height}")
+        return focal, height
+
+
+def _camera(path: Path, focal: float, width: int, height: int) -> Camera:
+    """The camera of a pose file."""
+    pose = read_pose(path)
+    with reading(path, "a pose"):
+        return Camera.from_pose(pose, focal, width, height)
+
+
+def _read_image(
+    path: Path, mask_path: Path
+) -> tuple[UInt8[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
+    """An image laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
+    with reading(path, "an image"):
+        with open_image(path) as opened:
+            rgba = np.asarray(opened.convert("RGBA"))
+        alpha = rgba[..., 3:]
+        image = rgba[..., :3]
+        clear = bool((alpha < 255).any())
+        if clear:
+            share = alpha.astype(np.float32) / 255
+            image = (image * share + 255 * (1 - share) + 0.5).astype(np.uint8)
+        if mask_path.exists():
+            with reading(mask_path, "an image"), open_image(mask_path) as opened:
+                mask = np.asarray(opened.convert("L")) > 127
+        else:
+            mask = alpha[..., 0] > 127 if clear else image.min(-1) < _WHITE_LEVEL
+    if mask.shape != image.shape[:2]:
+        raise ValueError(f"{mask_path}: its size {mask.shape} is not the image's {image.shape[:2]}")
+    return np.ascontiguousarray(image), mask
+
+
+def _check_consistent(objects: Sequence[ObjectViews], categories: set[str]) -> None:
+    """Raises ``ValueError`` unless the objects make one dataset."""
+    if not objects:
+        raise ValueError("no dataset folder was given")
+    if len(categories) > 1:
+        raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
+    first, names = objects[0].cameras[0], set[str]()
+    if first.width != first.height:
+        raise ValueError(f"{objects[0].name}: images must be square, got {first.width}x{first.height}")
+    for views in objects:
+        if views.name in names:
+            raise ValueError(f"{views.name}: two folders hold an object of this name")
+        names.add(views.name)
+        camera = views.cameras[0]
+        if (camera.width, camera.height) != (first.width, first.height):
+            size = f"{camera.width}x{camera.height}"
+            raise ValueError(f"{views.name}: images of {size} among others of {first.width}x{first.height}")
+        if abs(camera.focal - first.focal) > 1e-3 * first.focal:
+            raise ValueError(f"{views.name}: focal length {camera.focal} among others of {first.focal}")

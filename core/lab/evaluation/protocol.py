@@ -1,0 +1,219 @@
+"""The paper's protocol: fit an object on one or a few views, render its other views, compare."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from core.fitting.fit import PRESETS, FitJob, FitStep
+from core.fitting.paper import fit_as_set
+from core.geometry.camera import Camera
+from core.lab.datasets.srn import ObjectViews
+from core.lab.evaluation.statistics import Mean, mean_of
+from core.metrics import psnr, rotation_error, ssim, translation_error
+from core.models.codes import Codes
+from core.models.model import Model
+from core.photos.photo import Photo
+from core.rendering.images import render_image
+
+OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
+"""A camera with a larger rotation or translation error than this is an outlier."""
+
+
+@dataclass(frozen=True)
+class EvaluationProtocol:
+    """Which views of an object are fitted and which are rendered."""
+
+    inputs: tuple[int, ...] = (64,)
+    """the views that are fitted; the others are rendered and compared"""
+    estimate: bool = False
+    """estimate the cameras of the input views instead of taking the true ones"""
+    preset: str = "normal"
+    """of :data:`core.fitting.fit.PRESETS`"""
+    seed: int = 0
+    every: int = 1
+    """stride over the other views; the paper renders all of them"""
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise ValueError(f"no fit preset is called {self.preset}; there are {', '.join(PRESETS)}")
+        if not self.inputs or min(self.inputs) < 0 or len(set(self.inputs)) < len(self.inputs):
+            raise ValueError(f"input views are different views, counted from 0, got {self.inputs}")
+        if self.every < 1:
+            raise ValueError(f"the stride over views must be at least 1, got {self.every}")
+
+
+@dataclass(frozen=True)
+class PoseScore:
+    """Errors of an estimated camera, at the end of the fit and after its first step."""
+
+    view: int
+    rotation: float
+    """degrees"""
+    translation: float
+    """share of the true distance"""
+    initial_rotation: float
+    initial_translation: float
+
+    @property
+    def outlier(self) -> bool:
+        """Whether the camera is further off than 5 degrees or 3 % of the distance."""
+        return self.rotation > OUTLIER_DEGREES or self.translation > OUTLIER_SHARE
+
+
+@dataclass(frozen=True)
+class ObjectScore:
+    """How well one object was reconstructed."""
+
+    name: str
+    psnr: float
+    """dB, mean over the rendered views"""
+    ssim: float
+    views: int
+    """rendered and compared"""
+    seconds: float
+    """of the fit"""
+    poses: tuple[PoseScore, ...] = ()
+    """one per input view where cameras were estimated"""
+
+    @property
+    def outlier(self) -> bool:
+        """Whether one of its cameras is an outlier."""
+        return any(pose.outlier for pose in self.poses)
+
+
+def evaluate(model: Model, objects: Iterable[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectScore]:
+    """Yields a score per object, in order.
+
+    Codes live in the frame of the fitted cameras; the other views are rendered from their true cameras all the same,
+    as in the paper. Raises ``ValueError`` for an object that has too few views or another focal length than the
+    model's where cameras are estimated.
+    """
+    for views in objects:
+        yield _score_object(model, views, protocol)
+
+
+def _score_object(model: Model, views: ObjectViews, protocol: EvaluationProtocol) -> ObjectScore:
+    rest = [index for index in range(len(views.cameras)) if index not in protocol.inputs][:: protocol.every]
+    _require_views(views, protocol, rest)
+    if protocol.estimate:
+        _require_focal_length(model, views)
+    photos = tuple(as_photo(views, index, not protocol.estimate) for index in protocol.inputs)
+    job = FitJob(photos, PRESETS[protocol.preset], protocol.seed)
+    first, last = fit_first_last(model, job)
+    scores = [score_view(model, last.codes, views, index) for index in rest]
+    poses = tuple(
+        _pose_score(view, views.cameras[view], estimated, initial)
+        for view, estimated, initial in zip(protocol.inputs, last.cameras, first.cameras, strict=True)
+        if protocol.estimate
+    )
+    means = np.mean(scores, axis=0)
+    return ObjectScore(views.name, float(means[0]), float(means[1]), len(rest), last.seconds, poses)
+
+
+def fit_first_last(model: Model, job: FitJob) -> tuple[FitStep, FitStep]:
+    """Runs a fit and returns its first and its last step."""
+    steps = fit_as_set(model, job)
+    first = last = next(steps)
+    for step in steps:
+        last = step
+    return first, last
+
+
+def as_photo(views: ObjectViews, index: int, posed: bool) -> Photo:
+    """A view as a photo to fit; ``posed``: with its true camera."""
+    pixels = torch.from_numpy(views.images[index]).float() / 255
+    return Photo(pixels, torch.from_numpy(views.masks[index]), views.cameras[index] if posed else None)
+
+
+def score_view(model: Model, codes: Codes, views: ObjectViews, index: int) -> tuple[float, float]:
+    """PSNR (dB) and SSIM of a rendered view, clipped to [0, 1], against the true image."""
+    rendered = render_image(model, codes, views.cameras[index]).colour.clamp(0, 1).cpu()
+    truth = torch.from_numpy(views.images[index]).float() / 255
+    return psnr(rendered, truth), ssim(rendered, truth)
+
+
+def _require_views(views: ObjectViews, protocol: EvaluationProtocol, rest: Sequence[int]) -> None:
+    count, wanted = len(views.cameras), ",".join(map(str, protocol.inputs))
+    if max(protocol.inputs) >= count:
+        raise ValueError(f"{views.name}: {count} views, 0 to {count - 1}, and the input views are {wanted}")
+    if not rest:
+        raise ValueError(f"{views.name}: {count} views, all of them input views ({wanted}): none to compare")
+
+
+def _require_focal_length(model: Model, views: ObjectViews) -> None:
+    camera = views.cameras[0]
+    theirs, ours = camera.focal / camera.height, model.focal / model.image_size
+    if abs(theirs - ours) > 0.01 * ours:
+        raise ValueError(f"{views.name}: focal length {theirs:.3f} image heights, and the model's is {ours:.3f}")
+
+
+def _pose_score(view: int, truth: Camera, estimated: Camera, initial: Camera) -> PoseScore:
+    errors = [
+        measure(camera, truth) for camera in (estimated, initial) for measure in (rotation_error, translation_error)
+    ]
+    return PoseScore(view, *errors)
+
+
+# Averages
+
+
+@dataclass(frozen=True)
+class PoseSummary:
+    """Errors of estimated cameras, averaged per object, then over objects."""
+
+    cameras: int
+    rotation: Mean
+    """degrees"""
+    translation: Mean
+    """share of the true distance"""
+    initial_rotation: Mean
+    initial_translation: Mean
+    within_5_degrees: Mean
+    """shares of cameras, 0..1"""
+    within_10_degrees: Mean
+    within_3_percent: Mean
+    within_5_percent: Mean
+
+
+@dataclass(frozen=True)
+class EvaluationSummary:
+    """One line of the paper's table."""
+
+    objects: int
+    psnr: Mean
+    ssim: Mean
+    seconds: Mean
+    pose: PoseSummary | None
+    """None where cameras are known"""
+    without_outliers: "EvaluationSummary | None" = None
+
+
+def summarise(scores: Sequence[ObjectScore]) -> EvaluationSummary:
+    """Means over all objects and, where cameras were estimated, over the objects without outliers."""
+    whole = _summary(scores)
+    if whole.pose is None:
+        return whole
+    return replace(whole, without_outliers=_summary([score for score in scores if not score.outlier]))
+
+
+def _summary(scores: Sequence[ObjectScore]) -> EvaluationSummary:
+    psnrs, ssims, seconds = (mean_of([getattr(one, name) for one in scores]) for name in ("psnr", "ssim", "seconds"))
+    posed = [score for score in scores if score.poses]
+    return EvaluationSummary(len(scores), psnrs, ssims, seconds, _pose_summary(posed) if posed else None)
+
+
+def _pose_summary(scores: Sequence[ObjectScore]) -> PoseSummary:
+    def over(measure: str) -> Mean:
+        return mean_of([float(np.mean([getattr(pose, measure) for pose in score.poses])) for score in scores])
+
+    def within(measure: str, most: float) -> Mean:
+        return mean_of([float(np.mean([getattr(p, measure) <= most for p in score.poses])) for score in scores])
+
+    return PoseSummary(
+        sum(len(score.poses) for score in scores),
+        *(over(name) for name in ("rotation", "translation", "initial_rotation", "initial_translation")),
+        *(within("rotation", degrees) for degrees in (5.0, 10.0)),
+        *(within("translation", share) for share in (0.03, 0.05)),
+    )

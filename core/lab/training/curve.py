@@ -1,0 +1,56 @@
+"""Training curves: PSNR on held-out views against steps and seconds, as JSON and as a chart."""
+
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from core.runtime.files import write_json
+from core.runtime.reading import read_json, reading, typed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """One measurement during a training run."""
+
+    step: int
+    seconds: float
+    """of training"""
+    psnr: float
+    """dB on views not trained on"""
+
+
+def read_curve(path: Path) -> list[CurvePoint]:
+    """The points of a curve that :func:`write_curve` wrote; none where there is no file."""
+    if not path.exists():
+        return []
+    with reading(path, "a training curve"):
+        (points,) = typed(dict[str, tuple[CurvePoint, ...]], read_json(path), name="curve").values()
+        return list(points)
+
+
+def write_curve(path: Path, name: str, points: list[CurvePoint]) -> None:
+    """``path`` as JSON, and beside it, where matplotlib is installed, a chart as PNG: PSNR against minutes."""
+    write_json(path, {name: [asdict(point) for point in points]})
+    with suppress(ImportError):  # the chart is extra; training needs no matplotlib
+        draw_curves({name: points}).savefig(path.with_suffix(".png"), dpi=110)
+
+
+def draw_curves(curves: dict[str, list[CurvePoint]]) -> "Figure":
+    """A chart of PSNR (dB) against minutes of training, a line per named curve.
+
+    Raises ``ImportError`` where matplotlib is not installed.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.2, 4.16), layout="constrained")
+    axes = figure.subplots()
+    for name, points in curves.items():
+        axes.plot([point.seconds / 60 for point in points], [point.psnr for point in points], "o-", label=name)
+    axes.set(xlabel="minutes of training", ylabel="PSNR on held-out views (dB)")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    return figure

@@ -1,0 +1,343 @@
+"""Training (Eq. 4): the field and both code books from posed images."""
+
+import copy
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+from torch.nn import functional
+
+from core.geometry.rays import ray_points, stratified, uniform_edges
+from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.training.ray_dataset import RayBatch, RayDataset
+from core.lab.training.recipes import TrainSettings
+from core.lab.training.visual_hull import shared_extent
+from core.metrics import psnr, psnr_from_mse
+from core.models.architecture_variants import build_field
+from core.models.codes import CodeBook, Entry
+from core.models.model import Model
+from core.rendering.compositing import composite_on_white, compositing_weights
+from core.rendering.reference import render_exact
+from core.runtime.files import atomic_file
+from core.runtime.precision import autocast, matmul_dtype, require_device
+from core.runtime.reading import first_line
+
+_PRUNE_AT = (0.08, 0.2, 0.4, 0.7)
+"""Fractions of the schedule after which the hulls are pruned to where the field has found the object."""
+_PRUNE_AFTER = 2000
+"""Steps before which nothing is pruned: what the field has not found yet is not empty."""
+_POINTS_MULTIPLE = 512
+"""Points are evaluated in multiples of this."""
+_MIN_TRANSMITTANCE = 1e-3
+"""A sample that less of its ray's light reaches does not change the colour visibly, so it is not trained on."""
+_CHUNK_POINTS = 8192
+"""Points evaluated at a time to find what light reaches: few enough that activations stay in cache."""
+_MIN_MUON_DIM = 8
+"""A matrix of fewer rows or columns (density's, colour's) is left to AdamW."""
+_WEIGHT_DECAY = 1e-4
+"""of the weights, per step and learning rate"""
+_WARMUP_STEPS = 500
+_FINAL_LR = 0.01
+"""Learning rates at the end of the schedule, relative to their peaks."""
+
+
+@dataclass(frozen=True)
+class TrainStep:
+    """The progress of a training run."""
+
+    step: int
+    steps: int
+    loss: float
+    psnr: float
+    """dB of this step's rays, which lie on and around the objects"""
+    seconds: float
+    """spent on training, resumed runs included"""
+
+
+class Trainer:
+    """A training run: its whole state, which can be saved and resumed at any step."""
+
+    def __init__(self, dataset: Dataset, settings: TrainSettings, device: str = "cpu") -> None:
+        self.settings, self.dataset = settings, dataset
+        self.device = require_device(device)
+        self.generator = torch.Generator(device).manual_seed(settings.seed)
+        torch.manual_seed(settings.seed)
+        self.extent = shared_extent(dataset.objects)
+        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image)
+        self.entries, shapes, textures = _build_entries(dataset)
+        config = settings.field
+        self.field = build_field(config).to(self.device)
+        self.shapes = nn.Parameter(_initial_codes(shapes, config.shape_latent).to(self.device))
+        self.textures = nn.Parameter(_initial_codes(textures, config.texture_latent).to(self.device))
+        self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
+        self.optimisers, self._peak_lrs = self._build_optimisers()
+        rows = torch.tensor([(entry.shape, entry.texture) for entry in self.entries], device=self.device)
+        self.shape_row, self.texture_row = rows.unbind(-1)
+        self._prune_steps = () if settings.whole_image else tuple(int(share * settings.steps) for share in _PRUNE_AT)
+        self.step, self.seconds = 0, 0.0
+        self.extends: tuple[str, ...] = ()
+        """as :attr:`core.models.model.Model.extends`"""
+
+    def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
+        """The optimisers of network and codes, and the peak learning rate of each of their parameter groups."""
+        settings, matrices = self.settings, list[nn.Parameter]()
+        if settings.muon_lr is not None:
+            matrices = [one for one in self.field.parameters() if one.ndim == 2 and min(one.shape) >= _MIN_MUON_DIM]
+        rest = [one for one in self.field.parameters() if all(one is not matrix for matrix in matrices)]
+        groups = {"params": rest}, {"params": [self.shapes, self.textures]}
+        optimisers: list[torch.optim.Optimizer] = [
+            torch.optim.AdamW(groups, weight_decay=_WEIGHT_DECAY, eps=1e-12, fused=True)
+        ]
+        peaks = [settings.network_lr, settings.code_lr]
+        if settings.muon_lr is not None:
+            muon = torch.optim.Muon(matrices, weight_decay=_WEIGHT_DECAY, adjust_lr_fn="match_rms_adamw")
+            optimisers.append(muon)
+            peaks.append(settings.muon_lr)
+        return optimisers, peaks
+
+    def initialise_from(self, model: Model) -> None:
+        """Start from a trained model: its network, and its codes of all objects that the dataset has too.
+
+        Shapes and textures that the model was not trained on start from its mean ones. Raises ``ValueError`` for a
+        model of another category or with another network.
+        """
+        if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
+            raise ValueError(f"training cannot start from a model of {model.category} with {model.field.config}")
+        self.field.load_state_dict(model.field.state_dict())
+        known = model.codes.index
+        with torch.no_grad():
+            self.shapes.copy_(model.codes.mean.shape.expand_as(self.shapes))
+            self.textures.copy_(model.codes.mean.texture.expand_as(self.textures))
+            for entry in self.entries:
+                if entry.name in known:
+                    codes = model.codes[known[entry.name]]
+                    self.shapes[entry.shape], self.textures[entry.texture] = codes.shape, codes.texture
+        self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
+        self.extends = (model.fingerprint, *model.extends)
+
+    def steps(self) -> Iterator[TrainStep]:
+        """Train to the end of the schedule, yielding each step; to stop, take no more values.
+
+        Raises ``ValueError`` where the loss is no longer finite.
+        """
+        while self.step < self.settings.steps:
+            began = time.perf_counter()
+            if self.step >= _PRUNE_AFTER and self.step in self._prune_steps:
+                self.ray_dataset.prune(self.field, self.field.shape_bias(self.shapes[self.shape_row]))
+            loss, error = self._optimise_step()
+            self.step += 1
+            self.seconds += time.perf_counter() - began
+            if not math.isfinite(loss):
+                raise ValueError(f"training diverged at step {self.step}: lower the learning rates")
+            yield TrainStep(self.step, self.settings.steps, loss, psnr_from_mse(error), self.seconds)
+
+    def model(self) -> Model:
+        """The model so far, with the moving average of the weights; codes are rounded to half precision, as files have
+        them.
+        """
+        now, averaged = self._parameters(), copy.deepcopy(self.field).cpu()
+        *layers, shapes, textures = self.ema_parameters
+        assert len(layers) == len(now) - 2
+        for parameter, value in zip(averaged.parameters(), layers, strict=True):
+            parameter.data.copy_(value)
+        book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
+        distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
+        size, focal = self.dataset.image_size, self.dataset.focal
+        typical = float(np.median(distances))
+        return Model(averaged, book, self.extent, self.dataset.category, size, focal, typical, extends=self.extends)
+
+    def save_state(self, path: Path) -> None:
+        """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""
+        state = {
+            "objects": [entry.name for entry in self.entries],
+            "field": self.field.state_dict(),
+            "codes": (self.shapes.detach(), self.textures.detach()),
+            "averages": self.ema_parameters,
+            "optimisers": [optimiser.state_dict() for optimiser in self.optimisers],
+            "generator": self.generator.get_state(),
+            "hulls": self.ray_dataset.hulls,
+            "progress": (self.step, self.seconds),
+        }
+        with atomic_file(path) as partial:
+            torch.save(state, partial)
+
+    def load_state(self, path: Path) -> None:
+        """Resume a saved run. Raises ``ValueError`` where its sizes or objects are not this run's."""
+        try:
+            state = torch.load(path, map_location=self.device, weights_only=True)
+            if state["objects"] != [entry.name for entry in self.entries]:
+                raise ValueError("it is of other objects, or of the same in another order")
+            self.field.load_state_dict(state["field"])
+            with torch.no_grad():
+                for parameter, value in zip((self.shapes, self.textures), state["codes"], strict=True):
+                    parameter.copy_(value)
+            self.ema_parameters = state["averages"]
+            self.ray_dataset.hulls.copy_(state["hulls"])
+            for optimiser, saved in zip(self.optimisers, state["optimisers"], strict=True):
+                optimiser.load_state_dict(saved)
+            self.generator.set_state(state["generator"].cpu())
+            self.step, self.seconds = state["progress"]
+        except Exception as error:  # torch's reader raises whatever its parsers raise
+            raise ValueError(f"{path} does not fit this dataset and these settings: {first_line(error)}") from error
+
+    def _optimise_step(self) -> tuple[float, float]:
+        """One optimisation step; its loss and its squared error."""
+        batch = self.ray_dataset.sample(self.settings.rays, self.generator)
+        with autocast(self.device):
+            loss, error = self._loss(batch)
+        for optimiser in self.optimisers:
+            optimiser.zero_grad()
+        loss.backward()
+        groups = [group for optimiser in self.optimisers for group in optimiser.param_groups]
+        for group, peak in zip(groups, self._peak_lrs, strict=True):
+            group["lr"] = peak * self._lr_factor(self.step)
+        for optimiser in self.optimisers:
+            optimiser.step()
+        decay = min(self.settings.ema_decay, (1 + self.step) / (10 + self.step))
+        torch._foreach_lerp_(self.ema_parameters, [p.detach() for p in self._parameters()], 1 - decay)
+        return float(loss.detach()), float(error.detach())
+
+    def _loss(self, batch: RayBatch) -> tuple[Tensor, Tensor]:
+        """Eq. 4 with the terms for the mask and for empty space; and the squared error alone."""
+        settings = self.settings
+        shape, texture = self.shapes[self.shape_row[batch.owner]], self.textures[self.texture_row[batch.owner]]
+        edges = uniform_edges(batch.rays, settings.samples)
+        density, colours = self._radiance(batch, edges, shape, texture)
+        weights, transmittance = compositing_weights(density, edges)
+        error = functional.mse_loss(composite_on_white(weights, transmittance, colours), batch.colours)
+        certain = batch.mask_class != 1
+        opacity_error = (1 - transmittance - batch.mask_class.float() / 2) * certain
+        mask_loss = opacity_error.square().sum() / certain.sum().clamp_min(1)
+        prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
+        loss = error + settings.mask_weight * mask_loss + settings.code_prior * prior
+        if settings.outside_points:
+            loss = loss + settings.empty_space_weight * self._empty_space_loss()
+        return loss, error
+
+    def _radiance(
+        self,
+        batch: RayBatch,
+        edges: Float[Tensor, "rays edges"],
+        shape: Float[Tensor, "rays shape"],
+        texture: Float[Tensor, "rays texture"],
+    ) -> tuple[Float[Tensor, "rays samples"], Float[Tensor, "rays samples 3"]]:
+        """Density and colour of one random sample per interval; zero where nothing needs to be evaluated."""
+        settings = self.settings
+        depths = stratified(edges, self.generator)
+        points = ray_points(batch.rays, depths)
+        hit = self.ray_dataset.inside_hull(points, batch.owner[:, None]).flatten().nonzero()[:, 0]
+        ray_biases = self.field.biases(shape, texture)
+        if not settings.whole_image and settings.field.architecture != "M1":  # M1's density depends on the direction
+            hit = self._reached_by_light(hit, points, edges, ray_biases[0])
+        padded = _pad_to_multiple(hit)
+        ray = padded // settings.samples
+        direction = self.field.direction_bias(batch.rays.directions).index_select(0, ray)
+        biases = (bias.index_select(0, ray) for bias in ray_biases)
+        density, colours = self.field.radiance(points.flatten(0, 1)[padded], direction, *biases)
+        all_density = depths.new_zeros(depths.numel()).index_copy(0, hit, density[: len(hit)])
+        all_colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, colours[: len(hit)])
+        return all_density.view_as(depths), all_colours.view_as(points)
+
+    @torch.no_grad()
+    def _reached_by_light(
+        self, hit: Int[Tensor, "hits"], points: Tensor, edges: Tensor, shape_bias: Tensor
+    ) -> Int[Tensor, "reached"]:
+        """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
+        density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(matmul_dtype(self.device.type))
+        for part in hit.split(_CHUNK_POINTS):
+            padded = _pad_to_multiple(part)
+            bias = shape_bias.index_select(0, padded // points.shape[1])
+            found = self.field.density(points.flatten(0, 1).index_select(0, padded), bias)[0]
+            density[part] = found[: len(part)]
+        depth = (density.view(points.shape[:-1]) * edges.diff(dim=-1)).cumsum(-1)
+        occluded = functional.pad(depth, (1, -1)) > -math.log(_MIN_TRANSMITTANCE)
+        return hit[~occluded.flatten()[hit]]
+
+    def _empty_space_loss(self) -> Tensor:
+        """The mean opacity that density outside the hulls would have over one interval of a ray.
+
+        Half of the points are evaluated with one object's shape code, half with a mix of two objects' codes, where
+        neither has a hull: what lies between two objects stays as clean as they are.
+        """
+        count, generator, device = self.settings.outside_points, self.generator, self.device
+        points = (torch.rand(count, 3, generator=generator, device=device) * 2 - 1) * self.ray_dataset.extent
+        first, second = torch.randint(len(self.entries), (2, count), generator=generator, device=device)
+        second[: count // 2] = first[: count // 2]
+        outside = ~(self.ray_dataset.inside_hull(points, first) | self.ray_dataset.inside_hull(points, second))
+        share = torch.rand(count, 1, generator=generator, device=device)
+        shape = torch.lerp(self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]], share)
+        texture = torch.lerp(self.textures[self.texture_row[first]], self.textures[self.texture_row[second]], share)
+        density, _ = self.field.density(points, self.field.biases(shape, texture)[0])
+        step = 2 * self.ray_dataset.extent.amin() / self.settings.samples
+        return (-torch.expm1(-density * step) * outside).mean()
+
+    def _parameters(self) -> list[Tensor]:
+        return [*self.field.parameters(), self.shapes, self.textures]
+
+    def _lr_factor(self, step: int) -> float:
+        """The learning rates relative to their peaks: a short linear warm-up, then a half cosine."""
+        warmup = min(1.0, (step + 1) / _WARMUP_STEPS)
+        cosine = (1 + math.cos(math.pi * min(1.0, step / self.settings.steps))) / 2
+        return warmup * (_FINAL_LR + (1 - _FINAL_LR) * cosine)
+
+
+def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
+    """The dataset without the last view of every object, and that view of a few objects, evenly over the dataset.
+
+    Raises ``ValueError`` where an object has one view only.
+    """
+
+    def part(views: ObjectViews, kept: slice) -> ObjectViews:
+        return replace(views, images=views.images[kept], masks=views.masks[kept], cameras=views.cameras[kept])
+
+    if min(len(views.cameras) for views in dataset.objects) < 2:
+        raise ValueError("training needs at least two views of every object: one is held out to measure by")
+    rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
+    some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
+    held = tuple(part(views, slice(-1, None)) for views in some)
+    return replace(dataset, objects=rest), replace(dataset, objects=held)
+
+
+def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
+    """Mean PSNR (dB) of whole images of a model's training objects, on a dataset of views not trained on."""
+    index, found = model.codes.index, list[float]()
+    for views in dataset.objects:
+        codes = model.codes[index[views.name]]
+        for image, camera in zip(views.images, views.cameras, strict=True):
+            colour = render_exact(model, codes, camera, samples).colour.clamp(0, 1)
+            found.append(psnr(colour, torch.from_numpy(image).float() / 255))
+    return sum(found) / len(found)
+
+
+def _pad_to_multiple(indices: Int[Tensor, "some"]) -> Int[Tensor, "more"]:
+    """Indices with their first repeated up to a multiple of ``_POINTS_MULTIPLE``.
+
+    The processor's matrix library compiles a kernel for every size that it has not met.
+    """
+    return functional.pad(indices, (0, -len(indices) % _POINTS_MULTIPLE), value=int(indices[0]) if len(indices) else 0)
+
+
+def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:
+    """Codes before training: small and random, as in the authors' code."""
+    return torch.randn(count, latent) / math.sqrt(latent / 2)
+
+
+def _build_entries(dataset: Dataset) -> tuple[tuple[Entry, ...], int, int]:
+    """The code book's objects, and how many different shapes and textures they have."""
+    shapes: dict[str, int] = {}
+    textures: dict[str, int] = {}
+    entries = tuple(
+        Entry(
+            views.name,
+            shapes.setdefault(views.shape_id, len(shapes)),
+            textures.setdefault(views.texture_id, len(textures)),
+        )
+        for views in dataset.objects
+    )
+    return entries, len(shapes), len(textures)

@@ -1,0 +1,94 @@
+"""Training :mod:`core.classifiers.viewpoint` on the images of a dataset, made like photographs."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from core.classifiers.crops import CropClassifier, crop_to_object
+from core.classifiers.viewpoint import ViewpointClassifier, direction_weights, directions
+from core.geometry.camera import camera_rotation
+from core.lab.datasets.srn import Dataset
+from core.lab.training.augmentation import augment_photo
+
+BATCH_SIZE = 96
+"""images"""
+_PEAK_LR = 2e-3
+_KERNEL_WIDTH = math.radians(9)
+"""rad; standard deviation of the target distribution around the true direction"""
+
+
+class ViewpointDataset(NamedTuple):
+    """Images as the network takes them, and the directions they are seen from."""
+
+    images: Float[Tensor, "images 4 side side"]
+    azimuth: Float[Tensor, "images"]
+    elevation: Float[Tensor, "images"]
+    """rad"""
+
+
+@dataclass(frozen=True)
+class ViewpointStep:
+    """The progress of the training."""
+
+    step: int
+    steps: int
+    loss: float
+
+
+def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
+    """All images that show anything. Raises ``ValueError`` where every mask is empty."""
+    images, angles = [], []
+    for views in dataset.objects:
+        for image, mask, camera in zip(views.images, views.masks, views.cameras, strict=True):
+            if mask.any():
+                seen = crop_to_object(torch.from_numpy(image).float() / 255, torch.from_numpy(mask))
+                images.append((255 * seen + 0.5).to(torch.uint8))
+                angles.append((camera.azimuth, camera.elevation))
+    if not images:
+        raise ValueError("there is nothing to train on: every mask is empty")
+    return ViewpointDataset(torch.stack(images), *torch.tensor(angles).unbind(1))
+
+
+def train_viewpoint(
+    classifier: ViewpointClassifier, dataset: ViewpointDataset, steps: int, seed: int = 0
+) -> Iterator[ViewpointStep]:
+    """Train a network in place, yielding each step; to stop, take no more values."""
+    generator = torch.Generator().manual_seed(seed)
+
+    def batch_loss() -> Tensor:
+        index = torch.randint(len(dataset.images), (BATCH_SIZE,), generator=generator)
+        images, azimuth = augment_photo(dataset.images[index].float() / 255, dataset.azimuth[index], generator)
+        target = direction_weights(azimuth, dataset.elevation[index], _KERNEL_WIDTH)
+        return functional.cross_entropy(classifier(images), target)
+
+    yield from train_classifier(classifier, batch_loss, steps)
+
+
+def train_classifier(
+    classifier: CropClassifier, batch_loss: Callable[[], Tensor], steps: int
+) -> Iterator[ViewpointStep]:
+    """Train a network in place on the losses of batches, yielding each step."""
+    optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
+    classifier.requires_grad_(True).train()
+    for step in range(steps):
+        optimiser.param_groups[0]["lr"] = _PEAK_LR * (0.01 + 0.99 * (1 + math.cos(math.pi * step / steps)) / 2)
+        loss = batch_loss()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        yield ViewpointStep(step + 1, steps, float(loss.detach()))
+    classifier.requires_grad_(False).eval()
+
+
+def accuracy_within(classifier: ViewpointClassifier, dataset: ViewpointDataset, within: float) -> float:
+    """The fraction of images whose likeliest direction is within so many rad of the true one, 0..1."""
+    likeliest = torch.cat([classifier(part.float() / 255).argmax(1) for part in dataset.images.split(256)])
+    predicted, true = (camera_rotation(*angles) for angles in ([one[likeliest] for one in directions()], dataset[1:]))
+    cosine = ((predicted * true).sum((-2, -1)) - 1) / 2
+    return float((cosine > math.cos(within)).float().mean())

@@ -1,0 +1,54 @@
+"""Visual hulls: the part of space that no mask rules out. Training looks for the object nowhere else."""
+
+from collections.abc import Sequence
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional
+
+from core.lab.datasets.srn import ObjectViews
+
+Extent = tuple[float, float, float]
+
+
+def grid_centres(extent: Extent, resolution: int) -> Float[Tensor, "cells 3"]:
+    """World centres of the cells of a grid over the box [-extent, extent], x slowest."""
+    axes = [(torch.arange(resolution) + 0.5) / resolution * 2 * half - half for half in extent]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+
+
+def visual_hull(
+    views: ObjectViews, extent: Extent, resolution: int
+) -> Bool[Tensor, "resolution resolution resolution"]:
+    """Cells that may hold a part of the object: their centres fall on the dilated mask in every view.
+
+    Masks are dilated by what half a cell's diagonal covers in the image, so no cell of the object is lost.
+    What an image does not show it cannot rule out.
+    """
+    centres = grid_centres(extent, resolution)
+    remaining = torch.arange(len(centres))
+    cell = 2 * torch.tensor(extent).norm() / resolution
+    for mask, camera in zip(views.masks, views.cameras, strict=True):
+        nearest = max(camera.distance - 0.5, 0.5 * camera.distance)
+        reach = int(torch.ceil(cell / 2 * camera.focal / nearest))
+        dilated = functional.max_pool2d(torch.from_numpy(mask)[None].float(), 2 * reach + 1, 1, reach)[0] > 0
+        columns, rows = camera.project(centres[remaining]).floor().long().unbind(-1)
+        shown = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
+        inside = dilated[rows.clamp(0, camera.height - 1), columns.clamp(0, camera.width - 1)]
+        remaining = remaining[inside | ~shown]
+    hull = torch.zeros(len(centres), dtype=torch.bool)
+    hull[remaining] = True
+    return hull.reshape(resolution, resolution, resolution)
+
+
+def shared_extent(objects: Sequence[ObjectViews], resolution: int = 32) -> Extent:
+    """The smallest box around the origin that holds the hulls of all objects, with a cell to spare."""
+    occupied = torch.zeros(resolution, resolution, resolution, dtype=torch.bool)
+    for views in objects:
+        occupied |= visual_hull(views, (0.5, 0.5, 0.5), resolution)
+    centres = grid_centres((0.5, 0.5, 0.5), resolution)[occupied.reshape(-1)]
+    if not len(centres):
+        raise ValueError("the masks leave no room for an object: poses and masks do not belong together")
+    reach = (centres.abs().amax(0) + 1.5 / resolution).clamp_max(0.5)
+    return (float(reach[0]), float(reach[1]), float(reach[2]))

@@ -1,0 +1,56 @@
+from dataclasses import replace
+
+import pytest
+
+from core.fitting.settings import ALL_COMPONENTS, PRESETS
+from core.lab.benchmarks import fits
+from core.lab.benchmarks.ablations import ABLATIONS, FULL, Ablation, measure_ablations
+from core.lab.benchmarks.csv_files import Results
+from core.lab.benchmarks.fits import TIMES, FitMethod, FitTrial
+from core.lab.benchmarks.held_out_views import HeldOutView
+from core.lab.benchmarks.tables import ablations_table
+from core.models.model import Model
+from core.runtime.precision import matmul_dtype
+from tests.core.lab.evaluation.test_protocol import views_of
+from tests.core.tiny import tiny_model
+
+USED: dict[str, tuple] = {}
+
+
+@pytest.fixture
+def found(monkeypatch: pytest.MonkeyPatch) -> Results[Ablation]:
+    """Three objects, each 10 dB harder than the one before; with a single hypothesis a fit is 1 dB worse."""
+
+    def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
+        USED[preset] = method.settings, method.components, matmul_dtype("cpu")
+        many = method.settings.hypotheses > 1
+        seconds, psnr = (4.0 if many else 1.0) * (1 + seed), 50.0 - 10 * seed - (not many)
+        errors = (3.0, 2.0, 0.01)
+        return FitTrial(preset, "a", 0, seconds, *errors, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False)
+
+    monkeypatch.setattr(fits, "fit_view", fit_view)
+    model = tiny_model()
+    views = [HeldOutView(replace(views_of(model, 0, 2), name=str(index)), 0, model.codes[0]) for index in range(3)]
+    *_, last = measure_ablations(model, views)
+    assert isinstance(last, Results)
+    return last
+
+
+def test_each_ablation_is_compared_with_the_full_fit_of_the_same_view(found: Results[Ablation]) -> None:
+    full, *others = found.rows
+    assert (full.summary.preset, full.gain, full.time) == (FULL, (0.0, 0.0, 0.0), 1.0)
+    (single,) = (one for one in others if "multi-start" in one.summary.preset)
+    assert (single.gain, single.time) == ((-1.0, -1.0, -1.0), 0.25)
+    assert all(one.gain.mean == 0.0 for one in others if one is not single)
+
+
+def test_every_ablation_leaves_something_out_and_no_two_the_same(found: Results[Ablation]) -> None:
+    assert USED[FULL][:2] == (PRESETS["normal"], ALL_COMPONENTS)
+    assert len(set(USED.values())) >= len(ABLATIONS) - (USED["in float32"] == USED[FULL])
+
+
+def test_the_table_has_a_row_for_every_ablation(found: Results[Ablation]) -> None:
+    rows = ablations_table(found).splitlines()[4:]
+    assert len(rows) == len(found.rows) == len(ABLATIONS)
+    assert rows[0].startswith(f"| {FULL} | 1.00 | 2.00° |")
+    assert sum("| -1.00 (-1.00 to -1.00) |" in row for row in rows) == 1

@@ -1,0 +1,55 @@
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from core.lab.benchmarks.csv_files import to_row, write_csv
+from core.lab.benchmarks.gate import Ratio, busy_processes, compare, measure, read_baseline
+from core.models.model import Model
+
+BASELINE = Path(__file__).parents[3] / "assets/charts/gate.csv"
+USUAL = (Ratio("a fit against steps", 3.0), Ratio("a bank against a search", 0.05))
+
+
+def test_what_is_within_twice_the_baseline_passes():
+    assert not compare(USUAL, USUAL)
+    assert not compare([Ratio(one.name, 1.9 * one.value) for one in USUAL], USUAL)
+
+
+@pytest.mark.parametrize("slow", [0, 1])
+def test_one_thing_that_collapses_is_named(slow: int):
+    found = [Ratio(one.name, (2.1 if index == slow else 0.5) * one.value) for index, one in enumerate(USUAL)]
+    (line,) = compare(found, USUAL)
+    assert line.startswith(f"{USUAL[slow].name}: {USUAL[slow].value:g}, now ")
+
+
+def test_what_is_not_measured_any_more_does_not_pass():
+    assert compare(USUAL[:1], USUAL) == ["a bank against a search: 0.05, now missing"]
+    assert compare([USUAL[0], Ratio(USUAL[1].name, float("nan"))], USUAL)
+
+
+def test_a_baseline_is_read_as_it_was_written(tmp_path: Path):
+    write_csv(tmp_path / "gate.csv", [to_row(one) for one in USUAL])
+    assert read_baseline(tmp_path / "gate.csv") == USUAL
+    with pytest.raises(ValueError, match="no baseline"):
+        read_baseline(tmp_path / "none.csv")
+
+
+def test_the_committed_baseline_has_every_part():
+    names = [one.name for one in read_baseline(BASELINE)]
+    assert len(names) == len(set(names)) == 4
+
+
+def test_what_is_measured_in_this_process_is_of_the_baseline(tiny: Model):
+    found = list(islice(measure(tiny), 2))
+    assert [one.name for one in found] == [one.name for one in read_baseline(BASELINE)[:2]]
+    assert all(one.value > 0 for one in found)
+
+
+def test_busy_processes_end_with_the_block_also_after_an_error():
+    with busy_processes(2) as processes:
+        assert [process.poll() for process in processes] == [None, None]
+    assert all(process.poll() is not None for process in processes)
+    with pytest.raises(RuntimeError), busy_processes(1) as processes:
+        raise RuntimeError
+    assert processes[0].poll() is not None

@@ -1,0 +1,129 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from core.fitting.fit import PRESETS, FitSettings
+from core.lab.benchmarks import robustness
+from core.lab.benchmarks.charts import draw
+from core.lab.benchmarks.csv_files import Results, append_record, read_results
+from core.lab.benchmarks.fit_charts import keep_failure
+from core.lab.benchmarks.held_out_views import HeldOutView, training_object_views
+from core.lab.benchmarks.robustness import (
+    Measured,
+    RobustnessTrial,
+    measure_robustness,
+    name_camera,
+    rough_rates,
+    success_rates,
+)
+from core.lab.benchmarks.stressors import STRESSORS, Stressor
+from core.lab.benchmarks.tables import robustness_table
+from core.models.model import Model
+from tests.conftest import image_size
+from tests.core.tiny import tiny_model
+
+QUICK = {
+    "normal": FitSettings(hypotheses=8, steps=60, rays=128, samples=24),
+    "paper": replace(PRESETS["paper"], steps=10, rays=64, samples=16),
+}
+
+
+def view() -> HeldOutView:
+    (found,) = training_object_views(tiny_model(), 1, torch.Generator().manual_seed(0))
+    return found
+
+
+def test_a_wrong_camera_is_named_by_where_it_ended():
+    truth = tiny_model().camera(0.4, 0.3)
+    assert name_camera(truth, truth) == "correct"
+    assert name_camera(replace(truth, azimuth=0.7), truth) == "near"
+    assert name_camera(replace(truth, azimuth=0.4 - 3.1), truth) == "opposite"
+    assert name_camera(replace(truth, azimuth=2.0), truth) == "wrong"
+
+
+@pytest.fixture(scope="module")
+def found(tiny: Model) -> list[Measured]:
+    """Every kind of outcome, of one object."""
+    some = {name: STRESSORS[name]._replace(levels=STRESSORS[name].levels[:1]) for name in ("none", "elevation")}
+    some |= {name: STRESSORS[name]._replace(levels=(0.0,)) for name in ("random pixels", "another category")}
+    some["initial error"] = STRESSORS["initial error"]._replace(levels=(90.0,))
+    some["hidden"] = Stressor("", (1.0,), lambda image, *_: np.ones_like(image[..., :3]))
+    patch = pytest.MonkeyPatch()
+    with patch.context() as changed:
+        changed.setattr(robustness, "STRESSORS", some)
+        changed.setattr(robustness, "PRESETS", QUICK)
+        return list(measure_robustness(tiny, (view(),)))
+
+
+def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[Measured]):
+    trials = [one.trial for one in found]
+    assert len({trial.key for trial in trials}) == len(trials) == 12
+    assert trials[0].outcome in ("correct", "near")
+    assert trials[0].size_error == pytest.approx(0, abs=0.3)
+    assert all("no object" in trial.outcome for trial in trials if trial.stressor == "hidden")
+    assert all(trial.rotation is not None for trial in trials if trial.stressor in ("none", "elevation"))
+    assert all((one.image is None) == one.trial.success for one in found)
+
+
+def test_where_there_is_no_object_it_must_be_refused_or_doubted(found: list[Measured]):
+    some = [one.trial for one in found if one.trial.stressor in ("random pixels", "another category")]
+    assert {trial.outcome for trial in some} <= {"refused", "doubted", "believed"}
+    assert all(trial.success == (trial.outcome != "believed") for trial in some)
+
+
+def test_a_paper_fit_begins_where_the_stressor_says(found: list[Measured]):
+    (ours,) = (one.trial for one in found if one.trial.stressor == "initial error" and one.trial.preset == "normal")
+    (paper,) = (one.trial for one in found if one.trial.stressor == "initial error" and one.trial.preset == "paper")
+    assert paper.rotation is not None
+    assert ours.rotation is not None
+    assert paper.rotation > 40  # ten steps do not lead back from 90 degrees
+
+
+def test_parts_share_out_all_trials_and_a_resumed_run_leaves_out_what_is_done(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(robustness, "PRESETS", QUICK)
+    blank = {name: Stressor("", (0.0, 1.0), lambda image, *_: np.ones_like(image[..., :3])) for name in ("a", "b")}
+    monkeypatch.setattr(robustness, "STRESSORS", blank)
+
+    def keys(part: tuple[int, int], done: set[tuple[str, float, str, str]]) -> list[tuple[str, float, str, str]]:
+        return [one.trial.key for one in measure_robustness(tiny_model(), (view(),), part=part, done=done)]
+
+    everything = keys((1, 1), set())
+    one, other = keys((1, 2), set()), keys((2, 2), set())
+    assert len(everything) == 8
+    assert sorted(one + other) == sorted(everything)
+    assert keys((1, 1), set(one)) == other
+    with pytest.raises(ValueError, match="K of 1 to N"):
+        keys((3, 2), set())
+    with pytest.raises(ValueError, match="no 'c'"):
+        next(measure_robustness(tiny_model(), (view(),), ["c"]))
+
+
+def test_shares_have_intervals_and_are_read_at_two_angles():
+    trials = tuple(
+        RobustnessTrial("none", 0.0, "normal", f"{i}", rotation, 0.95, 0.02, "correct" if rotation < 10 else "near")
+        for i, rotation in enumerate((1.0, 2.0, 20.0, 60.0))
+    )
+    share = success_rates(trials)["none", 0.0]["normal"]
+    assert share.mean == 0.5
+    assert share.low < 0.5 < share.high
+    assert rough_rates(trials)["none", 0.0]["normal"].mean == 0.75
+    table = robustness_table(Results({"machine": "m"}, trials))
+    assert "| none | 0 | 50 % (" in table
+    assert "| 75 % | 2 | 2.0 % |" in table
+    assert "Failures of normal: 2 near." in table
+
+
+def test_charts_are_drawn_from_rows(found: list[Measured], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(STRESSORS, "hidden", Stressor("", (1.0,)))
+    for measured in found:
+        append_record(tmp_path / "robustness.csv", {"machine": "a machine, idle"}, measured.trial)
+        keep_failure(tmp_path, measured)
+    results = Results({"machine": "a machine, idle"}, tuple(one.trial for one in found))
+    assert read_results(tmp_path / "robustness.csv", RobustnessTrial) == results
+    assert draw(tmp_path, "robustness") == robustness_table(results)
+    assert image_size(tmp_path / "robustness.png")[0] > 400
+    assert (tmp_path / "robustness.md").read_text() == robustness_table(results)
+    assert image_size(tmp_path / "failures.png")[0] > 400

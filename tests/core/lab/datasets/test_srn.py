@@ -1,0 +1,231 @@
+"""SRN folders: what is written comes back, genuine files are read, broken ones are named."""
+
+import json
+import math
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from core.geometry.camera import Camera
+from core.lab.datasets.srn import ObjectViews, index_objects, read_dataset, write_manifest, write_object
+
+SIZE = 16
+
+
+def views(name: str, seed: int = 0, count: int = 4, size: int = SIZE) -> ObjectViews:
+    """An object of noise, with cameras all around and one at the pole."""
+    generator = np.random.default_rng(seed)
+    masks = generator.random((count, size, size)) < 0.5
+    images = np.where(masks[..., None], generator.integers(0, 255, (count, size, size, 3)), 255).astype(np.uint8)
+    elevations = [*generator.uniform(-1.5, 1.5, count - 1), math.pi / 2]
+    cameras = tuple(Camera(generator.uniform(-3, 3), e, 1.3, 16.4, size, size) for e in elevations)
+    return ObjectViews(name, name, name, images, masks, cameras)
+
+
+def test_what_is_written_comes_back(tmp_path: Path) -> None:
+    written = [views("b", 1), views("a", 2)]
+    for one in written:
+        write_object(tmp_path, one)
+    dataset = read_dataset(tmp_path)
+    assert [one.name for one in dataset.objects] == ["a", "b"]
+    assert (dataset.category, dataset.image_size, dataset.focal) == ("", SIZE, pytest.approx(16.4))
+    for one, original in zip(dataset.objects, reversed(written), strict=True):
+        assert np.array_equal(one.images, original.images)
+        assert np.array_equal(one.masks, original.masks)
+        for camera, expected in zip(one.cameras, original.cameras, strict=True):
+            assert torch.allclose(camera.pose(), expected.pose(), rtol=0, atol=1e-6)
+
+
+def test_a_manifest_says_what_is_shared(tmp_path: Path) -> None:
+    write_manifest(tmp_path, "chairs", {"a": ("shape-1", "oak"), "b": ("shape-1", "red"), "not yet": ("x", "y")})
+    for name in ("a", "b"):
+        write_object(tmp_path, views(name))
+    dataset = read_dataset(tmp_path)
+    assert dataset.category == "chairs"
+    assert [(one.shape_id, one.texture_id) for one in dataset.objects] == [
+        ("shape-1", "oak"),
+        ("shape-1", "red"),
+    ]
+
+
+def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
+    write_manifest(tmp_path / "one", "chairs", {"a": ("shape-1", "oak")})
+    write_object(tmp_path / "one", views("a"))
+    write_object(tmp_path / "two", views("b"))
+    (tmp_path / "two/b/rgb/000000.png").write_text("broken")
+    category, (a, b) = index_objects([tmp_path / "one", tmp_path / "two"])
+    assert category == "chairs"
+    assert (a.name, a.shape_id, a.texture_id) == ("a", "shape-1", "oak")
+    assert (b.name, b.shape_id, b.texture_id) == ("b", "b", "b")
+    assert np.array_equal(a.read().images, read_dataset(tmp_path / "one").objects[0].images)
+    with pytest.raises(ValueError, match=r"000000\.png"):
+        b.read()
+    with pytest.raises(ValueError, match="two folders hold"):
+        index_objects([tmp_path / "one", tmp_path / "one"])
+    write_manifest(tmp_path / "two", "cars", {})
+    with pytest.raises(ValueError, match="cars, chairs"):
+        index_objects([tmp_path / "one", tmp_path / "two"])
+
+
+def test_without_a_manifest_nothing_is_shared(tmp_path: Path) -> None:
+    write_object(tmp_path, replace(views("a"), shape_id="s", texture_id="t"))
+    one = read_dataset(tmp_path).objects[0]
+    assert one.shape_id == one.texture_id == "a"
+
+
+def test_several_folders_become_one_dataset(tmp_path: Path) -> None:
+    write_object(tmp_path / "z", views("1"))
+    write_object(tmp_path / "y", views("0"))
+    write_manifest(tmp_path / "y", "cars", {})
+    dataset = read_dataset([tmp_path / "z", tmp_path / "y"])
+    assert [one.name for one in dataset.objects] == ["1", "0"]
+    assert dataset.category == "cars"
+
+
+def test_writing_again_replaces(tmp_path: Path) -> None:
+    write_object(tmp_path, views("a", 0, count=4))
+    write_object(tmp_path, views("a", 1, count=2))
+    assert len(read_dataset(tmp_path).objects[0].cameras) == 2
+    assert [place.name for place in tmp_path.iterdir()] == ["a"]
+
+
+def test_no_mask_file_means_what_is_not_white(tmp_path: Path) -> None:
+    original = views("a")
+    write_object(tmp_path, original)
+    shutil.rmtree(tmp_path / "a/mask")
+    assert np.array_equal(read_dataset(tmp_path).objects[0].masks, (original.images < 253).any(-1))
+
+
+def test_clear_images_are_laid_on_white(tmp_path: Path) -> None:
+    write_object(tmp_path, views("a", count=1))
+    shutil.rmtree(tmp_path / "a/mask")
+    pixels = np.zeros((SIZE, SIZE, 4), np.uint8)
+    pixels[:, :8] = 200, 0, 0, 255
+    pixels[:, 8] = 0, 0, 0, 128
+    Image.fromarray(pixels).save(tmp_path / "a/rgb/000000.png")
+    one = read_dataset(tmp_path).objects[0]
+    assert one.images[0, 0, 0].tolist() == [200, 0, 0]
+    assert one.images[0, 0, 8].tolist() == [127, 127, 127]
+    assert one.images[0, 0, 9].tolist() == [255, 255, 255]
+    assert one.masks[0, 0].tolist() == [True] * 9 + [False] * 7
+
+
+def test_a_resized_copy_keeps_its_field_of_view(tmp_path: Path) -> None:
+    """SRN's intrinsics belong to the size that they name, which need not be the images'."""
+    write_object(tmp_path, views("a"))
+    (tmp_path / "a/intrinsics.txt").write_text("131.25 64. 64. 0.\n0. 0. 0.\n1.\n128 128\n")
+    assert read_dataset(tmp_path).focal == pytest.approx(131.25 * SIZE / 128)
+
+
+def test_genuine_srn_folders() -> None:
+    folder = Path(os.environ.get("CODENERF_SHARED", Path(__file__).resolve().parents[4] / "shared"))
+    if not (folder / "upstream/srn_real").is_dir():
+        pytest.skip(f"no genuine SRN folders at {folder}/upstream/srn_real (CODENERF_SHARED)")
+    dataset = read_dataset(folder / "upstream/srn_real")
+    distances = {one.name: one.cameras[0].distance for one in dataset.objects}
+    assert (dataset.image_size, dataset.focal) == (128, 131.25)
+    assert {name: round(value, 2) for name, value in distances.items()} == {
+        "cars_idx0000": 1.3,
+        "cars_idx0010": 1.3,
+        "chairs_idx0004": 2.0,
+    }
+    for one in dataset.objects:
+        assert 0.03 < one.masks.mean() < 0.6
+        assert not one.masks[0, 0].any()
+
+
+def _remove(path: Path) -> None:
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+
+@pytest.mark.parametrize("missing", ["rgb", "pose", "pose/000001.txt", "intrinsics.txt"])
+def test_missing_files_are_named(tmp_path: Path, missing: str) -> None:
+    write_object(tmp_path, views("a"))
+    _remove(tmp_path / "a" / missing)
+    with pytest.raises(ValueError, match=missing.split("/")[0]):
+        read_dataset(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("file", "content"),
+    [
+        ("a/pose/000002.txt", "1 2 3"),
+        ("a/pose/000002.txt", "one two three"),
+        ("a/pose/000002.txt", " ".join(["nan"] * 16)),
+        ("a/pose/000002.txt", "1 0 0 0 0 1 0 0 0 0 1 2 0 0 0 1"),  # looks away from the origin
+        ("a/intrinsics.txt", ""),
+        ("a/intrinsics.txt", "-3 0 0 0\n16 16\n"),
+        ("a/rgb/000003.png", "not an image"),
+        ("a/mask/000003.png", "not an image"),
+        ("manifest.json", "{"),
+        ("manifest.json", '{"objects": {"a": {}}}'),
+        ("manifest.json", "[]"),
+    ],
+)
+def test_broken_files_are_named(tmp_path: Path, file: str, content: str) -> None:
+    write_object(tmp_path, views("a"))
+    (tmp_path / file).write_text(content)
+    with pytest.raises(ValueError, match=Path(file).name.replace("mask", "")):
+        read_dataset(tmp_path)
+
+
+def test_contradictions_are_refused(tmp_path: Path) -> None:
+    write_object(tmp_path / "one", views("a"))
+    write_object(tmp_path / "two", views("b", size=8))
+    write_object(tmp_path / "three", views("a"))
+    for folder, category in (("one", "cars"), ("four", "chairs")):
+        write_object(tmp_path / folder, views(folder))
+        write_manifest(tmp_path / folder, category, {})
+    for second, said in (("two", "b: images of 8x8"), ("three", "a: two folders"), ("four", "categories")):
+        with pytest.raises(ValueError, match=said):
+            read_dataset([tmp_path / "one", tmp_path / second])
+    with pytest.raises(ValueError, match="nowhere"):
+        read_dataset(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ValueError, match="no object folders"):
+        read_dataset(tmp_path / "empty")
+    with pytest.raises(ValueError, match="no dataset folder was given"):
+        read_dataset([])
+
+
+def test_object_views_must_belong_together() -> None:
+    good = views("a")
+    with pytest.raises(ValueError, match="cameras for"):
+        replace(good, cameras=good.cameras[:2])
+    with pytest.raises((ValueError, TypeError), match="masks"):  # jaxtyping may see it first
+        replace(good, masks=good.masks[:, :3])
+    with pytest.raises(ValueError, match="size"):
+        replace(good, cameras=tuple(camera.resized(8, 8) for camera in good.cameras))
+
+
+def test_the_manifest_is_plain_json(tmp_path: Path) -> None:
+    write_manifest(tmp_path, "chairs", {"a": ("s", "t")})
+    content = json.loads((tmp_path / "manifest.json").read_text())
+    assert content == {"category": "chairs", "objects": {"a": {"shape_id": "s", "texture_id": "t"}}}
+
+
+def test_what_systems_leave_beside_files_is_no_part_of_a_dataset(tmp_path: Path) -> None:
+    write_object(tmp_path, views("a"))
+    write_manifest(tmp_path, "chairs", {"a": ("s", "t")})
+    expected = read_dataset(tmp_path)
+    for junk in (
+        "a/rgb/._000000.png",
+        "a/pose/._000000.txt",
+        "a/rgb/Thumbs.db",
+        "__MACOSX/a/rgb/000000.png",
+        ".DS_Store",
+    ):
+        (tmp_path / junk).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / junk).write_bytes(b"\0\5\x16\7")
+    for text in ("manifest.json", "a/intrinsics.txt", "a/pose/000000.txt"):
+        (tmp_path / text).write_bytes(b"\xef\xbb\xbf" + (tmp_path / text).read_bytes())
+    found = read_dataset(tmp_path)
+    assert [one.name for one in found.objects] == ["a"]
+    assert found.objects[0].cameras == expected.objects[0].cameras
+    assert found.category == "chairs"

@@ -1,0 +1,202 @@
+import dataclasses
+
+import pytest
+import torch
+
+from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.training.recipes import RECIPES, TrainSettings
+from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
+from core.models.field_config import FieldConfig
+from tests.core.lab.training.test_visual_hull import ball
+
+SETTINGS = TrainSettings(
+    FieldConfig(width=16, shape_latent=4, texture_latent=4, position_frequencies=3, direction_frequencies=1),
+    steps=60,
+    rays=128,
+    samples=24,
+    outside_points=64,
+    muon_lr=5e-2,
+    network_lr=1e-2,
+    code_lr=1e-2,
+)
+
+
+def coloured(name: str, colour: tuple[int, int, int], centre: tuple[float, float, float]) -> ObjectViews:
+    views = ball(0.3, centre, count=8, size=32)
+    images = views.images.copy()
+    images[views.masks] = colour
+    return dataclasses.replace(views, name=name, shape_id=name, texture_id=name, images=images)
+
+
+@pytest.fixture(scope="module")
+def dataset() -> Dataset:
+    objects = (coloured("red", (200, 30, 20), (0.1, 0, 0)), coloured("blue", (10, 40, 220), (-0.1, 0.05, 0)))
+    return Dataset(objects, "balls", 32, objects[0].cameras[0].focal)
+
+
+def weights_of(trainer: Trainer) -> torch.Tensor:
+    return torch.cat([value.flatten() for value in trainer.ema_parameters])
+
+
+def test_training_learns_and_measures_on_views_it_never_saw(dataset: Dataset):
+    training, held_out = hold_out(dataset)
+    assert len(training.objects[0].cameras) == 7
+    assert len(held_out.objects[0].cameras) == 1
+    trainer = Trainer(training, dataclasses.replace(SETTINGS, steps=300))
+    before = held_out_psnr(trainer.model(), held_out, 24)
+    steps = list(trainer.steps())
+    assert [step.step for step in steps] == list(range(1, 301))
+    assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 2
+    assert held_out_psnr(trainer.model(), held_out, 24) > before + 1.5
+
+
+def test_objects_of_one_texture_share_its_code(dataset: Dataset):
+    shared = tuple(dataclasses.replace(views, texture_id="same") for views in dataset.objects)
+    model = Trainer(dataclasses.replace(dataset, objects=shared), SETTINGS).model()
+    assert (len(model.codes.shapes), len(model.codes.textures), len(model.codes)) == (2, 1, 2)
+    assert (model.category, model.image_size, model.distance) == ("balls", 32, 2.0)
+
+
+@pytest.mark.parametrize("recipe", ["paper", "M1", "M2"])
+def test_every_recipe_learns(dataset: Dataset, recipe: str):
+    sizes = {name: getattr(SETTINGS.field, name) for name in ("width", "shape_latent", "texture_latent")}
+    frequencies = {"position_frequencies": 3, "direction_frequencies": 1}
+    pace = {"steps": 200, "rays": 128, "samples": 24, "network_lr": 1e-2, "code_lr": 1e-2}
+    chosen = RECIPES[recipe]
+    settings = dataclasses.replace(chosen, field=dataclasses.replace(chosen.field, **sizes, **frequencies), **pace)
+    steps = list(Trainer(dataset, settings).steps())
+    assert sum(step.psnr for step in steps[-50:]) > sum(step.psnr for step in steps[:50]) + 50 * 0.2
+
+
+def test_the_papers_recipe_uses_no_hull(dataset: Dataset):
+    trainer = Trainer(dataset, dataclasses.replace(SETTINGS, whole_image=True))
+    assert trainer.ray_dataset.hulls.all()
+    *_, mask_class = trainer.ray_dataset.sample(2000, torch.Generator().manual_seed(0))
+    whole = torch.cat([torch.from_numpy(views.masks).flatten() for views in dataset.objects]).float().mean()
+    assert abs(float((mask_class == 2).float().mean()) - float(whole)) < 0.1
+
+
+def test_a_resumed_run_is_the_run_that_was_not_stopped(dataset: Dataset, tmp_path):
+    whole = Trainer(dataset, SETTINGS)
+    list(whole.steps())
+    first = Trainer(dataset, SETTINGS)
+    for step in first.steps():
+        if step.step == 25:
+            break
+    first.save_state(tmp_path / "run.state")
+    second = Trainer(dataset, SETTINGS)
+    second.load_state(tmp_path / "run.state")
+    assert next(second.steps()).step == 26
+    list(second.steps())
+    torch.testing.assert_close(weights_of(second), weights_of(whole), atol=1e-5, rtol=1e-4)
+
+
+def test_a_state_of_an_older_version_is_resumed(dataset: Dataset, tmp_path):
+    """Older states name the setting of its learning rate in each group of parameters."""
+    first = Trainer(dataset, SETTINGS)
+    next(first.steps())
+    first.save_state(tmp_path / "run.state")
+    state = torch.load(tmp_path / "run.state", weights_only=True)
+    for saved, names in zip(state["optimisers"], (("network_rate", "code_rate"), ("matrix_rate",)), strict=True):
+        for group, name in zip(saved["param_groups"], names, strict=True):
+            group["rate"] = name
+    torch.save(state, tmp_path / "old.state")
+    trainers = Trainer(dataset, SETTINGS), Trainer(dataset, SETTINGS)
+    for trainer, name in zip(trainers, ("run", "old"), strict=True):
+        trainer.load_state(tmp_path / f"{name}.state")
+        assert next(trainer.steps()).step == 2
+    assert torch.equal(*map(weights_of, trainers))
+
+
+def test_matrices_go_by_muon_and_in_the_papers_recipe_nothing(dataset: Dataset):
+    trainer = Trainer(dataset, SETTINGS)
+    adam, muon = trainer.optimisers
+    assert isinstance(muon, torch.optim.Muon)
+    moved = [one for optimiser in (adam, muon) for group in optimiser.param_groups for one in group["params"]]
+    assert len(moved) == len({id(one) for one in moved}) == len(trainer.ema_parameters)
+    assert any(one is trainer.field.feature_layer.weight for one in muon.param_groups[0]["params"])
+    (alone,) = Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).optimisers
+    assert isinstance(alone, torch.optim.AdamW)
+    assert RECIPES["paper"].muon_lr is None
+
+
+def test_a_resumed_run_has_the_rates_it_is_given(dataset: Dataset, tmp_path):
+    first = Trainer(dataset, SETTINGS)
+    next(first.steps())
+    first.save_state(tmp_path / "run.state")
+    slower = dataclasses.replace(SETTINGS, muon_lr=1e-9, network_lr=1e-9, code_lr=1e-9)
+    second = Trainer(dataset, slower)
+    second.load_state(tmp_path / "run.state")
+    before = second.field.feature_layer.weight.detach().clone()
+    next(second.steps())
+    torch.testing.assert_close(second.field.feature_layer.weight, before, atol=1e-7, rtol=0)
+
+
+def test_training_continues_from_a_model_with_the_codes_of_its_objects(dataset: Dataset):
+    first = Trainer(dataset, SETTINGS)
+    list(first.steps())
+    model = first.model()
+    green = coloured("green", (20, 200, 30), (0.0, 0.1, 0))
+    more = dataclasses.replace(dataset, objects=(green, *dataset.objects))
+    second = Trainer(more, SETTINGS.extending)
+    second.initialise_from(model)
+    begun = second.model()
+    assert begun.codes[1] == model.codes[0]
+    assert begun.codes[2] == model.codes[1]
+    assert model.extends == ()
+    assert begun.extends == (model.fingerprint,)
+    torch.testing.assert_close(begun.codes[0].shape, model.codes.mean.shape.half().float())
+    pairs = zip(begun.field.parameters(), model.field.parameters(), strict=True)
+    assert all(torch.equal(one, other) for one, other in pairs)
+    assert len(list(second.steps())) == SETTINGS.steps
+    other = Trainer(more, dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8)))
+    with pytest.raises(ValueError, match="cannot start"):
+        other.initialise_from(model)
+
+
+def test_a_trained_network_learns_slowly_and_new_objects_at_their_full_rate():
+    for gentle, network, codes in ((SETTINGS.finetuning, 0.05, 0.05), (SETTINGS.extending, 0.5, 1.0)):
+        assert gentle.network_lr == pytest.approx(network * SETTINGS.network_lr)
+        assert gentle.code_lr == pytest.approx(codes * SETTINGS.code_lr)
+    assert RECIPES["paper"].extending.muon_lr is None
+
+
+def test_a_state_of_another_run_is_refused(dataset: Dataset, tmp_path):
+    Trainer(dataset, SETTINGS).save_state(tmp_path / "run.state")
+    other = dataclasses.replace(SETTINGS, field=dataclasses.replace(SETTINGS.field, width=8))
+    for path in (tmp_path / "run.state", tmp_path / "gone.state"):
+        with pytest.raises(ValueError, match=path.name):
+            Trainer(dataset, other).load_state(path)
+    with pytest.raises(ValueError, match=r"run\.state"):
+        Trainer(dataset, dataclasses.replace(SETTINGS, muon_lr=None)).load_state(tmp_path / "run.state")
+    turned = dataclasses.replace(dataset, objects=dataset.objects[::-1])
+    with pytest.raises(ValueError, match="other objects"):
+        Trainer(turned, SETTINGS).load_state(tmp_path / "run.state")
+
+
+def test_pruning_keeps_the_cells_that_hold_something(dataset: Dataset):
+    trainer = Trainer(dataset, SETTINGS)
+    before = trainer.ray_dataset.hulls.clone()
+    layer = trainer.field.density_layer
+    layer.weight.data.zero_()
+    layer.bias.data.fill_(0.0)
+    bias = trainer.field.shape_bias(trainer.shapes)[trainer.shape_row]
+    trainer.ray_dataset.prune(trainer.field, bias)
+    assert torch.equal(trainer.ray_dataset.hulls, before)
+    layer.bias.data.fill_(-20.0)
+    trainer.ray_dataset.prune(trainer.field, bias)
+    assert not trainer.ray_dataset.hulls.any()
+
+
+def test_an_object_with_one_view_cannot_be_measured(dataset: Dataset):
+    views = dataset.objects[0]
+    single = dataclasses.replace(views, images=views.images[:1], masks=views.masks[:1], cameras=views.cameras[:1])
+    with pytest.raises(ValueError, match="at least two views"):
+        hold_out(dataclasses.replace(dataset, objects=(single,)))
+
+
+def test_a_diverging_run_says_so(dataset: Dataset):
+    trainer = Trainer(dataset, SETTINGS)
+    with pytest.raises(ValueError, match="diverged"):
+        trainer.field.point_layer.weight.data.fill_(float("nan"))
+        list(trainer.steps())

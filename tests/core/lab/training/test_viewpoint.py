@@ -1,0 +1,42 @@
+import math
+
+import pytest
+import torch
+
+from core.classifiers.crops import SIDE
+from core.classifiers.viewpoint import ViewpointClassifier
+from core.lab.datasets.srn import Dataset
+from core.lab.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
+from tests.core.lab.evaluation.test_protocol import views_of
+from tests.core.tiny import tiny_model
+
+
+@pytest.fixture(scope="module")
+def seen() -> ViewpointDataset:
+    """Stools from all round."""
+    model = tiny_model()
+    return viewpoint_dataset(
+        Dataset(tuple(views_of(model, i, 5) for i in range(4)), "stools", model.image_size, model.focal)
+    )
+
+
+def test_every_image_comes_with_its_direction(seen: ViewpointDataset):
+    assert seen.images.shape == (20, 4, SIDE, SIDE)
+    assert seen.images.dtype == torch.uint8
+    assert seen.azimuth[:5].tolist() == pytest.approx([0.7 + 1.3 * turn for turn in range(5)])
+
+
+def test_it_learns_from_which_direction_an_image_is(seen: ViewpointDataset):
+    torch.manual_seed(0)
+    glance = ViewpointClassifier()
+    steps = list(train_viewpoint(glance, seen, 100))
+    assert [step.step for step in steps] == list(range(1, 101))
+    assert steps[-1].loss < steps[0].loss
+    assert accuracy_within(glance, seen, math.radians(20)) > 0.5
+    assert not glance.training
+
+
+def test_without_objects_there_is_nothing_to_learn(seen: ViewpointDataset):
+    model = tiny_model()
+    with pytest.raises(ValueError, match="every mask is empty"):
+        viewpoint_dataset(Dataset((), "stools", model.image_size, model.focal))
