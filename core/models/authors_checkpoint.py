@@ -91,8 +91,9 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
         config: ``hpam.json``; beside the checkpoint unless given.
     """
     settings_path = config or path.with_name("hpam.json")
-    if not settings_path.is_file():
-        raise ValueError(f"{settings_path}: no such file; a checkpoint needs it beside it")
+    for file in (path, settings_path):
+        if not file.is_file():
+            raise ValueError(f"{file}: no such file; a checkpoint is models.pth with hpam.json beside it")
     with reading(path, "a checkpoint of the authors' trainer"):
         state = typed(_State, _load_tensors(path), special=_tensors, name="checkpoint")
     with reading(settings_path, "settings of the authors' trainer"):

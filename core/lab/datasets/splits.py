@@ -12,7 +12,7 @@ from core.geometry.camera import Camera
 from core.lab.datasets.categories import SRN_DISTANCES, Split
 from core.lab.datasets.srn_cameras import spiral_views, training_views
 
-_HELD_OUT = Path(__file__).resolve().parents[2] / "assets" / "held_out.json"
+_HELD_OUT = Path(__file__).resolve().parents[3] / "assets" / "held_out.json"
 
 
 _Item = TypeVar("_Item")

@@ -7,7 +7,7 @@ from core.lab.benchmarks.csv_files import to_row, write_csv
 from core.lab.benchmarks.gate import Ratio, busy_processes, compare, measure, read_baseline
 from core.models.model import Model
 
-BASELINE = Path(__file__).parents[3] / "assets/charts/gate.csv"
+BASELINE = Path(__file__).parents[4] / "assets/charts/gate.csv"
 USUAL = (Ratio("a fit against steps", 3.0), Ratio("a bank against a search", 0.05))
 
 
