@@ -208,7 +208,7 @@ def _draw_photos(fitting: Fitting) -> None:
 
 
 def _invitation(context: PanelContext) -> str:
-    what = context.editor.model.category.removesuffix("s")
+    what = context.editor.model.noun
     return (
         f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is cut out and cropped, "
         "then camera, shape and texture are found. A plain background helps; on any other you point it out."

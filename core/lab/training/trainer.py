@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from core.geometry.rays import ray_points, stratified, uniform_edges
+from core.lab.datasets.categories import category_sizes
 from core.lab.datasets.srn import Dataset, ObjectViews
 from core.lab.training.ray_dataset import RayBatch, RayDataset
 from core.lab.training.recipes import TrainSettings
@@ -149,8 +150,9 @@ class Trainer:
         book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
         distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
         size, focal = self.dataset.image_size, self.dataset.focal
-        typical = float(np.median(distances))
-        return Model(averaged, book, self.extent, self.dataset.category, size, focal, typical, extends=self.extends)
+        typical, category = float(np.median(distances)), self.dataset.category
+        metres = category_sizes(category).metres
+        return Model(averaged, book, self.extent, category, size, focal, typical, extends=self.extends, metres=metres)
 
     def save_state(self, path: Path) -> None:
         """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""
