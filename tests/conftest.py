@@ -117,7 +117,8 @@ def random_model(seed: int = 0, white_from_network: bool = False) -> Model:
     torch.manual_seed(seed)
     config = FieldConfig(width=16, shape_latent=8, texture_latent=4, position_frequencies=4, direction_frequencies=2)
     book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
-    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, white_from_network)
+    about = {"metres": 0.9, "white_from_network": white_from_network}
+    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **about)
 
 
 @pytest.fixture
