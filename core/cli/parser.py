@@ -163,6 +163,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, one line each")
+    command.add_argument(
+        "--explain", type=Path, metavar="DIR", help="where to write a page of images: what the search tried and kept"
+    )
     add_seed(command)
 
 
