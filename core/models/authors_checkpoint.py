@@ -64,7 +64,7 @@ class _Data(NamedTuple):
 
 
 class _Settings(NamedTuple):
-    """What is read of ``hpam.json``."""
+    """The part of ``hpam.json`` that is read."""
 
     net_hyperparams: _Hyperparameters
     data: _Data
@@ -73,7 +73,7 @@ class _Settings(NamedTuple):
 
 
 class _State(NamedTuple):
-    """What is read of ``models.pth``."""
+    """The part of ``models.pth`` that is read."""
 
     model_params: dict[str, Tensor]
     shape_code_params: dict[str, Tensor]
@@ -117,7 +117,7 @@ def _to_model(field: Field, shapes: Tensor, textures: Tensor, settings: "_Settin
 
 
 def _load_tensors(path: Path) -> Any:
-    """What torch saved; nothing in it is executed."""
+    """The values that torch saved; nothing in the file is executed."""
     if zipfile.is_zipfile(path):
         with open_zip(path):  # refuses what would unpack to more than memory holds
             pass

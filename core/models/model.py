@@ -201,7 +201,7 @@ class Model:
 
 
 def singular(category: str) -> str:
-    """What one object of a category is called.
+    """The noun for one object of a category.
 
     Example:
         >>> singular("chairs")

@@ -59,7 +59,7 @@ def render_with_jacobian(
     cells: Bool[Tensor, "#objects x y z"] | None = None,
     with_depth: bool = False,
 ) -> RenderedJacobian:
-    """What :func:`core.rendering.importance.render_top_samples` renders, with its Jacobian; shaped (objects, views,
+    """The render of :func:`core.rendering.importance.render_top_samples`, with its Jacobian; shaped (objects, views,
     rays) likewise. The depth, which is one channel more to take back, only on request.
     """
     depths, edges = sample_intervals(model, rays, samples)

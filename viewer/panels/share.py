@@ -47,7 +47,7 @@ _CHECKS = 16
 
 
 class ShareDialog:
-    """What to share, how, and where it was saved."""
+    """The form of the Share dialog, and where a file was saved."""
 
     def __init__(self) -> None:
         self._shown: tuple[Frame, Rgb | None, np.ndarray] | None = None
@@ -136,7 +136,7 @@ def _draw_kinds(settings: ShareSettings) -> ShareSettings:
 
 
 def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
-    """What can be chosen for this kind of file, a line each."""
+    """The choices for this kind of file, a line each."""
     if settings.kind == "mesh":
         settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, "glb opens in most programs")
         settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")

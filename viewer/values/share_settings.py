@@ -1,4 +1,4 @@
-"""What is shared and how: the choices of the Share dialog, which are kept from one launch to the next."""
+"""Settings of shared files: the choices of the Share dialog, which are kept from one launch to the next."""
 
 from dataclasses import dataclass, replace
 
@@ -107,7 +107,7 @@ class ShareSettings:
         return replace(self, background="colour", red=red, green=green, blue=blue)
 
     def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
-        """What is rendered, one after another. A video keeps its cameras, but for coming nearer, all by the same."""
+        """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same."""
         if self.kind == "turntable":
             shots = turntable(scene.codes, scene.camera, self.frames)
         elif self.kind == "video":

@@ -1,4 +1,4 @@
-"""What every benchmark writes: CSV, a Markdown table and a chart. matplotlib comes with the extra ``bench``.
+"""Output of every benchmark: CSV, a Markdown table and a chart. matplotlib comes with the extra ``bench``.
 
 The CSV is the data: tables and charts can be made again from it (:func:`redraw`). To add a benchmark, add a module that
 measures its rows, a table in :mod:`core.lab.benchmarks.tables`, a function that draws them, and a line to

@@ -60,7 +60,7 @@ class RobustnessTrial:
 
     @property
     def key(self) -> tuple[str, float, str, str]:
-        """What tells a trial from all others."""
+        """The key of a trial."""
         return self.stressor, self.level, self.preset, self.name
 
 

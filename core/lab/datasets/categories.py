@@ -1,4 +1,4 @@
-"""What is rendered of: a category's sizes, and what objects are for."""
+"""Categories of datasets: their sizes, and the splits of their objects."""
 
 from typing import Literal, NamedTuple, get_args
 
