@@ -32,6 +32,8 @@ from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.runtime.files import require_writable, save_or_elsewhere
 
+_TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
+
 
 def fit(chosen: argparse.Namespace) -> None:
     """``fit``: camera and codes of the object in the images; the last line on stdout is the result as JSON."""
@@ -64,6 +66,8 @@ def fit(chosen: argparse.Namespace) -> None:
     last = steps[-1]
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
+    if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
+        print(f"python -m core: {_TOGETHER}", file=sys.stderr)
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
     if chosen.explain:

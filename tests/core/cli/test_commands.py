@@ -280,6 +280,21 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     assert found["uncertainty_deg"] == 1.5
 
 
+def test_that_several_photos_have_no_confidence_is_said(file, model, tmp_path, capsys, monkeypatch):
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 2, model.codes[0])
+    drawing = Image.new("RGB", (64, 64), "white")
+    drawing.paste((200, 30, 30), (20, 14, 44, 52))
+    drawing.save(tmp_path / "a.png")
+    photo = Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
+    monkeypatch.setattr(fitting, "prepare_photo", lambda *_: photo)
+    monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
+    monkeypatch.setattr(fitting, "guess_category", lambda *_: {})
+    run("fit", tmp_path / "a.png", tmp_path / "a.png", "--model", file)
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["confidence"] is None
+    assert "of several photos together" in printed.err
+
+
 def test_a_box_is_in_pixels_of_the_upright_image(file, model, tmp_path, capsys, monkeypatch):
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = 6
