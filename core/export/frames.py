@@ -158,9 +158,12 @@ def _place(camera: Camera) -> list[float]:
 
 
 def _probe_frame(keys: Sequence[int]) -> int:
-    """Halfway between two key views, where a mixture is worst, a quarter through the video."""
-    before, after = list(pairwise([*keys, keys[-1]]))[(len(keys) - 1) // 4]
-    return (before + after) // 2
+    """Halfway between the first two key views that are apart, where a mixture is worst; else a quarter through.
+
+    What is baked for the first two is what the video begins with.
+    """
+    between = (before + (after - before) // 2 for before, after in pairwise(keys) if after - before > 1)
+    return next(between, keys[(len(keys) - 1) // 4])
 
 
 def over(frame: Frame, background: Rgb | None) -> UInt8[np.ndarray, "height width channels"]:

@@ -4,15 +4,17 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Float64
-from scipy.interpolate import BSpline, CubicHermiteSpline, make_interp_spline
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline, CubicHermiteSpline
 
 MIN_GAP = 0.04
 """s between two keys at the least: one frame"""
@@ -162,7 +164,9 @@ class Timeline:
         return self.keys[0].view
 
     @cached_property
-    def _spline(self) -> CubicHermiteSpline | BSpline:
+    def _spline(self) -> "CubicHermiteSpline | BSpline":
+        from scipy.interpolate import CubicHermiteSpline, make_interp_spline  # a third of a second: a turn needs none
+
         times, rows = self._knots()
         if not self.smooth:
             return make_interp_spline(times, rows, k=1)

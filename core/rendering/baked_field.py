@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, ray_points
-from core.models.cells import corners_of, divide
+from core.models.cells import corners_of, divide, unravelled
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
@@ -116,7 +116,7 @@ def _blocks(
         scale = 2 * model.extent_tensor / (CELLS * divisions)
     for part in corners.split(_BLOCK):
         with torch.inference_mode():
-            points = torch.stack(torch.unravel_index(part, (CELLS * divisions + 1,) * 3), -1) * scale
+            points = unravelled(part, CELLS * divisions + 1) * scale
             found.append(_Block(part, *folded.density(folded.first_layer(points - model.extent_tensor))))
         yield found[-1]
     size = sum(part.nbytes for block in found for part in block)

@@ -83,7 +83,8 @@ def test_exact_is_the_reference_and_close(file: str, tmp_path: Path):
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str, model: Model, tmp_path: Path):
-    words = ("--object", 0, "--morph-to", 1, "--distance", 2, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
+    about = "--object 0 --morph-to 1 --distance 2 --frames 4 --size 24 --fps 12 --transparent --exact"
+    words = about.split()
     run("turntable", "--model", file, *words, "--out", tmp_path / "t.frames")
     there = ("--object", 1, "--azimuth", 240, "--distance", 2, "--size", 24)
     run("render", "--model", file, *there, "--out", tmp_path / "there.png")
