@@ -61,7 +61,8 @@ def fit(chosen: argparse.Namespace) -> None:
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
     if chosen.out:
-        save_or_elsewhere(Scene(model.fingerprint, last.codes, last.cameras[0]).save, chosen.out)
+        codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
+        save_or_elsewhere(Scene(model.fingerprint, codes, last.cameras[0]).save, chosen.out)
 
 
 def probable_model(cut: CutOut) -> str:
