@@ -6,12 +6,15 @@ is compared with the exact render before any is drawn, and the object baked fine
 
 import math
 from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from core.detail.frames import render_progressively
+from core.detail.maps import detail_maps
 from core.export.keyframes import View
 from core.geometry.camera import Camera
 from core.metrics import psnr
@@ -21,7 +24,7 @@ from core.rendering.baked_field import BakedField
 from core.rendering.baked_views import BakedObject, Box, box_of, mixed
 from core.rendering.fast import render_steps, shape_occupancy
 from core.rendering.offscreen import OffscreenPictures
-from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 Rgb = tuple[int, int, int]
 """0..255"""
@@ -61,7 +64,8 @@ def baked_frames(model: Model, views: Sequence[View], size: int, background: Rgb
     with OffscreenPictures(size, supersampling(size), background) as pictures:
         for index, view in enumerate(views):
             field = yield from baked.at(index)
-            yield pictures.draw(field, view.camera)
+            detail = yield from detail_maps(model, view.codes)
+            yield pictures.draw(replace(field, detail=detail), view.camera)
 
 
 def supersampling(size: int) -> int:

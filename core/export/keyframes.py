@@ -128,6 +128,7 @@ class Timeline:
         row = self._row(seconds) + self._turns_row(seconds)
         shape = len(first.codes.shape)
         numbers = torch.from_numpy(row[4:]).float()
+        detail = min(self.keys, key=lambda key: abs(key.seconds - seconds)).view.codes.detail
         elevation = max(-_MAX_ELEVATION, min(_MAX_ELEVATION, float(row[1])))
         camera = replace(
             first.camera,
@@ -136,7 +137,7 @@ class Timeline:
             distance=math.exp(row[2]),
             focal=math.exp(row[3]) * first.camera.height,
         )
-        return View(Codes(numbers[:shape], numbers[shape:]), camera)
+        return View(Codes(numbers[:shape], numbers[shape:], detail), camera)
 
     def frame_count(self, rate: float) -> int:
         """The number of frames at so many a second."""

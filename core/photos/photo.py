@@ -16,6 +16,7 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
 from core.geometry.pose_files import read_pose
 from core.models.model import Model
+from core.models.photo_detail import SIDE
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
 from core.photos.ranking import ObjectImage, offset_from_expected
@@ -51,6 +52,9 @@ class Photo:
     """px, where the image tells; a given camera has its own"""
     blur: float = 0.0
     """px, standard deviation of what a pixel sees; 0 where it sees a point"""
+    fine: UInt8[Tensor, "high wide 4"] | None = None
+    """the same part of the image as finely as it was taken, up to :data:`core.models.photo_detail.SIDE` px: colours on
+    white and opacity, 0..255; None where no more is known"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -224,7 +228,17 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
     pixels, opacity = _resampled_pixels(cut, box, size)
     mask, blur = opacity > 0.5, measure_blur(pixels)
     edge_error = math.hypot(cut.edge_error * size[1] / (box[3] - box[1]), edge_softness(opacity, blur))
-    return Photo(pixels, mask, opacity=opacity, edge_error=edge_error, blur=blur)
+    fine = _fine_pixels(cut, box, size) if max(box[2] - box[0], box[3] - box[1]) > max(size) else None
+    return Photo(pixels, mask, opacity=opacity, edge_error=edge_error, blur=blur, fine=fine)
+
+
+def _fine_pixels(
+    cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]
+) -> UInt8[Tensor, "high wide 4"]:
+    """The same part as a size of fewer px shows."""
+    scale = min(SIDE, math.ceil(max(box[2] - box[0], box[3] - box[1]))) / max(size)
+    pixels, opacity = _resampled_pixels(cut, box, (max(1, round(scale * size[0])), max(1, round(scale * size[1]))))
+    return torch.from_numpy(to_bytes(torch.cat((pixels, opacity[..., None]), -1)))
 
 
 def _resampled_pixels(

@@ -117,4 +117,6 @@ def _read(path: Path, model: Model) -> EditableObject:
 def _read_directions(path: Path) -> tuple[Direction, ...]:
     with reading(path, "directions"):
         stored = typed(tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...], read_json(path), name="directions")
-        return tuple(Direction(name, Codes(*map(torch.tensor, step))) for name, *step in stored)
+        return tuple(
+            Direction(name, Codes(torch.tensor(shape), torch.tensor(texture))) for name, shape, texture in stored
+        )
