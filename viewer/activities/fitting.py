@@ -286,4 +286,5 @@ class Fitting:
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        return EditableObject(self.history.name, step.codes, True, step.confidence)
+        photo = self.history.photo
+        return EditableObject(self.history.name, step.codes, True, step.confidence, photo.digest if photo else "")
