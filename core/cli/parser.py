@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from core.cli.argument_types import box, count, degrees, view_numbers
+from core.cli.argument_types import box, count, degrees, point, view_numbers
 from core.cli.bench_parser import add_bench
 from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_seed
 from core.fitting.settings import PRESETS
@@ -148,7 +148,14 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="of --pose; opengl: as Blender has them"
     )
-    command.add_argument(
+    where = command.add_mutually_exclusive_group()
+    where.add_argument(
+        "--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on the object, one point per image"
+    )
+    where.add_argument(
+        "--mask", type=Path, nargs="+", default=[], metavar="MASK", help="images white on the object, one per image"
+    )
+    where.add_argument(
         "--box",
         type=box,
         nargs="+",

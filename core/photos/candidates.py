@@ -185,6 +185,14 @@ def find_candidates(seen: Seen) -> list[Candidate]:
     return found
 
 
+def guess(size: tuple[int, int], points: tuple[tuple[float, float], ...]) -> Candidate:
+    """An ellipse at the first point, or in the middle: where nothing at all is found."""
+    (height, width), (x, y) = size, points[0] if points else (0.5, 0.5)
+    down, across = np.ogrid[0.5:height, 0.5:width]
+    inside = np.hypot(across / width - x, down / height - y) < 0.5 - 2 * _MIDDLE
+    return Candidate("nothing but its place", inside.astype(np.float32))
+
+
 def _of_network(found_by: str, salient: Float[np.ndarray, "height width"], side: float) -> Candidate:
     """Inside an object the network may be unsure what it sees, but not that there is something."""
     inside = binary_erosion(salient > 0.5, iterations=_network_pixels(side))

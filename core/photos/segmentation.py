@@ -10,7 +10,7 @@ from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
 
 from core.geometry.pixels import bounding_box
-from core.photos.candidates import Candidate, Seen
+from core.photos.candidates import Candidate, Seen, guess
 from core.photos.decode import lens_focal
 from core.photos.frames import Box, fill, find_frame, is_sliver
 from core.photos.grabcut import grabcut
@@ -89,7 +89,7 @@ class Hints:
 
     def __post_init__(self) -> None:
         if self.choice < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
-            raise ValueError("a point is outside the image, or there is no mask of such a number")
+            raise ValueError("there is no such mask, or a point is outside the image")
         if not 0 < self.threshold < 1:
             raise ValueError("the threshold of a cut-out is between 0 and 1")
         if self.box is not None:
@@ -160,7 +160,7 @@ def _best(colours: Float[np.ndarray, "height width 3"], ranked: list[tuple[Candi
         if len(cuts) > _OTHERS:
             break
     if not cuts:
-        raise NoBackgroundError("no object found: a box closer around it may help")
+        cuts = [_on_white(colours, guess(colours.shape[:2], hints.points), confidence=0.0)]
     chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
     return replace(chosen, others=tuple(cuts))
 
