@@ -11,10 +11,10 @@ from functools import partial
 
 import torch
 
-from core.detail.source import photo_detail
 from core.fitting.category_check import category_likelihood
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
+from core.fitting.photo_detail import photo_detail
 from core.fitting.problem import Problem
 from core.fitting.schedule import Schedule, build_schedule
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select

@@ -285,7 +285,7 @@ def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, 
         editor = window.workspace.editor
         assert not window.exists("Photo/##photo detail")
         editor.add_and_show(fitted(model), editor.scene.camera)
-        window.wait(lambda: window.exists("Photo/##photo detail"))
+        window.show("Photo")
         before = editor.state
         assert window.exists("Photo/##photo detail")
         window.drag("Photo/##photo detail", -60)

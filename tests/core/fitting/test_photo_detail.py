@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from core.detail.source import photo_detail
 from core.fitting.hypotheses import Parameters, image_points
+from core.fitting.photo_detail import photo_detail
 from core.geometry.camera import pixel_centres
 from core.models.model import Model
 from core.photos.photo import Photo
