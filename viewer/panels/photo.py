@@ -29,8 +29,8 @@ _RESUME_HELP = "Improve it from the step that is shown, for a third of the steps
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then continue from there:
 for a camera that was not found"""
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
-_DETAIL_HELP = """What the photo shows and the codes cannot say, such as lettering and lamps: on the object, in
-files too. It fades as the object is edited. A doubtful camera shows none."""
+_DETAIL_HELP = """How much of the photo's own detail the object shows, such as lettering and lamps, in files too.
+It fades as the object is edited. A doubtful camera shows none."""
 _TALLEST = 1.0
 """height of the comparison, relative to the panel's width"""
 
