@@ -244,7 +244,8 @@ class Fitting:
 
     def _check_category(self, guess: CategoryGuess) -> None:
         """A photo of another category is handed over; of one that nobody knows, a person decides."""
-        warning = describe_category(guess, self._editor.model.category)
+        here = self._editor.model.category
+        warning = "" if self.history.sources[0].category == here else describe_category(guess, here)
         likeliest = likeliest_category(guess)
         if warning and likeliest and guess[likeliest] > _SURE_CATEGORY:
             sources = self.history.sources

@@ -33,6 +33,8 @@ class PhotoSource(NamedTuple):
     hints: Hints | None = None
     """where the object is, where a person pointed it out"""
     crop: Crop | None = None
+    category: str = ""
+    """that a person says it shows; empty: the classifier decides"""
 
     @property
     def name(self) -> str:
