@@ -1,5 +1,7 @@
 """Results of fits: they join the objects, and becomes current where the view has followed the fit."""
 
+import re
+
 from core.geometry.camera import Camera
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -29,7 +31,7 @@ class FitResults:
             seen_from = self._editor.scene.camera if self._viewport.turned else camera
             return Ready(self._editor.add_and_show(found, seen_from), camera)
         objects = self._editor.objects
-        if same := restored and next((one.name for one in objects.added if one.photo == found.photo != ""), ""):
+        if same := restored and next((one.name for one in objects.added if _is_same_photo(one, found)), ""):
             objects.replace(same, found)
         name = same or objects.add(found)
         self.unseen[name] = camera
@@ -61,3 +63,8 @@ class FitResults:
         codes, objects = self._editor.scene.codes, self._editor.objects
         for name in [name for name in self.unseen if objects[name].codes == codes or name in objects.removed]:
             del self.unseen[name]
+
+
+def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
+    """Both were fitted to one photo of one name; a second object of it carries a number."""
+    return one.photo == other.photo != "" and re.sub(r" \(\d+\)$", "", one.name) == other.name
