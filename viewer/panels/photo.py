@@ -53,7 +53,6 @@ class PhotoPanel(Panel):
             _draw_progress(fitting)
         else:
             _draw_start(context, fitting)
-        _draw_strength(context)
         if fitting.history.photo is None:
             imgui.spacing()
             what = f"Reading {fitting.history.sources[0].name} …" if fitting.running else _invitation(context)
@@ -66,6 +65,7 @@ class PhotoPanel(Panel):
             _draw_photos(fitting)
             self._comparison.draw_choice()
             self._comparison.draw(context, _TALLEST * imgui.get_content_region_avail().x)
+        _draw_strength(context)
         self._draw_details(context, fitting)
 
     def _draw_details(self, context: PanelContext, fitting: Fitting) -> None:
