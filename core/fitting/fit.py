@@ -23,7 +23,7 @@ from core.fitting.steps import FitJob, FitStep, RunnerUp, SearchState
 from core.models.model import Model
 from core.photos.photo import Photo
 
-__all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerUp", "fit", "with_detail"]
+__all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerUp", "fit"]
 
 
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -49,11 +49,11 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
         margin = None if job.resume_from else shown.margin
         shown = replace(shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood)
-        yield with_detail(model, job.photos, shown) if state.finished else shown
+        yield _with_detail(model, job.photos, shown) if state.finished else shown
 
 
-def with_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """A step whose codes have what its first photo shows beyond them; a stream's last step has that already."""
+def _with_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
+    """The step with codes that have what its first photo shows beyond them."""
     (photo, *_), (camera, *_), leader = photos, step.cameras, step.hypotheses[0]
     sure = 1.0 if photo.camera or step.confidence is None else step.confidence
     transform = None if photo.camera else leader.crop_transform[0]

@@ -233,8 +233,15 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
     mask, blur = opacity > 0.5, measure_blur(pixels)
     edge_error = math.hypot(cut.edge_error * size[1] / (box[3] - box[1]), edge_softness(opacity, blur))
     fine = _fine_pixels(cut, box, size) if max(box[2] - box[0], box[3] - box[1]) > max(size) else None
-    about = Photo(pixels, mask, opacity=opacity, edge_error=edge_error, blur=blur, fine=fine)
-    return replace(about, mask_confidence=cut.confidence)
+    return Photo(
+        pixels,
+        mask,
+        opacity=opacity,
+        edge_error=edge_error,
+        blur=blur,
+        fine=fine,
+        mask_confidence=cut.confidence,
+    )
 
 
 def _fine_pixels(
