@@ -17,7 +17,7 @@ _SIZES = {"cars": Sizes(1.3, 4.5), "chairs": Sizes(2.0, 0.9)}
 _OTHER = Sizes(1.8, 1.0)
 """A sphere of diameter 1 fills half of the image's width."""
 
-Split = Literal["train", "test"]
+Split = Literal["train", "validation", "test"]
 SPLITS: tuple[Split, ...] = get_args(Split)
 
 
