@@ -90,7 +90,7 @@ class Crop:
 
 
 def load_photo(
-    path: Path,
+    path: Path | str,
     model: Model,
     pose: Path | None = None,
     hints: Hints | None = None,
@@ -114,6 +114,7 @@ def load_photo(
     ``ValueError``, one line naming the file, where it is not and for anything that is no image of an object, and
     :class:`core.photos.segmentation.NoBackgroundError` where hints could help.
     """
+    path = Path(path)
     matrix = None if pose is None else read_pose(pose, pose_axes)
     cut = read_cut_out(path, hints)
     with naming(path):

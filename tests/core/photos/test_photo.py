@@ -106,7 +106,7 @@ def test_16_bit_colour(tmp_path: Path, tiny: Model):
     rows = b"".join(b"\0" + row.tobytes() for row in values)
     header = struct.pack(">IIBBBBB", 300, 200, 16, 2, 0, 0, 0)
     write_png(tmp_path / "a.png", header, zlib.compress(rows))
-    check_found(load_photo(tmp_path / "a.png", tiny), tiny)
+    check_found(load_photo(str(tmp_path / "a.png"), tiny), tiny)
 
 
 def test_a_phone_image_lying_on_its_side_is_turned_upright(tmp_path: Path, tiny: Model):
