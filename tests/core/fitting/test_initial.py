@@ -73,18 +73,15 @@ def test_known_cameras_stay_in_a_local_search(tiny: Model, given: list[Camera]):
     assert len(angles[:, 1].unique(dim=0)) > 2
 
 
-def test_there_are_no_more_starts_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, *photos_of(tiny, given, (True, False)), settings=WITH_FOCAL)
-    few, all_there_are = (len(initial(problem, count)) for count in (5, 1000))
+def test_there_are_no_more_cameras_and_shapes_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
+    unknown = problem_of(tiny, *photos_of(tiny, given, (True, False)), settings=WITH_FOCAL)
+    few, all_there_are = (len(initial(unknown, count)) for count in (5, 1000))
     assert few == 5
     assert 20 < all_there_are < 168
-
-
-def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, *photos_of(tiny, given, (True, True)), settings=WITH_FOCAL)
-    few, all_there_are = (len(initial(problem, count)) for count in (3, 1000))
+    known, shapes = problem_of(tiny, *photos_of(tiny, given, (True, True))), len(view_bank(tiny).codes.shape)
+    few, all_there_are = (len(initial(known, count)) for count in (3, 1000))
     assert few == 3
-    assert all_there_are in (len(view_bank(tiny).codes.shape), len(view_bank(tiny).codes.shape) + 1)
+    assert all_there_are in (shapes, shapes + 1)
 
 
 def test_a_model_with_an_empty_bank_still_has_its_mean_shape():

@@ -111,19 +111,6 @@ def test_hypotheses_that_cost_nothing_are_not_held(tiny: Model):
         assert bool(found.hessian.any()) == held
 
 
-def test_autograd_sees_the_objective_as_small_steps_do(tiny: Model):
-    at, pixels, objective = random_parameters(1), pixels_of(tiny), Objective(1e-4, robust_scale=0.2)
-    at.shape.requires_grad_()
-    with use_dtype(torch.float32):
-        value = evaluate_objective(tiny, at, pixels, 2, objective).objective.sum()
-        (gradient,) = torch.autograd.grad(value, at.shape)
-        for index in range(2):
-            step = 1e-3 * torch.eye(2)[index]  # so short that no sample passes a kink on the way
-            ends = [at._replace(shape=(at.shape + sign * step).detach()) for sign in (-1, 1)]
-            low, high = (float(evaluate_objective(tiny, end, pixels, 2, objective).objective) for end in ends)
-            assert float(gradient[0, index]) == pytest.approx((high - low) / 2e-3, rel=0.02)
-
-
 def test_something_in_front_may_hide_an_object_but_not_show_one(tiny: Model):
     """Where the object is expected beside its mask a saturated price is paid; where it lacks, all of it."""
     pixels = pixels_of(tiny)
@@ -209,15 +196,6 @@ def test_hypotheses_in_a_batch_are_judged_as_alone(tiny: Model):
         one = Parameters(*(part[index : index + 1] for part in at))
         alone = evaluate_objective(tiny, one, pixels, 16, Objective(1e-4)).objective
         torch.testing.assert_close(alone[0], together[index], atol=1e-3, rtol=1e-2)  # bfloat16, in another order
-
-
-def test_the_true_hypothesis_is_the_best(tiny: Model):
-    at = random_parameters(4)
-    at.angles[1, 0] = torch.tensor([0.5, 0.5])
-    at.distance[1] = at.zoom[1] = 0
-    at.shape[1] = tiny.codes.shape_space.coordinates(tiny.codes[0].shape)
-    at.texture[1] = tiny.codes.texture_space.coordinates(tiny.codes[0].texture)
-    assert int(evaluate_objective(tiny, at, pixels_of(tiny, 256), 32, Objective(0.0)).objective.argmin()) == 1
 
 
 @pytest.mark.parametrize("wrong", [math.nan, -math.nan, math.inf])
