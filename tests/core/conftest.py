@@ -20,6 +20,13 @@ def _checks_where_they_tell(request: pytest.FixtureRequest) -> Iterator[None]:
         yield
 
 
+@pytest.fixture
+def unchecked() -> Iterator[None]:
+    """Without checks, for what runs the same calls as a test that has them."""
+    with unchecked_shapes():
+        yield
+
+
 @pytest.fixture(scope="module")
 def rasteriser() -> Iterator[Rasteriser]:
     """A rasteriser for 64 px images."""

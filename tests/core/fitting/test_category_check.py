@@ -3,22 +3,17 @@ import torch
 
 from core.fitting.category_check import category_likelihood, describe_category, guess_category, likeliest_category
 from core.fitting.fit import FitJob, FitSettings, fit
-from core.models.library import category_classifier, sample_images, shipped_models
+from core.models.library import sample_images, shipped_models
+from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.photo import Photo
 from core.photos.segmentation import cut_out
-from tests.core.tiny import photo_of, tiny_model
+from tests.core.tiny import photo_of
 
 
 def sample(category: str, index: int = 0) -> Photo:
     cut = cut_out(read_rgba(sample_images(category)[index]))
     return Photo(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask))
-
-
-def test_the_classifier_knows_the_shipped_categories():
-    classifier = category_classifier()
-    assert classifier is not None
-    assert set(classifier.categories) == set(shipped_models())
 
 
 @pytest.mark.parametrize("category", shipped_models())
@@ -45,11 +40,10 @@ def test_noise_is_nothing_that_is_known():
     assert describe_category(guess, "cars") == "this does not look like a car"
 
 
-def test_what_the_classifier_does_not_know_is_not_doubted():
-    model = tiny_model()
-    photo = photo_of(model, model.codes[0], model.camera(0.7, 0.4))
+def test_what_the_classifier_does_not_know_is_not_doubted(tiny: Model):
+    photo = photo_of(tiny, tiny.codes[0], tiny.camera(0.7, 0.4))
     assert category_likelihood("stools", (photo,)) == 1
     assert describe_category({"cars": 0.2}, "stools") == ""
     assert likeliest_category({}) is None
-    *_, last = fit(model, FitJob((photo,), FitSettings(hypotheses=4, steps=8, rays=32, samples=16)))
+    *_, last = fit(tiny, FitJob((photo,), FitSettings(hypotheses=4, steps=8, rays=32, samples=16)))
     assert last.category_likelihood == 1

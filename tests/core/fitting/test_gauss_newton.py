@@ -11,6 +11,7 @@ from core.fitting.objective import Objective
 from core.fitting.observations import Observation, PixelBatch, sample_pixels
 from core.fitting.schedule import Stage
 from core.models.model import Model
+from tests.core.fitting.inputs import pixels_of, random_parameters, seeded
 from tests.core.tiny import photo_of
 
 STAGE = Stage(3, 4, 96, 24, math.inf, 0.3)
@@ -18,30 +19,13 @@ OBJECTIVE = Objective(1e-4)
 FREE = torch.tensor([[True, True, True, True, False, False, False, False]])
 
 
-def pixels_of(model: Model) -> PixelBatch:
-    photo = photo_of(model, model.codes[0], model.camera(0.5, 0.5))
-    return sample_pixels([Observation.of(photo, model)], STAGE.rays, torch.Generator().manual_seed(0))
-
-
 def step_of(model: Model, batch: HypothesisBatch, pixels: PixelBatch, free: torch.Tensor) -> HypothesisBatch:
     return gauss_newton_step(model, batch, pixels, torch.zeros_like(pixels.target_opacity), STAGE, OBJECTIVE, free)
 
 
-def parameters_of(count: int = 3) -> Parameters:
-    generator = torch.Generator().manual_seed(0)
-    return Parameters(
-        0.5 + 0.2 * torch.rand(count, 1, 2, generator=generator),
-        0.1 * torch.randn(count, 1, generator=generator),
-        torch.full((count, 1), 0.1),
-        torch.zeros(count, 1, 4),
-        torch.randn(count, 2, generator=generator),
-        torch.randn(count, 2, generator=generator),
-    )
-
-
 @pytest.mark.parametrize("zoom", [-0.3, 0.0, 0.3])
 def test_rays_turn_with_every_number_of_a_camera_as_by_small_steps(tiny: Model, zoom: float):
-    pixels, parameters = pixels_of(tiny), parameters_of(1)
+    pixels, parameters = pixels_of(tiny), random_parameters(1)
     at = parameters._replace(zoom=torch.full((1, 1), zoom), crop_transform=torch.tensor([[[0.1, 0.3, 0.05, -0.08]]]))
     parts, small = ((0, 0), (0, 1), (1, None), (2, None), (3, 0), (3, 1), (3, 2), (3, 3)), 1e-3
     for slope, (part, axis) in zip(camera_jacobian(at, hypothesis_rays(tiny, at, pixels)), parts, strict=True):
@@ -57,7 +41,7 @@ def test_rays_turn_with_every_number_of_a_camera_as_by_small_steps(tiny: Model, 
 
 
 def test_a_camera_may_be_the_further_off_the_more_else_can_make_up_for_it(tiny: Model):
-    one, pixels = HypothesisBatch.of(Parameters(*(part[:1] for part in parameters_of()))), pixels_of(tiny)
+    one, pixels = HypothesisBatch.of(Parameters(*(part[:1] for part in random_parameters()))), pixels_of(tiny)
     turned = torch.tensor([[True, True, False, False, False, False, False, False]])
 
     def off(free: torch.Tensor) -> float:
@@ -69,8 +53,8 @@ def test_a_camera_may_be_the_further_off_the_more_else_can_make_up_for_it(tiny: 
 
 def test_two_views_share_codes_and_not_cameras(tiny: Model):
     photos = [photo_of(tiny, tiny.codes[0], tiny.camera(azimuth, 0.5)) for azimuth in (0.5, 2.5)]
-    pixels = sample_pixels([Observation.of(photo, tiny) for photo in photos], 32, torch.Generator().manual_seed(0))
-    one = parameters_of(2)
+    pixels = sample_pixels([Observation.of(photo, tiny) for photo in photos], 32, seeded())
+    one = random_parameters(2)
     both = Parameters(*(part.repeat(1, 2, *[1] * (part.ndim - 2)) for part in one[:4]), *one[4:])
     found = normal_equations(tiny, both, pixels, None, STAGE, OBJECTIVE)
     assert found.hessian.shape == (2, 20, 20)
@@ -79,7 +63,7 @@ def test_two_views_share_codes_and_not_cameras(tiny: Model):
 
 
 def test_a_given_camera_stays_wherever_it_is(tiny: Model):
-    one = parameters_of(1)
+    one = random_parameters(1)
     beyond = one._replace(angles=torch.full((1, 1, 2), math.pi / 2), distance=torch.full((1, 1), -2.0))
     pixels, still = pixels_of(tiny), torch.zeros(1, 8, dtype=torch.bool)
     batch = step_of(tiny, HypothesisBatch.of(beyond), pixels, still)
@@ -91,7 +75,7 @@ def test_a_given_camera_stays_wherever_it_is(tiny: Model):
 
 
 def test_steps_go_down_and_leave_alone_what_is_given(tiny: Model):
-    batch = first = HypothesisBatch.of(parameters_of())
+    batch = first = HypothesisBatch.of(random_parameters())
     pixels = pixels_of(tiny)
     free = torch.tensor([[True, False, True, False, False, False, False, False]])
     losses = []
@@ -115,8 +99,8 @@ def test_one_that_diverged_stays_out_and_the_others_go_on(tiny: Model):
             batch = step_of(tiny, batch, pixels, FREE)
         return batch
 
-    parameters = parameters_of()
+    parameters = random_parameters()
     parameters.shape[1] = torch.nan
-    batch, without = stepped(parameters), stepped(parameters_of())
+    batch, without = stepped(parameters), stepped(random_parameters())
     assert batch.loss.isfinite().tolist() == [True, False, True]
     torch.testing.assert_close(batch.loss[[0, 2]], without.loss[[0, 2]], rtol=0.05, atol=1e-4)

@@ -6,7 +6,6 @@ import torch
 
 from core.fitting.hypotheses import (
     HypothesisBatch,
-    Parameters,
     best_other_basin,
     concatenate,
     mean_parameters,
@@ -14,13 +13,8 @@ from core.fitting.hypotheses import (
     to_cameras,
 )
 from core.geometry.camera import Camera
+from tests.core.fitting.inputs import random_parameters, standing
 from tests.core.tiny import tiny_model
-
-
-def standing(distance: float, elevation: float = 0.5, views: int = 1, zoom: float = 0.0) -> Parameters:
-    angles = torch.tensor([0.0, elevation]).expand(1, views, 2)
-    away, lens = (torch.full((1, views), value) for value in (distance, zoom))
-    return Parameters(angles, away, lens, torch.zeros(1, views, 4), torch.zeros(1, 2), torch.zeros(1, 2))
 
 
 def test_another_focal_length_keeps_the_object_as_large_as_it_is():
@@ -29,18 +23,6 @@ def test_another_focal_length_keeps_the_object_as_large_as_it_is():
     near, far = (to_cameras(model, standing(0.1, zoom=zoom), 0, [given])[0] for zoom in (0.0, 0.4))
     assert far.focal == pytest.approx(near.focal * math.exp(0.4))
     assert far.focal / far.distance == pytest.approx(near.focal / near.distance)
-
-
-def random_parameters(count: int) -> Parameters:
-    generator = torch.Generator().manual_seed(0)
-    return Parameters(
-        torch.rand(count, 1, 2, generator=generator),
-        0.1 * torch.randn(count, 1, generator=generator),
-        torch.zeros(count, 1),
-        torch.zeros(count, 1, 4),
-        torch.randn(count, 2, generator=generator),
-        torch.randn(count, 2, generator=generator),
-    )
 
 
 def test_a_runner_up_is_the_best_of_another_basin_or_the_opposite_view():

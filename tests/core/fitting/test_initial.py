@@ -8,13 +8,16 @@ from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.problem import Problem
 from core.fitting.schedule import LOCAL_HYPOTHESES, LOCAL_OFFSETS
-from core.fitting.settings import ALL_COMPONENTS, Components, FitSettings
+from core.fitting.settings import Components, FitSettings
 from core.geometry.camera import Camera
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.view_bank import build_view_bank, view_bank
-from core.rendering.reference import render_exact
 from tests.conftest import random_model
+from tests.core.fitting.inputs import problem_of, seeded
+from tests.core.tiny import photo_of
+
+WITH_FOCAL = FitSettings(estimate_focal=True)
 
 
 @pytest.fixture(scope="module")
@@ -23,26 +26,18 @@ def given(tiny: Model) -> list[Camera]:
 
 
 def photos_of(model: Model, given: list[Camera], known: tuple[bool, ...]) -> list[Photo]:
-    seen = [render_exact(model, model.codes[2], camera, 48) for camera in given]
     return [
-        Photo(one.colour.clamp(0, 1), one.opacity > 0.5, camera if given_away else None)
-        for one, camera, given_away in zip(seen, given, known, strict=True)
+        replace(photo_of(model, model.codes[2], camera), camera=camera if told else None)
+        for camera, told in zip(given, known, strict=True)
     ]
 
 
-def problem_of(
-    model: Model, photos: list[Photo], focal: bool = False, components: Components = ALL_COMPONENTS
-) -> Problem:
-    generator = torch.Generator().manual_seed(0)
-    return Problem.of(model, tuple(photos), FitSettings(estimate_focal=focal), components, generator)
-
-
 def initial(problem: Problem, count: int) -> HypothesisBatch:
-    return initial_hypotheses(problem, count, torch.Generator().manual_seed(0))
+    return initial_hypotheses(problem, count, seeded())
 
 
 def test_known_cameras_come_with_the_mean_shape_and_several_others(tiny: Model, given: list[Camera]):
-    batch = initial(problem_of(tiny, photos_of(tiny, given, (True, True))), 8)
+    batch = initial(problem_of(tiny, *photos_of(tiny, given, (True, True))), 8)
     angles = torch.tensor([[camera.azimuth, camera.elevation] for camera in given])
     assert torch.equal(batch.parameters.angles, angles.expand(len(batch), 2, 2))
     assert len(batch) == len(batch.parameters.shape.unique(dim=0)) > 2
@@ -51,7 +46,7 @@ def test_known_cameras_come_with_the_mean_shape_and_several_others(tiny: Model, 
 
 
 def test_a_local_search_keeps_cameras_and_forgets_codes(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, photos_of(tiny, given[:1], (False,)))
+    problem = problem_of(tiny, *photos_of(tiny, given[:1], (False,)))
     first = initial(problem, 8)
     moved = first.parameters._replace(shape=first.parameters.shape + 3, texture=first.parameters.texture + 3)
     batch = replace(first, parameters=moved, loss=torch.arange(8.0))
@@ -71,25 +66,22 @@ def test_a_local_search_keeps_cameras_and_forgets_codes(tiny: Model, given: list
 
 
 def test_known_cameras_stay_in_a_local_search(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, photos_of(tiny, given, (True, False)))
+    problem = problem_of(tiny, *photos_of(tiny, given, (True, False)))
     batch = initial(problem, 8)
     angles = local_hypotheses(problem, batch, LOCAL_HYPOTHESES).parameters.angles
     assert torch.equal(angles[:, 0], batch.parameters.angles[:1, 0].expand(len(angles), 2))
     assert len(angles[:, 1].unique(dim=0)) > 2
 
 
-def test_there_are_no_more_starts_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, photos_of(tiny, given, (True, False)), focal=True)
-    few, all_there_are = (len(initial(problem, count)) for count in (5, 1000))
+def test_there_are_no_more_cameras_and_shapes_than_the_bank_has_apart(tiny: Model, given: list[Camera]):
+    unknown = problem_of(tiny, *photos_of(tiny, given, (True, False)), settings=WITH_FOCAL)
+    few, all_there_are = (len(initial(unknown, count)) for count in (5, 1000))
     assert few == 5
     assert 20 < all_there_are < 168
-
-
-def test_there_are_no_more_shapes_than_the_bank_has(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, photos_of(tiny, given, (True, True)), focal=True)
-    few, all_there_are = (len(initial(problem, count)) for count in (3, 1000))
+    known, shapes = problem_of(tiny, *photos_of(tiny, given, (True, True))), len(view_bank(tiny).codes.shape)
+    few, all_there_are = (len(initial(known, count)) for count in (3, 1000))
     assert few == 3
-    assert all_there_are in (len(view_bank(tiny).codes.shape), len(view_bank(tiny).codes.shape) + 1)
+    assert all_there_are in (shapes, shapes + 1)
 
 
 def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
@@ -98,13 +90,13 @@ def test_a_model_with_an_empty_bank_still_has_its_mean_shape():
     list(build_view_bank(mist))
     camera = mist.camera(0.3, 0.3)
     photo = Photo(torch.zeros(32, 32, 3), torch.ones(32, 32, dtype=torch.bool), camera)
-    batch = initial(problem_of(mist, [photo]), 6)
+    batch = initial(problem_of(mist, photo), 6)
     assert len(batch) == 1
     assert not batch.parameters.shape.any()
 
 
 def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model, given: list[Camera]):
-    batch = initial(problem_of(tiny, photos_of(tiny, given, (True, False))), 6)
+    batch = initial(problem_of(tiny, *photos_of(tiny, given, (True, False))), 6)
     first, second = batch.parameters.angles.unbind(1)
     assert len(batch) == len(second.unique(dim=0)) == 6
     assert len(first.unique(dim=0)) == 1
@@ -113,7 +105,7 @@ def test_an_unknown_camera_comes_from_the_bank_and_a_known_one_stays(tiny: Model
 
 
 def test_unknown_cameras_take_turns_in_focal_lengths_a_pair_at_a_time(tiny: Model, given: list[Camera]):
-    zoom = initial(problem_of(tiny, photos_of(tiny, given, (True, False)), focal=True), 8).parameters.zoom
+    zoom = initial(problem_of(tiny, *photos_of(tiny, given, (True, False)), settings=WITH_FOCAL), 8).parameters.zoom
     assert not zoom[:, 0].any()
     assert torch.equal(zoom[::2, 1], zoom[1::2, 1])
     assert len(zoom[:6, 1].unique()) == 3
@@ -137,7 +129,7 @@ def test_one_hypothesis_resumes_where_another_fit_ended(tiny: Model, given: list
 
 
 def test_the_best_combinations_of_single_searches_meet(tiny: Model, given: list[Camera]):
-    batches = [initial(problem_of(tiny, photos_of(tiny, [camera], (False,))), 4) for camera in given]
+    batches = [initial(problem_of(tiny, *photos_of(tiny, [camera], (False,))), 4) for camera in given]
     losses = [0.1, 0.5, 9.0, 9.0], [0.3, math.inf, 0.2, 9.0]
     one, two = (replace(batch, loss=torch.tensor(loss)) for batch, loss in zip(batches, losses, strict=True))
     batch = combine_views([([0], one), ([1], two)], 2, 3)
@@ -150,7 +142,7 @@ def test_the_best_combinations_of_single_searches_meet(tiny: Model, given: list[
 
 def test_without_the_view_bank_cameras_are_random_and_shapes_the_mean(tiny: Model, given: list[Camera]):
     components = Components(view_bank=False, prototype_shapes=False)
-    batch = initial(problem_of(tiny, photos_of(tiny, given[:1], (False,)), components=components), 12)
+    batch = initial(problem_of(tiny, *photos_of(tiny, given[:1], (False,)), components=components), 12)
     assert len(batch.parameters.angles[:, 0].unique(dim=0)) == 12
     assert float(batch.parameters.angles[..., 1].min()) >= 0
     assert not batch.parameters.shape.any() and not batch.parameters.distance.any()
@@ -159,11 +151,11 @@ def test_without_the_view_bank_cameras_are_random_and_shapes_the_mean(tiny: Mode
 def test_without_prototype_shapes_all_begin_with_the_mean_one(tiny: Model, given: list[Camera]):
     for known in (True, False):
         photos = photos_of(tiny, given[:1], (known,))
-        batch = initial(problem_of(tiny, photos, components=Components(prototype_shapes=False)), 6)
+        batch = initial(problem_of(tiny, *photos, components=Components(prototype_shapes=False)), 6)
         assert not batch.parameters.shape.any()
 
 
 def test_without_fresh_codes_a_local_search_goes_on_with_what_is_there(tiny: Model, given: list[Camera]):
-    problem = problem_of(tiny, photos_of(tiny, given[:1], (False,)), components=Components(fresh_codes=False))
+    problem = problem_of(tiny, *photos_of(tiny, given[:1], (False,)), components=Components(fresh_codes=False))
     batch = initial(problem, 8)
     assert local_hypotheses(problem, batch, 18) is batch

@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -49,10 +48,3 @@ def test_a_resumed_fit_is_refined_only():
 def test_components_that_are_off_leave_the_schedule():
     stages = build_schedule(PRESETS["normal"], Components(robust_loss=False), True).stages
     assert all(math.isinf(stage.robust_scale) for stage in stages)
-
-
-def test_the_paper_has_one_hypothesis():
-    with pytest.raises(ValueError, match="one hypothesis"):
-        replace(PRESETS["paper"], hypotheses=2)
-    with pytest.raises(ValueError, match="focal length"):
-        replace(PRESETS["paper"], estimate_focal=True)

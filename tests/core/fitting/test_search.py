@@ -13,40 +13,21 @@ from core.fitting.fit import FitJob, FitSettings, fit
 from core.fitting.hypotheses import DivergedError, HypothesisBatch, Parameters, to_cameras
 from core.fitting.initial import initial_hypotheses
 from core.fitting.objective import CAMERA_PRIOR_SCALE, MOVED_SCALE, SCALED_SCALE
-from core.fitting.problem import Problem
-from core.fitting.schedule import LOCAL_HYPOTHESES, build_schedule
+from core.fitting.schedule import build_schedule
 from core.fitting.search import SearchResult, better_of, optimise, prune, refine, score, select
 from core.fitting.settings import ALL_COMPONENTS, Components
 from core.models.model import Model
 from core.photos.photo import Photo
+from tests.core.fitting.inputs import QUICK, SHORT, problem_of, seeded
 from tests.core.tiny import photo_of
 
-QUICK = FitSettings(hypotheses=8, steps=60, rays=128, samples=24, max_restarts=0)
-SHORT = FitSettings(hypotheses=4, steps=8, rays=48, samples=12, max_restarts=0)
-
-
-def seeded(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
-
-
-def problem_of(model: Model, *photos: Photo, settings: FitSettings = QUICK, seed: int = 0) -> Problem:
-    return Problem.of(model, photos, settings, ALL_COMPONENTS, seeded(seed))
+pytestmark = pytest.mark.usefixtures("unchecked")  # test_fit runs fits with checks
 
 
 def stool(model: Model, known: bool = False) -> Photo:
     camera = model.camera(0.9, 0.3)
     photo = photo_of(model, model.codes[0], camera)
     return replace(photo, camera=camera) if known else photo
-
-
-def test_a_local_search_begins_anew_around_the_best_cameras(tiny: Model):
-    steps = list(fit(tiny, FitJob((photo_of(tiny, tiny.codes[2], tiny.camera(0.9, 0.5)),), QUICK)))
-    first = sum(stage.steps for stage in build_schedule(QUICK, ALL_COMPONENTS, unknown=True).coarse)
-    before, after = steps[first - 1], steps[first]
-    assert after.active == min(QUICK.hypotheses, LOCAL_HYPOTHESES) + 1
-    assert {one.origin for one in after.hypotheses} <= {one.origin for one in before.hypotheses}
-    assert after.loss <= before.loss  # the winner of the coarse search waits until it is beaten
-    assert before.hypotheses[0].cameras in [one.cameras for one in after.hypotheses]
 
 
 def test_an_early_stop_is_as_good_in_fewer_steps(tiny: Model):
@@ -94,7 +75,7 @@ def test_where_the_focal_length_is_known_the_distance_is_searched_for(tiny: Mode
 
 def test_components_that_are_off_leave_the_objective(tiny: Model):
     off = Components(camera_prior=False, mask_loss=False, viewpoint_classifier=False)
-    problem = Problem.of(tiny, (stool(tiny),), QUICK, off, seeded())
+    problem = problem_of(tiny, stool(tiny), components=off)
     objective = problem.objective(0.2)
     assert not objective.camera_weight.any()
     assert objective.mask_weight == 0

@@ -39,13 +39,6 @@ def test_pose_goes_there_and_back(azimuth: float, elevation: float, distance: fl
     torch.testing.assert_close(again.pose(), camera.pose(), atol=1e-7, rtol=0)
 
 
-def test_pose_and_its_position_are_differentiable_in_all_three():
-    numbers = torch.tensor([0.3, 0.7, 1.4], dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(
-        lambda n: (camera_rotation(n[0], n[1]), camera_position(n[0], n[1], n[2])), (numbers,)
-    )
-
-
 def test_front_of_an_object_is_seen_from_ninety_degrees():
     camera = Camera(math.pi / 2, 0.0, 1.3, 131.25, 128, 128)
     torch.testing.assert_close(camera.pose()[:3, 3], torch.tensor([0.0, 1.3, 0.0], dtype=torch.float64))
@@ -57,19 +50,20 @@ def test_resizing_keeps_the_field_of_view():
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("wrong", "said"),
     [
         ({"azimuth": math.nan}, "azimuth"),
         ({"elevation": 2.0}, "elevation"),
         ({"distance": 0.0}, "distance"),
         ({"focal": -1.0}, "focal"),
+        ({"focal": math.inf}, "focal"),
         ({"width": 0}, "size"),
+        ({"width": 30_000, "height": 30_000}, "size"),
     ],
 )
-def test_a_camera_that_cannot_be_is_refused_by_name(change: dict, says: str):
-    good = {"azimuth": 0.0, "elevation": 0.0, "distance": 1.0, "focal": 1.0, "width": 2, "height": 2}
-    with pytest.raises(ValueError, match=says):
-        Camera(**(good | change))
+def test_numbers_that_no_camera_has_are_refused_by_name(wrong: dict, said: str):
+    with pytest.raises(ValueError, match=f"camera .*{said}"):
+        replace(Camera(0.3, 0.4, 1.3, 131.25, 128, 96), **wrong)
 
 
 def test_a_pose_that_looks_elsewhere_is_refused():
@@ -84,12 +78,3 @@ def test_genuine_srn_poses_are_orbit_cameras(shared):
         pose = torch.tensor([float(word) for word in path.read_text().split()], dtype=torch.float64).reshape(4, 4)
         camera = Camera.from_pose(pose, 131.25, 128, 128)
         torch.testing.assert_close(camera.pose(), pose, atol=2e-4, rtol=0)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [({"width": 0}, "size"), ({"width": 30_000, "height": 30_000}, "size"), ({"focal": math.inf}, "focal")],
-)
-def test_numbers_that_no_camera_has_are_refused(wrong: dict, said: str):
-    with pytest.raises(ValueError, match=f"camera {said}"):
-        replace(Camera(0.3, 0.4, 1.3, 131.25, 128, 96), **wrong)

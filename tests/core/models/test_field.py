@@ -1,8 +1,6 @@
-import numpy as np
 import pytest
 import torch
 
-from core.models.authors_checkpoint import load_authors
 from core.models.field import Field, encode
 from core.models.field_config import FieldConfig
 
@@ -42,20 +40,6 @@ def test_encoding_of_one_point():
 def test_impossible_sizes_are_refused(sizes: dict):
     with pytest.raises(ValueError, match="of a field is"):
         FieldConfig(**sizes)
-
-
-def test_the_authors_network_is_reproduced(shared):
-    model = load_authors(shared / "upstream/srncars500/models.pth")
-    expected = np.load(shared / "upstream/expected_64.npz")
-    shape, texture = (
-        book[int(row)]
-        for book, row in zip((model.codes.shapes, model.codes.textures), expected["point_codes"], strict=True)
-    )
-    density, features = model.field.density(torch.tensor(expected["points"]), model.field.shape_bias(shape))
-    towards = model.field.direction_bias(torch.tensor(expected["dirs"]))
-    colour = model.field.colour(features, towards, model.field.texture_bias(texture))
-    torch.testing.assert_close(density, torch.tensor(expected["sigma"]), atol=1e-4, rtol=1e-4)
-    torch.testing.assert_close(colour, torch.tensor(expected["rgb"]), atol=1e-4, rtol=1e-4)
 
 
 def test_slopes_of_biases_are_autograds():

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.models.cells import corner_points
@@ -58,6 +58,7 @@ def test_all_of_the_training_objects_is_inside():
 
 
 @pytest.mark.parametrize("name", ["chairs", "cars"])
+@settings(max_examples=12)
 @given(seed=st.integers(0, 2**31))
 def test_shapes_of_five_standard_deviations_are_inside(name: str, seed: int):
     model, generator = _shipped(name), torch.Generator().manual_seed(seed)
@@ -70,11 +71,6 @@ def test_shapes_of_five_standard_deviations_are_inside(name: str, seed: int):
 
 
 _shipped = cache(load_model)
-
-
-@pytest.mark.parametrize("name", ["chairs", "cars"])
-def test_shipped_models_come_with_their_cells(name: str):
-    assert load_model(name).stored_cells is not None
 
 
 def test_a_subset_of_the_objects_keeps_the_cells_of_all():

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,11 +10,14 @@ from core.models.model import Model
 from core.rendering.baked_field import BakedField, bake, render_baked
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
+from tests.core.tiny import tiny_model
 
 
-def baked(model: Model, shape: int = 0, texture: int | None = None) -> BakedField:
+@cache
+def baked(shape: int, texture: int) -> BakedField:
     """With few cells: the first that comes."""
-    codes = model.codes[shape].mixed(model.codes[shape if texture is None else texture], 0.0, 1.0)
+    model = tiny_model()
+    codes = model.codes[shape].mixed(model.codes[texture], 0.0, 1.0)
     return next(found for found in bake(model, codes) if found is not None)
 
 
@@ -38,18 +42,18 @@ def test_near_far_and_without_perspective(tiny: Model, perspective: bool) -> Non
     camera = tiny.camera(2.0, -0.5, 0.8).resized(48, 80)
     if not perspective:
         camera = replace(camera, distance=60.0, focal=75 * camera.focal)
-    assert psnr(render_baked(baked(tiny, 1), camera).colour, render_exact(tiny, tiny.codes[1], camera).colour) > 36
+    assert psnr(render_baked(baked(1, 1), camera).colour, render_exact(tiny, tiny.codes[1], camera).colour) > 36
 
 
-def test_a_new_texture_leaves_the_shape_as_it_is(tiny: Model) -> None:
-    first, second = baked(tiny, 0, 0), baked(tiny, 0, 2)
+def test_a_new_texture_leaves_the_shape_as_it_is() -> None:
+    first, second = baked(0, 0), baked(0, 2)
     np.testing.assert_array_equal(first.texels[..., 3], second.texels[..., 3])
     np.testing.assert_array_equal(first.distance, second.distance)
     assert np.abs(first.texels[..., :3].astype(int) - second.texels[..., :3]).max() > 50
 
 
-def test_distances_are_those_to_the_nearest_occupied_cell(tiny: Model) -> None:
-    distance = baked(tiny).distance.astype(int)
+def test_distances_are_those_to_the_nearest_occupied_cell() -> None:
+    distance = baked(0, 0).distance.astype(int)
     occupied = torch.from_numpy(distance == 0).nonzero()
     assert 0 < len(occupied) < distance.size
     for cell in torch.randint(64, (200, 3), generator=torch.Generator().manual_seed(0)):
@@ -58,4 +62,5 @@ def test_distances_are_those_to_the_nearest_occupied_cell(tiny: Model) -> None:
 
 
 def test_rays_pass_where_those_of_the_model_do() -> None:
-    assert baked(random_model(white_from_network=True)).pixel_offset == 0.5
+    model = random_model(white_from_network=True)
+    assert next(found for found in bake(model, model.codes[0]) if found).pixel_offset == 0.5

@@ -31,13 +31,6 @@ def test_weights_are_those_of_the_loop_in_the_paper(pairs):
     assert float(left) == pytest.approx(remaining, abs=1e-9)
 
 
-def test_constant_density_is_beers_law_whatever_the_edges():
-    edges = torch.tensor([0.0, 0.1, 0.15, 0.7, 1.0])
-    shares, left = compositing_weights(torch.full((4,), 2.5), edges)
-    assert float(left) == pytest.approx(math.exp(-2.5), rel=1e-6)
-    assert float(shares.sum() + left) == pytest.approx(1.0, rel=1e-6)
-
-
 @pytest.mark.parametrize("sigma", [0.0, 1e-10, 1.0, 1e10, 1e30])
 @pytest.mark.parametrize("length", [0.0, 1e-10, 1.0, 1e8])
 def test_extremes_are_finite_and_so_are_their_gradients(sigma: float, length: float):

@@ -78,10 +78,9 @@ def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed,
     assert bool((inside | ~dense).all())
 
 
-@pytest.mark.parametrize("index", [0, 3])
-def test_the_fast_renderer_matches_the_reference(index: int):
-    camera = MODEL.camera(0.7, 0.4)
-    exact, fast = render_exact(MODEL, MODEL.codes[index], camera), render(MODEL, MODEL.codes[index], camera, 256)
+def test_the_fast_renderer_matches_the_reference():
+    camera, codes = MODEL.camera(0.7, 0.4), MODEL.codes[3]
+    exact, fast = render_exact(MODEL, codes, camera), render(MODEL, codes, camera, 256)
     assert psnr(fast.colour, exact.colour) > 38
     assert float((fast.opacity - exact.opacity).abs().max()) < 0.05
     solid = exact.opacity > 0.5
@@ -107,26 +106,21 @@ def test_a_new_texture_or_view_keeps_the_occupancy():
     assert len(CACHE.newest(Kind.SHAPE)) == 2
 
 
-def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render():
+def test_a_new_texture_on_what_is_kept_is_the_same_as_a_full_render_and_moves_no_silhouette():
     camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
     both = Codes(a.shape, b.texture)
     renderer.clear_views()
     full = render(MODEL, both, camera, 96)
     renderer.clear_views()
-    render(MODEL, a, camera, 96)
+    before = render(MODEL, a, camera, 96)
     assert renderer.is_cached(MODEL, both, camera, 96)
     assert not renderer.is_cached(MODEL, b, camera, 96)
     assert not renderer.is_cached(MODEL, both, MODEL.camera(0.31, 0.2), 96)
     recoloured = render(MODEL, both, camera, 96)
     torch.testing.assert_close(recoloured.colour, full.colour, atol=0, rtol=0)
-    assert not torch.equal(recoloured.colour, render(MODEL, a, camera, 96).colour)
-
-
-def test_a_texture_moves_no_silhouette():
-    camera, a, b = MODEL.camera(0.3, 0.2), MODEL.codes[0], MODEL.codes[1]
-    first, second = (render(MODEL, Codes(a.shape, texture), camera, 96) for texture in (a.texture, b.texture))
-    assert torch.equal(first.opacity, second.opacity)
-    assert torch.equal(first.depth, second.depth)
+    assert not torch.equal(before.colour, full.colour)
+    assert torch.equal(before.opacity, full.opacity)
+    assert torch.equal(before.depth, full.depth)
 
 
 def test_views_are_kept_as_far_as_there_is_room(monkeypatch: pytest.MonkeyPatch):
@@ -151,10 +145,9 @@ def test_a_view_too_large_to_keep_is_rendered_all_the_same(monkeypatch: pytest.M
     assert not renderer.is_cached(MODEL, MODEL.codes[0], camera, 96)
 
 
-@pytest.mark.parametrize("azimuth", [0.0, 2.0])
-def test_what_lies_beside_the_object_is_white(azimuth: float):
+def test_what_lies_beside_the_object_is_white():
     """With an eighth of the focal length the rays of the corners pass beside the scene's box."""
-    camera = MODEL.camera(azimuth, 0.0, distance=2.0)
+    camera = MODEL.camera(2.0, 0.0, distance=2.0)
     wide = render(MODEL, MODEL.codes[0], replace(camera, focal=camera.focal / 8), 16)
     for corner in (wide.colour[0, 0], wide.colour[-1, -1], wide.colour[0, -1]):
         assert corner.tolist() == [1.0, 1.0, 1.0]
@@ -187,12 +180,10 @@ def test_a_shape_on_the_move_is_found_around_the_last_one():
         assert float((whole.cells & ~occupancy.cells).sum()) <= 0.001 * float(whole.cells.sum())
 
 
-@pytest.mark.parametrize("name", ["chairs", "cars"])
-@given(seed=seeds, deviations=st.sampled_from([0.0, 1.0, 5.0]))
-@settings(max_examples=4)
-def test_what_training_objects_occupy_leaves_nothing_of_a_shape_out(name: str, seed: int, deviations: float):
+@pytest.mark.parametrize(("name", "deviations"), [("chairs", 0.0), ("chairs", 5.0), ("cars", 1.0), ("cars", 5.0)])
+def test_what_training_objects_occupy_leaves_nothing_of_a_shape_out(name: str, deviations: float):
     model = load_model(name)
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch.Generator().manual_seed(0)
     space, start = model.codes.shape_space, model.codes[int(torch.randint(100, (), generator=generator))]
     one = torch.randn(len(space.std), generator=generator) * (torch.rand(len(space.std), generator=generator) < 0.1)
     codes = Codes(start.shape + space.code(deviations * one) - space.mean, start.texture)

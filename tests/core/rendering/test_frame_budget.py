@@ -25,13 +25,22 @@ def test_first_images_come_to_fit_the_budget_and_waste_none_of_it(cost: float, f
     assert usual == 1 or fixed + cost / usual**2 > 0.7 * FrameBudget().budget or slow
 
 
-def test_a_slow_image_makes_the_next_one_coarser_and_the_floor_holds() -> None:
-    pace = FrameBudget()
-    pace.observe(8, 0.05)
-    assert pace.divisor == 12
-    for _ in range(5):
-        pace.observe(pace.divisor, 1000 / pace.divisor**2)
-    assert pace.divisor == 24
+@pytest.mark.parametrize(
+    ("divisor", "seconds", "next_divisor"),
+    [
+        (8, [0.05], 12),
+        (4, [3.0], 6),  # one disturbance does not throw the image away
+        (8, [0.001, 0.001, 0.03, 0.001, 0.001], 8),  # a few quick images in a row make it finer
+        (8, [0.001, 0.001, 0.001], 6),
+    ],
+)
+def test_one_slow_image_makes_the_next_coarser_and_some_quick_ones_finer(
+    divisor: int, seconds: list[float], next_divisor: int
+) -> None:
+    pace = FrameBudget(divisor=divisor)
+    for each in seconds:
+        pace.observe(divisor, each)
+    assert pace.divisor == next_divisor
 
 
 @given(st.floats(0.04, 1), st.floats(1e-3, 50))
@@ -67,21 +76,6 @@ def test_fixed_time_is_forgotten_once_it_has_gone(fixed: float, cost: float, fra
         pace.observe(pace.divisor, 0.2 / pace.divisor**2)
     assert pace.limit == pace.budget
     assert pace.divisor in (2, 3, 4)
-
-
-def test_one_disturbance_does_not_throw_the_image_away() -> None:
-    pace = FrameBudget(divisor=4)
-    pace.observe(4, 3.0)
-    assert pace.divisor == 6
-
-
-def test_a_few_quick_images_in_a_row_make_it_finer() -> None:
-    pace = FrameBudget()
-    for seconds in (0.001, 0.001, 0.03, 0.001, 0.001):
-        pace.observe(8, seconds)
-    assert pace.divisor == 8
-    pace.observe(8, 0.001)
-    assert pace.divisor == 6
 
 
 def test_images_begun_at_another_size_say_nothing() -> None:

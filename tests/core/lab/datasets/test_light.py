@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from core.geometry.camera import Camera
 from core.lab.datasets.light import DAYLIGHT, Light, daylight, sample_light
 from core.lab.datasets.procedural.solids import slab, surface
 from core.lab.datasets.rasteriser import Rasteriser, Surface
 from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import read_dataset
+from tests.core.lab.datasets.test_rasteriser import GREY, camera
 
-GREY = np.tile(np.array([128, 128, 128, 255], np.uint8), (2, 2, 1))
 BACK = np.array([0.2, -1.0, 0.2])
 LIT = "cars-texture-0000005"
 """A texture with a light of its own."""
@@ -22,10 +21,6 @@ LIT = "cars-texture-0000005"
 
 def cube() -> Surface:
     return surface([slab(0.3, 0.3, 0.3, 0.001, 0.001)], GREY, 1.0)
-
-
-def camera(azimuth: float, elevation: float) -> Camera:
-    return Camera(azimuth, elevation, 1.3, 65.625, 64, 64)
 
 
 def expected(light: Light, normal: np.ndarray) -> float:
@@ -55,7 +50,7 @@ def test_a_matt_face_has_the_colour_of_the_formula(rasteriser: Rasteriser, light
 
 
 def test_daylight_is_what_a_rasteriser_begins_with_and_comes_back_to(rasteriser: Rasteriser) -> None:
-    """A light set between two renders is seen in the second: it reaches the card though no context is current."""
+    """A light set between two renders is seen in the second though no context is current, and nowhere else."""
     view = camera(0.5, 0.5)
     with Rasteriser(64) as fresh:
         fresh.upload([cube()])

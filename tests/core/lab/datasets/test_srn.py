@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -48,10 +47,7 @@ def test_a_manifest_says_what_is_shared(tmp_path: Path) -> None:
         write_object(tmp_path, views(name))
     dataset = read_dataset(tmp_path)
     assert dataset.category == "chairs"
-    assert [(one.shape_id, one.texture_id) for one in dataset.objects] == [
-        ("shape-1", "oak"),
-        ("shape-1", "red"),
-    ]
+    assert [(one.shape_id, one.texture_id) for one in dataset.objects] == [("shape-1", "oak"), ("shape-1", "red")]
 
 
 def test_objects_are_found_without_being_read(tmp_path: Path) -> None:
@@ -123,11 +119,8 @@ def test_a_resized_copy_keeps_its_field_of_view(tmp_path: Path) -> None:
     assert read_dataset(tmp_path).focal == pytest.approx(131.25 * SIZE / 128)
 
 
-def test_genuine_srn_folders() -> None:
-    folder = Path(os.environ.get("CODENERF_SHARED", Path(__file__).resolve().parents[5] / "shared"))
-    if not (folder / "upstream/srn_real").is_dir():
-        pytest.skip(f"no genuine SRN folders at {folder}/upstream/srn_real (CODENERF_SHARED)")
-    dataset = read_dataset(folder / "upstream/srn_real")
+def test_genuine_srn_folders(shared: Path) -> None:
+    dataset = read_dataset(shared / "upstream/srn_real")
     distances = {one.name: one.cameras[0].distance for one in dataset.objects}
     assert (dataset.image_size, dataset.focal) == (128, 131.25)
     assert {name: round(value, 2) for name, value in distances.items()} == {
@@ -140,21 +133,10 @@ def test_genuine_srn_folders() -> None:
         assert not one.masks[0, 0].any()
 
 
-def _remove(path: Path) -> None:
-    shutil.rmtree(path) if path.is_dir() else path.unlink()
-
-
-@pytest.mark.parametrize("missing", ["rgb", "pose", "pose/000001.txt", "intrinsics.txt"])
-def test_missing_files_are_named(tmp_path: Path, missing: str) -> None:
-    write_object(tmp_path, views("a"))
-    _remove(tmp_path / "a" / missing)
-    with pytest.raises(ValueError, match=missing.split("/")[0]):
-        read_dataset(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("file", "content"),
     [
+        *((missing, None) for missing in ("a/rgb", "a/pose", "a/pose/000001.txt", "a/intrinsics.txt")),
         ("a/pose/000002.txt", "1 2 3"),
         ("a/pose/000002.txt", "one two three"),
         ("a/pose/000002.txt", " ".join(["nan"] * 16)),
@@ -168,10 +150,16 @@ def test_missing_files_are_named(tmp_path: Path, missing: str) -> None:
         ("manifest.json", "[]"),
     ],
 )
-def test_broken_files_are_named(tmp_path: Path, file: str, content: str) -> None:
+def test_missing_and_broken_files_are_named(tmp_path: Path, file: str, content: str | None) -> None:
     write_object(tmp_path, views("a"))
-    (tmp_path / file).write_text(content)
-    with pytest.raises(ValueError, match=Path(file).name.replace("mask", "")):
+    path = tmp_path / file
+    if content is not None:
+        path.write_text(content)
+    elif path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+    with pytest.raises(ValueError, match=path.parent.name if file == "a/pose/000001.txt" else path.name):
         read_dataset(tmp_path)
 
 

@@ -1,6 +1,7 @@
 """The table of shapes x textures, textures, and the images of both."""
 
 from collections import Counter
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.lab.datasets.procedural.chairs.chair import LABELS, chair
-from core.lab.datasets.procedural.paint import texture
+from core.lab.datasets.procedural.cars.car import car
+from core.lab.datasets.procedural.cars.paint import LABELS as car_labels
+from core.lab.datasets.procedural.cars.paint import car_texture
+from core.lab.datasets.procedural.chairs.chair import LABELS as chair_labels
+from core.lab.datasets.procedural.chairs.chair import chair
+from core.lab.datasets.procedural.paint import Paint, texture
+from core.lab.datasets.procedural.solids import Shape
 from core.lab.datasets.procedural.table import (
     ProceduralObject,
     disentanglement_pairs,
@@ -20,6 +26,7 @@ from core.lab.datasets.procedural.table import (
 from core.lab.datasets.rasteriser import Rasteriser
 from core.lab.datasets.srn import read_dataset
 from core.lab.datasets.srn_cameras import training_views
+from tests.core.lab.datasets.procedural.shapes import points
 
 
 @given(count=st.integers(6, 3000))
@@ -54,17 +61,28 @@ def test_unknown_categories_and_counts_are_refused() -> None:
         procedural_table("chairs", 0, "train")
 
 
-def test_every_texture_paints_every_label_the_same_way_each_time() -> None:
+@pytest.mark.parametrize("make", [chair, car])
+def test_the_same_seed_is_the_same_shape_and_another_is_another(make: Callable[[int], Shape]) -> None:
+    first, again, other = (points(make(seed)) for seed in (11, 11, 12))
+    assert np.array_equal(first, again)
+    assert first.shape != other.shape or not np.allclose(first, other)
+
+
+@pytest.mark.parametrize(("paint", "labels"), [(texture, chair_labels), (car_texture, car_labels)])
+def test_every_texture_paints_every_label_the_same_way_each_time(
+    paint: Callable[[int], Mapping[str, Paint]], labels: tuple[str, ...]
+) -> None:
     for seed in range(60):
-        first, again = texture(seed), texture(seed)
-        assert set(first) == set(LABELS)
-        for label, paint in first.items():
-            assert np.array_equal(paint.tile, again[label].tile)
-            assert paint.tile.dtype == np.uint8
-            assert (paint.tile[..., 3] == 255).all()
+        first, again = paint(seed), paint(seed)
+        assert set(first) == set(labels)
+        for label, of_label in first.items():
+            tile = of_label.tile
+            assert np.array_equal(tile, again[label].tile)
+            assert tile.dtype == np.uint8
+            assert (tile[..., 3] == 255).all()
             # Black and white leave nothing for the light to shade.
-            assert paint.tile[..., :3].min() >= 15
-            assert paint.tile[..., :3].max() <= 243
+            assert tile[..., :3].min() >= 15
+            assert tile[..., :3].max() <= 243
 
 
 def test_patterns_repeat_without_a_seam() -> None:
@@ -94,15 +112,20 @@ def test_a_texture_colours_many_shapes_alike(rasteriser: Rasteriser) -> None:
     assert np.median(np.diag(distance)) < 0.5 * np.median(distance)
 
 
-def test_no_chair_is_cut_off_by_the_image(rasteriser: Rasteriser) -> None:
+@pytest.mark.parametrize(
+    ("category", "distance", "seeds", "views", "least"),
+    [("chairs", 2.0, range(0, 60, 3), 2, 0.01), ("cars", 1.3, range(0, 30, 3), 3, 0.05)],
+)
+def test_no_object_is_cut_off_by_the_image(
+    rasteriser: Rasteriser, category: str, distance: float, seeds: range, views: int, least: float
+) -> None:
     generator = np.random.default_rng(0)
-    for seed in range(0, 60, 3):
-        rasteriser.upload(surfaces(ProceduralObject("chairs", seed, seed)))
-        for camera in training_views(2, generator, 2.0, 64):
+    for seed in seeds:
+        rasteriser.upload(surfaces(ProceduralObject(category, seed, seed)))
+        for camera in training_views(views, generator, distance, 64):
             _, mask = rasteriser.render(camera)
-            border = np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1]))
-            assert not border.any()
-            assert mask.mean() > 0.01
+            assert not np.concatenate((mask[0], mask[-1], mask[:, 0], mask[:, -1])).any()
+            assert mask.mean() > least
 
 
 def test_rendering_writes_a_dataset_with_identities(tmp_path: Path, rasteriser: Rasteriser) -> None:
