@@ -1,6 +1,7 @@
 """The photo of a fit as its camera sees it: at the size it was taken in, upright, the optical axis in the middle."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,12 +9,22 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail
+from core.models.photo_detail import PhotoDetail, decompressed
 from core.photos.photo import Photo
+
+
+def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
+    """A step of a fit with what its first photo shows beyond the codes, which a fit does at its end by itself."""
+    (photo, *_), (camera, *_), leader = photos, step.cameras, step.hypotheses[0]
+    sure = 1.0 if photo.camera or step.confidence is None else step.confidence
+    transform = None if photo.camera else leader.crop_transform[0]
+    detail = photo_detail(model, photo, camera, step.codes, sure, transform)
+    return replace(step, codes=replace(step.codes, detail=detail))
 
 
 def photo_detail(
@@ -45,7 +56,7 @@ def photo_detail(
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
     """On white, with opacity: as finely as it was taken, or as it was fitted where no more is known."""
     if photo.fine is not None:
-        return photo.fine.numpy()
+        return decompressed(photo.fine)
     opacity = photo.mask.float() if photo.opacity is None else photo.opacity
     return to_bytes(torch.cat((photo.pixels, opacity[..., None]), -1))
 

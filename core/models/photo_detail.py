@@ -56,19 +56,15 @@ class PhotoDetail:
         confidence: float = 1.0,
     ) -> "PhotoDetail":
         """Of pixels on white with the object's opacity; compressed, and where that is too large, made smaller."""
-        image = _compressed(rgba)
-        if len(image) > MAX_BYTES:
-            small = Image.fromarray(rgba).reduce(2)
-            return cls.of(np.array(small), camera.resized(*small.size), shape, texture, confidence)
-        return cls(image, camera, shape, texture, confidence)
+        image = compressed(rgba)
+        return cls(image, camera.resized(*decompressed(image).shape[1::-1]), shape, texture, confidence)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 4"]:
         """Colours on white and opacity. Raises ``ValueError`` for a damaged file, or one not of the camera's size."""
-        most = 8 * SIDE**2
-        with reading("its photo", "an image"), open_image(io.BytesIO(self.image), most=most) as image:
-            if image.size != (self.camera.width, self.camera.height):
-                raise ValueError("the photo has another size than its camera")
-            return np.array(image.convert("RGBA"))
+        pixels = decompressed(self.image)
+        if pixels.shape[1::-1] != (self.camera.width, self.camera.height):
+            raise ValueError("the photo has another size than its camera")
+        return pixels
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PhotoDetail):
@@ -96,12 +92,20 @@ class PhotoDetail:
         }
 
 
-def _compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:
-    """As good as fits."""
-    for quality in _QUALITIES:
-        file = io.BytesIO()
-        # Without `exact`, what is under transparent pixels would not stay white.
-        Image.fromarray(rgba).save(file, "WEBP", quality=quality, method=4, exact=True)
-        if file.tell() <= MAX_BYTES:
-            break
-    return file.getvalue()
+def compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:
+    """A WebP file of :data:`MAX_BYTES` at most: as good as that allows, and smaller where not even the worst does."""
+    image = Image.fromarray(rgba)
+    while True:
+        for quality in _QUALITIES:
+            file = io.BytesIO()
+            # Without `exact`, what is under transparent pixels would not stay white.
+            image.save(file, "WEBP", quality=quality, method=4, exact=True)
+            if file.tell() <= MAX_BYTES:
+                return file.getvalue()
+        image = image.reduce(2)
+
+
+def decompressed(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
+    """The pixels of such a file. Raises ``ValueError`` where it is damaged."""
+    with reading("its photo", "an image"), open_image(io.BytesIO(file), most=8 * SIDE**2) as image:
+        return np.array(image.convert("RGBA"))

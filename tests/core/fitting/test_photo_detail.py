@@ -8,6 +8,7 @@ from core.fitting.hypotheses import Parameters, image_points
 from core.fitting.photo_detail import photo_detail
 from core.geometry.camera import pixel_centres
 from core.models.model import Model
+from core.models.photo_detail import compressed
 from core.photos.photo import Photo
 
 
@@ -55,7 +56,7 @@ def test_the_image_is_cut_to_the_object_around_the_axis(model: Model) -> None:
 
 def test_the_finer_pixels_are_taken(model: Model) -> None:
     size = model.image_size
-    fine = torch.full((3 * size, 3 * size, 4), 255, dtype=torch.uint8)
+    fine = compressed(np.full((3 * size, 3 * size, 4), 255, np.uint8))
     photo = Photo(torch.ones(size, size, 3), torch.ones(size, size, dtype=torch.bool), fine=fine)
     detail = photo_detail(model, photo, model.camera(0.0, 0.0).resized(size, size), model.codes[0])
     assert detail.camera.height == 3 * size
