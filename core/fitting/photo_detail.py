@@ -12,30 +12,28 @@ from torch import Tensor
 from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
-from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail, decompressed
+from core.models.photo_detail import MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
 from core.photos.photo import Photo
 
 
 def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """A step of a fit with what its first photo shows beyond the codes, which a fit does at its end by itself."""
-    (photo, *_), (camera, *_), leader = photos, step.cameras, step.hypotheses[0]
-    sure = 1.0 if photo.camera or step.confidence is None else step.confidence
-    transform = None if photo.camera else leader.crop_transform[0]
-    detail = photo_detail(model, photo, camera, step.codes, sure, transform)
-    return replace(step, codes=replace(step.codes, detail=detail))
+    """A step of a fit with what its photos show beyond the codes, which a fit does at its end by itself."""
+    known = all(photo.camera for photo in photos)
+    sure = 1.0 if known or step.confidence is None else step.confidence
+    transforms = [
+        None if photo.camera else transform
+        for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
+    ]
+    views = tuple(photo_view(model, *one) for one in zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False))
+    shape, texture = (code.detach().cpu().clone() for code in (step.codes.shape, step.codes.texture))
+    return replace(step, codes=replace(step.codes, detail=PhotoDetail(views, shape, texture, sure)))
 
 
-def photo_detail(
-    model: Model,
-    photo: Photo,
-    camera: Camera,
-    codes: Codes,
-    confidence: float = 1.0,
-    crop_transform: Float[Tensor, "4"] | None = None,
-) -> PhotoDetail:
-    """What a photo shows of the object that was fitted to it.
+def photo_view(
+    model: Model, photo: Photo, camera: Camera, crop_transform: Float[Tensor, "4"] | None = None
+) -> PhotoView:
+    """A photo as the camera sees the object.
 
     Args:
         camera: the one found, or the photo's own.
@@ -48,9 +46,7 @@ def photo_detail(
         _, roll, *shift = crop_transform.tolist()
         focal = model.focal * height / model.image_size  # which shifts are measured in
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
-    rgba, camera = _around_object(rgba, camera.resized(width, height))
-    shape, texture = (code.detach().cpu().clone() for code in (codes.shape, codes.texture))
-    return PhotoDetail.of(rgba, camera, shape, texture, confidence)
+    return PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
 
 
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
-from core.models.photo_detail import PhotoDetail, decompressed
+from core.models.photo_detail import PhotoView, decompressed
 from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
@@ -57,7 +57,7 @@ def encode(value: Any, parts: Parts) -> Any:
         image = parts.number(value, parts.photos, lambda: encode_photo(value))
         fine = value.fine and parts.number(value.fine, parts.photos, lambda: value.fine)
         return {"image": image, "fine": fine} | {name: encode(getattr(value, name), parts) for name in _BESIDE_IMAGE}
-    if isinstance(value, PhotoDetail):
+    if isinstance(value, PhotoView):
         image = parts.number(value.image, parts.photos, lambda: value.image)
         return _encode_fields(value, parts) | {"image": image}
     if isinstance(value, FittedPhoto):
@@ -121,12 +121,12 @@ def _decode_photo(about: Any, parts: Parts) -> Photo:
     return replace(photo, fine=fine)
 
 
-def _decode_detail(about: Any, parts: Parts) -> PhotoDetail:
-    kinds = _kinds(PhotoDetail)
+def _decode_view(about: Any, parts: Parts) -> PhotoView:
+    kinds = _kinds(PhotoView)
     beside = {name: decode(kinds[name], about[name], parts) for name in kinds if name in about and name != "image"}
-    detail = PhotoDetail(_part(parts.photos, about["image"]), **beside)
-    detail.pixels()  # raises where it is damaged
-    return detail
+    view = PhotoView(_part(parts.photos, about["image"]), **beside)
+    view.pixels()  # raises where it is damaged
+    return view
 
 
 def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
@@ -153,7 +153,7 @@ def _part(stored: list, number: Any) -> Any:
 
 _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
     Photo: _decode_photo,
-    PhotoDetail: _decode_detail,
+    PhotoView: _decode_view,
     FittedPhoto: _decode_fitted_photo,
     Timeline: _decode_timeline,
 }
