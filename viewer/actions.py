@@ -83,7 +83,12 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             lambda c: c.paste_camera(),
         ),
         Action(
-            *("next_mode", "Next mode", "V", "colour, depth, normals, opacity, or samples of each ray"),
+            *(
+                "next_mode",
+                "Next mode",
+                "V",
+                "colour, depth, normals, opacity, samples of each ray, source of each colour",
+            ),
             lambda c: c.next_view_mode(),
         ),
         Gesture("The badge", "green and Sharp: every pixel of the view is rendered; amber: on the way"),

@@ -9,6 +9,7 @@ from core.export.keyframes import Timeline
 from core.geometry.camera import Camera
 from core.models.codes import Codes, CodeSpace
 from core.models.model import Model
+from core.models.photo_detail import PhotoDetail
 from core.models.scene import Scene
 from viewer.services.signal import Signal
 from viewer.values import orbit
@@ -95,8 +96,12 @@ class Editor:
     def set_detail_strength(self, strength: float, gesture: str = "") -> None:
         """Show more or less (0..1) of what the photo adds to the colours; nothing where there is no photo."""
         if detail := self.scene.codes.detail:
-            codes = replace(self.scene.codes, detail=replace(detail, strength=min(1.0, max(0.0, strength))))
-            self._edit(replace(self.scene, codes=codes), gesture=gesture)
+            self.set_detail(replace(detail, strength=min(1.0, max(0.0, strength))), gesture)
+
+    def set_detail(self, detail: PhotoDetail, gesture: str = "") -> None:
+        """Show other detail of the object's photos."""
+        codes = replace(self.scene.codes, detail=detail)
+        self._edit(replace(self.scene, codes=codes), gesture=gesture)
 
     def scale_to_distance(self, part: Part, to: float, gesture: str = "") -> None:
         """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""

@@ -190,8 +190,9 @@ def _with_detail(
     if detail is None:
         return colours
     with torch.inference_mode():
-        points, outward = (torch.from_numpy(part).float().to(detail.surface.device) for part in (places, normals))
-        return (colours + detail.at(points, -outward).cpu().numpy()).clip(0, 1)
+        device = detail.photos[0].surface.device
+        points, outward = (torch.from_numpy(part).float().to(device) for part in (places, normals))
+        return (colours + detail.at(points, -outward)[0].cpu().numpy()).clip(0, 1)
 
 
 def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:

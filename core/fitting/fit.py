@@ -5,7 +5,7 @@ as biases, so hypotheses cost what their points cost. The paper's own recipe is 
 """
 
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -14,14 +14,13 @@ import torch
 from core.fitting.category_check import category_likelihood
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
-from core.fitting.photo_detail import photo_detail
+from core.fitting.photo_detail import with_photo_detail
 from core.fitting.problem import Problem
 from core.fitting.schedule import Schedule, build_schedule
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitJob, FitStep, RunnerUp, SearchState
 from core.models.model import Model
-from core.photos.photo import Photo
 
 __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerUp", "fit"]
 
@@ -29,8 +28,9 @@ __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerU
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Find codes and unknown cameras: a FitStep per iteration, the last one being the best found.
 
-    The model stays as it is; the same seed gives the same steps; to stop, ask for no more. Raises ``ValueError``
-    where a photo shows nothing, or where every hypothesis diverged.
+    The model stays as it is; the same seed gives the same steps; to stop, ask for no more, and of the last step take
+    :func:`core.fitting.photo_detail.with_photo_detail`. Raises ``ValueError`` where a photo shows nothing, or where
+    every hypothesis diverged.
     """
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
@@ -49,16 +49,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
         margin = None if job.resume_from else shown.margin
         shown = replace(shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood)
-        yield _with_detail(model, job.photos, shown) if state.finished else shown
-
-
-def _with_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
-    """The step with codes that have what its first photo shows beyond them."""
-    (photo, *_), (camera, *_), leader = photos, step.cameras, step.hypotheses[0]
-    sure = 1.0 if photo.camera or step.confidence is None else step.confidence
-    transform = None if photo.camera else leader.crop_transform[0]
-    detail = photo_detail(model, photo, camera, step.codes, sure, transform)
-    return replace(step, codes=replace(step.codes, detail=detail))
+        yield with_photo_detail(model, job.photos, shown) if state.finished else shown
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:

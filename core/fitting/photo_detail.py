@@ -1,6 +1,7 @@
 """The photo of a fit as its camera sees it: at the size it was taken in, upright, the optical axis in the middle."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,23 +9,31 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
+from core.fitting.steps import FitStep
 from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
-from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail
+from core.models.photo_detail import MAX_PHOTOS, PhotoDetail, PhotoView, decompressed
 from core.photos.photo import Photo
 
 
-def photo_detail(
-    model: Model,
-    photo: Photo,
-    camera: Camera,
-    codes: Codes,
-    confidence: float = 1.0,
-    crop_transform: Float[Tensor, "4"] | None = None,
-) -> PhotoDetail:
-    """What a photo shows of the object that was fitted to it.
+def with_photo_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
+    """A step of a fit with what its photos show beyond the codes, which a fit does at its end by itself."""
+    known = all(photo.camera for photo in photos)
+    sure = 1.0 if known or step.confidence is None else step.confidence
+    transforms = [
+        None if photo.camera else transform
+        for photo, transform in zip(photos, step.hypotheses[0].crop_transform, strict=True)
+    ]
+    views = tuple(photo_view(model, *one) for one in zip(photos[:MAX_PHOTOS], step.cameras, transforms, strict=False))
+    shape, texture = (code.detach().cpu().clone() for code in (step.codes.shape, step.codes.texture))
+    return replace(step, codes=replace(step.codes, detail=PhotoDetail(views, shape, texture, sure)))
+
+
+def photo_view(
+    model: Model, photo: Photo, camera: Camera, crop_transform: Float[Tensor, "4"] | None = None
+) -> PhotoView:
+    """A photo as the camera sees the object.
 
     Args:
         camera: the one found, or the photo's own.
@@ -37,15 +46,13 @@ def photo_detail(
         _, roll, *shift = crop_transform.tolist()
         focal = model.focal * height / model.image_size  # which shifts are measured in
         rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
-    rgba, camera = _around_object(rgba, camera.resized(width, height))
-    shape, texture = (code.detach().cpu().clone() for code in (codes.shape, codes.texture))
-    return PhotoDetail.of(rgba, camera, shape, texture, confidence)
+    return PhotoView.of(*_around_object(rgba, camera.resized(width, height)))
 
 
 def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
     """On white, with opacity: as finely as it was taken, or as it was fitted where no more is known."""
     if photo.fine is not None:
-        return photo.fine.numpy()
+        return decompressed(photo.fine)
     opacity = photo.mask.float() if photo.opacity is None else photo.opacity
     return to_bytes(torch.cat((photo.pixels, opacity[..., None]), -1))
 

@@ -1,13 +1,16 @@
-"""What a photo shows of an object beyond its codes, as a value: the photo itself, and from where it was taken."""
+"""What photos show of an object beyond its codes, as a value: the photos, and from where they were taken."""
 
 import base64
 import io
-from dataclasses import dataclass, field
+import itertools
+import math
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
-from PIL import Image
+from jaxtyping import Bool, Float, UInt8
+from PIL import Image, ImageDraw
 from torch import Tensor
 
 from core.geometry.camera import Camera
@@ -16,59 +19,89 @@ from core.runtime.reading import open_image, reading
 SIDE = 1024
 """px of the longer side at most: lettering on a door is still read"""
 MAX_BYTES = 200_000
-"""of the file, in scenes, projects and pictures"""
+"""of a photo's file, in scenes, projects and pictures"""
+MAX_PHOTOS = 4
+"""of one object whose detail is kept: graphics cards look up 16 images at least, three of each photo"""
 _QUALITIES = (96, 92, 85, 75, 60, 40)
 """of WebP, from the best to what any photo needs at most"""
 
 
-@dataclass(frozen=True, eq=False)
-class PhotoDetail:
-    """A photo of an object, and the codes that were fitted to it. Raises ``ValueError`` where it cannot be one."""
+class Erasure(NamedTuple):
+    """A line drawn over a photo: what is under it does not belong to the object, or is none of its paint."""
+
+    points: tuple[tuple[float, float], ...]
+    """shares of the photo's width and height"""
+    radius: float
+    """a share of its longer side"""
+
+
+@dataclass(frozen=True)
+class PhotoView:
+    """A photo of an object, and from where it was taken. Raises ``ValueError`` for a file that is too large."""
 
     image: bytes = field(repr=False)
     """a WebP file: the object on white, how much of each pixel is its as opacity; as the camera sees it, upright"""
     camera: Camera
     """at the size of the image"""
-    shape: Float[Tensor, "shape_latent"] = field(repr=False)
-    texture: Float[Tensor, "texture_latent"] = field(repr=False)
-    confidence: float = 1.0
-    """the probability that the camera is right, 0..1"""
-    strength: float = 1.0
-    """how much of it is shown, 0..1"""
+    erased: tuple[Erasure, ...] = ()
 
     def __post_init__(self) -> None:
-        if not (0 <= self.confidence <= 1 and 0 <= self.strength <= 1):
-            raise ValueError(f"confidence and strength are 0 to 1, got {self.confidence} and {self.strength}")
         if len(self.image) > MAX_BYTES:
             raise ValueError(
                 f"a photo's detail has at most {MAX_BYTES / 1000:.0f} kB, got {len(self.image) / 1000:.0f}"
             )
-        if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
-            raise ValueError("codes must be finite")
+        numbers = [number for one in self.erased for number in (one.radius, *itertools.chain(*one.points))]
+        if not all(math.isfinite(number) for number in numbers):
+            raise ValueError("what is erased of a photo must be finite")
 
     @classmethod
-    def of(
-        cls,
-        rgba: UInt8[np.ndarray, "height width 4"],
-        camera: Camera,
-        shape: Float[Tensor, "shape_latent"],
-        texture: Float[Tensor, "texture_latent"],
-        confidence: float = 1.0,
-    ) -> "PhotoDetail":
+    def of(cls, rgba: UInt8[np.ndarray, "height width 4"], camera: Camera) -> "PhotoView":
         """Of pixels on white with the object's opacity; compressed, and where that is too large, made smaller."""
-        image = _compressed(rgba)
-        if len(image) > MAX_BYTES:
-            small = Image.fromarray(rgba).reduce(2)
-            return cls.of(np.array(small), camera.resized(*small.size), shape, texture, confidence)
-        return cls(image, camera, shape, texture, confidence)
+        image = compressed(rgba)
+        return cls(image, camera.resized(*decompressed(image).shape[1::-1]))
 
     def pixels(self) -> UInt8[np.ndarray, "height width 4"]:
         """Colours on white and opacity. Raises ``ValueError`` for a damaged file, or one not of the camera's size."""
-        most = 8 * SIDE**2
-        with reading("its photo", "an image"), open_image(io.BytesIO(self.image), most=most) as image:
-            if image.size != (self.camera.width, self.camera.height):
-                raise ValueError("the photo has another size than its camera")
-            return np.array(image.convert("RGBA"))
+        pixels = decompressed(self.image)
+        if pixels.shape[1::-1] != (self.camera.width, self.camera.height):
+            raise ValueError("the photo has another size than its camera")
+        return pixels
+
+    def kept(self, width: int, height: int) -> Bool[np.ndarray, "height width"]:
+        """What is not erased, at a size."""
+        image = Image.new("1", (width, height), 1)
+        draw = ImageDraw.Draw(image)
+        for points, radius in self.erased:
+            places = [(x * width, y * height) for x, y in points]
+            reach = radius * max(width, height)
+            draw.line(places, 0, round(2 * reach))
+            for x, y in places:
+                draw.ellipse((x - reach, y - reach, x + reach, y + reach), 0)
+        return np.array(image)
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoDetail:
+    """Photos of an object, and the codes that were fitted to them. Raises ``ValueError`` where it cannot be one."""
+
+    views: tuple[PhotoView, ...]
+    """one to :data:`MAX_PHOTOS`"""
+    shape: Float[Tensor, "shape_latent"] = field(repr=False)
+    texture: Float[Tensor, "texture_latent"] = field(repr=False)
+    confidence: float = 1.0
+    """the probability that the cameras are right, 0..1"""
+    strength: float = 1.0
+    """how much of it is shown, 0..1"""
+    both_sides: bool = False
+    """What only the mirror image shows is taken as it is, not softened."""
+
+    def __post_init__(self) -> None:
+        if not (0 <= self.confidence <= 1 and 0 <= self.strength <= 1):
+            raise ValueError(f"confidence and strength are 0 to 1, got {self.confidence} and {self.strength}")
+        if not 1 <= len(self.views) <= MAX_PHOTOS:
+            raise ValueError(f"detail is of 1 to {MAX_PHOTOS} photos, got {len(self.views)}")
+        if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
+            raise ValueError("codes must be finite")
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PhotoDetail):
@@ -79,29 +112,54 @@ class PhotoDetail:
         return hash(self.key)
 
     @property
+    def codes_key(self) -> tuple[float, ...]:
+        """The codes, to be compared."""
+        return (*self.shape.tolist(), *self.texture.tolist())
+
+    @property
     def key(self) -> tuple:
         """All but the strength, to be compared."""
-        codes = tuple(self.shape.tolist()), tuple(self.texture.tolist())
-        return (self.image, self.camera, self.confidence, *codes)
+        return (*self.views, self.confidence, self.both_sides, *self.codes_key)
+
+    def erasing(self, number: int, erased: tuple[Erasure, ...]) -> "PhotoDetail":
+        """With just this erased of one of the photos."""
+        views = [replace(view, erased=erased) if at == number else view for at, view in enumerate(self.views)]
+        return replace(self, views=tuple(views))
 
     def to_json(self) -> dict:
-        """As JSON; the file in base64."""
+        """As JSON; the files in base64."""
+        views = [
+            {
+                "image": base64.b64encode(view.image).decode(),
+                "camera": {name: getattr(view.camera, name) for name in Camera.__dataclass_fields__},
+                "erased": [one._asdict() for one in view.erased],
+            }
+            for view in self.views
+        ]
         return {
-            "image": base64.b64encode(self.image).decode(),
-            "camera": {name: getattr(self.camera, name) for name in Camera.__dataclass_fields__},
+            "views": views,
             "shape": self.shape.tolist(),
             "texture": self.texture.tolist(),
             "confidence": self.confidence,
             "strength": self.strength,
+            "both_sides": self.both_sides,
         }
 
 
-def _compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:
-    """As good as fits."""
-    for quality in _QUALITIES:
-        file = io.BytesIO()
-        # Without `exact`, what is under transparent pixels would not stay white.
-        Image.fromarray(rgba).save(file, "WEBP", quality=quality, method=4, exact=True)
-        if file.tell() <= MAX_BYTES:
-            break
-    return file.getvalue()
+def compressed(rgba: UInt8[np.ndarray, "height width 4"]) -> bytes:
+    """A WebP file of :data:`MAX_BYTES` at most: as good as that allows, and smaller where not even the worst does."""
+    image = Image.fromarray(rgba)
+    while True:
+        for quality in _QUALITIES:
+            file = io.BytesIO()
+            # Without `exact`, what is under transparent pixels would not stay white.
+            image.save(file, "WEBP", quality=quality, method=4, exact=True)
+            if file.tell() <= MAX_BYTES:
+                return file.getvalue()
+        image = image.reduce(2)
+
+
+def decompressed(file: bytes) -> UInt8[np.ndarray, "height width 4"]:
+    """The pixels of such a file. Raises ``ValueError`` where it is damaged."""
+    with reading("its photo", "an image"), open_image(io.BytesIO(file), most=8 * SIDE**2) as image:
+        return np.array(image.convert("RGBA"))

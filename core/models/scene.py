@@ -17,7 +17,7 @@ from PIL import Image, PngImagePlugin
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 
@@ -79,22 +79,32 @@ class Scene:
         return cls(model.fingerprint, codes, about.camera)
 
 
-class _Detail(NamedTuple):
-    """A photo's detail as JSON."""
+class _View(NamedTuple):
+    """One of a detail's photos as JSON."""
 
     image: str
     camera: Camera
+    erased: tuple[Erasure, ...] = ()
+
+    def read(self) -> PhotoView:
+        view = PhotoView(base64.b64decode(self.image, validate=True), self.camera, self.erased)
+        view.pixels()  # raises where it is damaged
+        return view
+
+
+class _Detail(NamedTuple):
+    """The photos' detail as JSON."""
+
+    views: tuple[_View, ...]
     shape: tuple[float, ...]
     texture: tuple[float, ...]
     confidence: float = 1.0
     strength: float = 1.0
+    both_sides: bool = False
 
     def read(self) -> PhotoDetail:
-        image = base64.b64decode(self.image, validate=True)
-        codes = torch.tensor(self.shape), torch.tensor(self.texture)
-        detail = PhotoDetail(image, self.camera, *codes, self.confidence, self.strength)
-        detail.pixels()  # raises where it is damaged
-        return detail
+        views = tuple(view.read() for view in self.views)
+        return PhotoDetail(views, torch.tensor(self.shape), torch.tensor(self.texture), *self[3:])
 
 
 class _About(NamedTuple):

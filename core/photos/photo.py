@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
 from core.geometry.pose_files import read_pose
 from core.models.model import Model
-from core.models.photo_detail import SIDE
+from core.models.photo_detail import SIDE, compressed
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
 from core.photos.ranking import ObjectImage, offset_from_expected
@@ -54,9 +54,9 @@ class Photo:
     """px, where the image tells; a given camera has its own"""
     blur: float = 0.0
     """px, standard deviation of what a pixel sees; 0 where it sees a point"""
-    fine: UInt8[Tensor, "high wide 4"] | None = None
-    """the same part of the image as finely as it was taken, up to :data:`core.models.photo_detail.SIDE` px: colours on
-    white and opacity, 0..255; None where no more is known"""
+    fine: bytes | None = field(default=None, repr=False)
+    """the same part of the image as finely as it was taken, up to :data:`core.models.photo_detail.SIDE` px, as
+    :func:`core.models.photo_detail.compressed` has it: colours on white and opacity; None where no more is known"""
     mask_confidence: float = 1.0
     """the probability that the mask is the object, the whole of it and little else"""
 
@@ -245,13 +245,11 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
     )
 
 
-def _fine_pixels(
-    cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]
-) -> UInt8[Tensor, "high wide 4"]:
-    """The same part as a size of fewer px shows."""
+def _fine_pixels(cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]) -> bytes:
+    """The same part as a size of fewer px shows, as a file."""
     scale = min(SIDE, math.ceil(max(box[2] - box[0], box[3] - box[1]))) / max(size)
     pixels, opacity = _resampled_pixels(cut, box, (max(1, round(scale * size[0])), max(1, round(scale * size[1]))))
-    return torch.from_numpy(to_bytes(torch.cat((pixels, opacity[..., None]), -1)))
+    return compressed(to_bytes(torch.cat((pixels, opacity[..., None]), -1)))
 
 
 def _resampled_pixels(

@@ -1,14 +1,16 @@
-"""What a photo adds to the colours of a surface: looked up where a point of the surface is in the photo.
+"""What photos add to the colours of a surface: looked up where a point of the surface is in a photo.
 
-The photo's residual (photo less render, times its weight) is a map over the image of the photo's camera, beside it the
-distance and the normal of the surface that the camera saw. A point takes the residual of the pixel it projects into, as
-far as it is the surface that was seen there (a soft depth test) and is seen from the same side. What the photo's camera
-did not see takes the low-passed residual of its mirror image (-x, y, z), if that was seen. Opacity and depth are only
-read.
+A photo's residual (its colour less that of the surface) and the weight of that are a map over the image of the photo's
+camera, beside it the distance and the normal of the surface that the camera saw. A point takes the residual of the
+pixel it projects into, as far as it is the surface that was seen there (a soft depth test) and is seen from the same
+side; from the photo's own camera all of it. What no photo's camera saw takes the low-passed residual of its mirror
+image (-x, y, z), if that was seen. Opacity and depth are only read.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -24,29 +26,42 @@ DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
 something else"""
 FACING = 0.25
 """cosine between the ray that sees a point and the surface, from which on it counts as seen from the photo's side"""
-FLAT, STEEP = math.cos(math.radians(75)), math.cos(math.radians(55))
+FLAT, STEEP = math.cos(math.radians(83)), math.cos(math.radians(70))
 """cosines between the photo's ray and the surface: nothing is taken below, all above"""
 BESIDE = math.cos(math.radians(25)), math.cos(math.radians(8))
 """cosines between the photo's ray and the one that sees a point: from beside the photo, it is right however flatly the
 surface is seen"""
+NEAR = math.cos(math.radians(6)), math.cos(math.radians(2))
+"""the same cosines: from the photo's own camera the object is as in the photo up to its outlines"""
+NEAR_FIRST = 20.0
+"""by how much the photo from whose camera the object is seen goes before others, which have at most 1"""
+NEAR_DEPTHS = 0.2, 0.1
+"""scene units between a point and what was seen, for that: a pixel at an outline has a depth between"""
 MIN_OPACITY = 0.02
 """of a pixel that takes anything"""
 
 
+class Shares(NamedTuple):
+    """Where the colours of places come from, 0..1; the rest is the model's."""
+
+    photo: Float[Tensor, "*places"]
+    mirrored: Float[Tensor, "*places"]
+    """from the mirror image"""
+
+
 @dataclass(frozen=True, eq=False)
-class DetailMaps:
-    """Maps over the image of a photo's camera. Never written again."""
+class PhotoMaps:
+    """Maps over the image of one photo's camera. Never written again."""
 
     camera: Camera
     """at any size: maps are over its whole image"""
     fine: tuple[Float[Tensor, "4 _ _"], ...]
-    """weight times residual (rgb, sRGB), and weight; each level has half the pixels across of the one before"""
-    mirrored: Float[Tensor, "3 rows columns"]
-    """the same, low-passed, times the share that a mirror image takes"""
+    """residual (rgb, sRGB), and its weight; each level has half the pixels across of the one before"""
+    mirrored: Float[Tensor, "4 rows columns"]
+    """the same for what only the mirror image shows: low-passed, its weight in the colours and times the share that
+    such places take"""
     surface: Float[Tensor, "4 rows columns"]
     """unit normal (world) and distance from the camera (scene units)"""
-    strength: float = 1.0
-    """times all that is added"""
 
     @property
     def size(self) -> int:
@@ -59,38 +74,12 @@ class DetailMaps:
         ratio = own * camera.distance / camera.focal
         return max(0, min(len(self.fine) - 1, round(math.log2(max(ratio, 1e-6)))))
 
-    def added(self, rendered: Rendered, camera: Camera, extent: Float[Tensor, "3"]) -> Rendered:
-        """A render in its camera's image with the photo's detail; its opacity and depth stay the same tensors."""
-        if not self.strength:
-            return rendered
-        index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
-        rays = camera_rays(camera, extent)
-        directions = rays.directions.flatten(0, 1).index_select(0, index)
-        points = rays.origins[0, 0] + directions * rendered.depth.flatten().index_select(0, index)[:, None]
-        opacity = rendered.opacity.flatten().index_select(0, index)[:, None]
-        found = opacity * self.at(points, directions, self.level(camera))
-        colour = rendered.colour.flatten(0, 1).index_add(0, index, found).clamp(0, 1)
-        return replace(rendered, colour=colour.view_as(rendered.colour))
-
-    def at(
-        self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], level: int = 0
-    ) -> Float[Tensor, "points 3"]:
-        """What is added to the colours of places on a surface.
-
-        Args:
-            directions: unit vectors along which each is seen; against the outward normal for a mesh.
-            level: of the fine map.
+    def look_up(
+        self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], map: Float[Tensor, "4 _ _"]
+    ) -> tuple[Float[Tensor, "points 4"], Float[Tensor, "points"], Float[Tensor, "points"]]:
+        """A map's values where points project into it, how far the photo's camera saw these points (0..1), and how near
+        to its ray they are seen.
         """
-        fine, seen = self._seen(points, directions, self.fine[level])
-        direct = fine * seen[:, None]
-        turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
-        soft, twin = self._seen(points * turn, directions * turn, self.mirrored)
-        return self.strength * (direct[:, :3] + ((1 - direct[:, 3]) * twin)[:, None] * soft)
-
-    def _seen(
-        self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], map: Tensor
-    ) -> tuple[Float[Tensor, "points channels"], Float[Tensor, "points"]]:
-        """A map's values where points project into it, and how far the photo's camera saw these points (0..1)."""
         rotation, origin = self.camera.world_to_camera(points.device)
         away = points - origin
         local = away @ rotation.T
@@ -98,11 +87,85 @@ class DetailMaps:
         place = torch.stack((local[:, 0] * scale / self.camera.width, -local[:, 1] * scale / self.camera.height), -1)
         surface, distance = _sampled(self.surface, place), away.norm(dim=-1)
         ray = away / distance[:, None].clamp_min(1e-6)
-        same = smooth_step((distance - surface[:, 3]).abs(), DEPTH_FAR, DEPTH_NEAR)
+        behind = (distance - surface[:, 3]).abs()
         facing = smooth_step(-(directions * surface[:, :3]).sum(-1), 0.0, FACING)
         steep = smooth_step(-(ray * surface[:, :3]).sum(-1), FLAT, STEEP)
-        beside = smooth_step((ray * directions).sum(-1), *BESIDE)
-        return _sampled(map, place), same * torch.maximum(facing * steep, beside) * (local[:, 2] < 0)
+        along = (ray * directions).sum(-1)
+        seen = smooth_step(behind, DEPTH_FAR, DEPTH_NEAR) * torch.maximum(facing * steep, smooth_step(along, *BESIDE))
+        near = smooth_step(along, *NEAR) * smooth_step(behind, *NEAR_DEPTHS)
+        inside = (local[:, 2] < 0) & (place.abs() <= 1).all(-1)
+        return _sampled(map, place), inside * seen, inside * near
+
+
+@dataclass(frozen=True, eq=False)
+class DetailMaps:
+    """The maps of all photos of an object, and how they are shown."""
+
+    photos: tuple[PhotoMaps, ...]
+    strength: float = 1.0
+    """times all that is added"""
+    both_sides: bool = False
+    """A mirror image is taken as it is: not low-passed, all of it."""
+
+    def added(self, rendered: Rendered, camera: Camera, extent: Float[Tensor, "3"]) -> tuple[Rendered, Shares]:
+        """A render in its camera's image with the photos' detail, and where its colours come from; its opacity and
+        depth stay the same tensors.
+        """
+        index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
+        rays = camera_rays(camera, extent)
+        directions = rays.directions.flatten(0, 1).index_select(0, index)
+        points = rays.origins[0, 0] + directions * rendered.depth.flatten().index_select(0, index)[:, None]
+        opacity = rendered.opacity.flatten().index_select(0, index)
+        found, shares = self.at(points, directions, camera)
+        colour = rendered.colour.flatten(0, 1).index_add(0, index, opacity[:, None] * found).clamp(max=1)
+        colour = torch.maximum(colour, 1 - rendered.opacity.flatten()[:, None])  # the background's light is left
+        empty = torch.zeros_like(rendered.opacity)
+        images = (empty.flatten().index_add(0, index, opacity * share).view_as(empty) for share in shares)
+        return replace(rendered, colour=colour.view_as(rendered.colour)), Shares(*images)
+
+    def at(
+        self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], camera: Camera | None = None
+    ) -> tuple[Float[Tensor, "points 3"], Shares]:
+        """What is added to the colours of places on a surface, and where these come from then.
+
+        Args:
+            directions: unit vectors along which each is seen; against the outward normal for a mesh.
+            camera: whose pixels they are; None: as finely as can be.
+        """
+        turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
+        own, twins = list[_Part](), list[_Part]()
+        for photo in self.photos:
+            fine = photo.fine[photo.level(camera) if camera else 0]
+            values, seen, near = photo.look_up(points, directions, fine)
+            share = torch.maximum(seen * values[:, 3], near)
+            own.append(_Part(values[:, :3], share, share.square() + NEAR_FIRST * near))
+            values, seen, _ = photo.look_up(
+                points * turn, directions * turn, fine if self.both_sides else photo.mirrored
+            )
+            share = seen * values[:, 3]
+            twins.append(_Part(values[:, :3], share, share.square()))
+        (colour, direct), (other, mirrored) = _blended(own), _blended(twins)
+        mirrored = (1 - direct) * mirrored
+        added = direct[:, None] * colour + mirrored[:, None] * other
+        return self.strength * added, Shares(self.strength * direct, self.strength * mirrored)
+
+
+class _Part(NamedTuple):
+    """What one photo shows of places."""
+
+    colour: Float[Tensor, "points 3"]
+    share: Float[Tensor, "points"]
+    """how far it shows them, 0..1"""
+    weight: Float[Tensor, "points"]
+    """among the photos"""
+
+
+def _blended(parts: Sequence[_Part]) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points"]]:
+    """The mean of what photos show, and how far the best of them does."""
+    if len(parts) == 1:
+        return parts[0].colour, parts[0].share
+    colours, shares, weights = (torch.stack(each) for each in zip(*parts, strict=True))
+    return (weights[..., None] * colours).sum(0) / weights.sum(0).clamp_min(1e-6)[:, None], shares.amax(0)
 
 
 def _sampled(map: Float[Tensor, "channels h w"], place: Float[Tensor, "points 2"]) -> Float[Tensor, "points channels"]:

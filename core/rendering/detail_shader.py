@@ -1,44 +1,76 @@
-"""What a photo adds to colours (:class:`core.rendering.detail_maps.DetailMaps`), in GLSL: one surface point a pixel."""
+"""What photos add to colours (:class:`core.rendering.detail_maps.DetailMaps`), in GLSL: one surface point a pixel."""
 
 from typing import Any
 
 import moderngl
 import numpy as np
+import torch
 
 from core.geometry.camera import Camera
-from core.rendering.detail_maps import BESIDE, DEPTH_FAR, DEPTH_NEAR, FACING, FLAT, STEEP, DetailMaps
+from core.models.photo_detail import MAX_PHOTOS
+from core.rendering.detail_maps import (
+    BESIDE,
+    DEPTH_FAR,
+    DEPTH_NEAR,
+    FACING,
+    FLAT,
+    NEAR,
+    NEAR_DEPTHS,
+    NEAR_FIRST,
+    STEEP,
+    DetailMaps,
+    PhotoMaps,
+)
 
+_MAPS = "fine", "mirrored", "surface"
+_PHOTO = """
+    if (photos > PHOTO) {
+        float near, seen = seen_by_photo(surfacePHOTO, PHOTO, point, along, place, near);
+        vec4 value = textureLod(finePHOTO, place, level[PHOTO]);
+        float share = max(seen * value.a, near);
+        own += (share * share + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
+        direct = max(direct, share);
+        seen = seen_by_photo(surfacePHOTO, PHOTO, point * turn, along * turn, place, near);
+        value = both_sides ? textureLod(finePHOTO, place, level[PHOTO]) : textureLod(mirroredPHOTO, place, 0.0);
+        share = seen * value.a;
+        twin += share * share * vec4(value.rgb, 1.0);
+        mirror = max(mirror, share);
+    }"""
+_EACH = "".join(_PHOTO.replace("PHOTO", str(number)) for number in range(MAX_PHOTOS))
+_SAMPLERS = ", ".join(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
 GLSL = f"""
-uniform sampler2D fine, mirrored, surface;
-uniform vec3 photo_origin;
-uniform mat3 photo_axes;  // right, up, backward
-uniform vec2 photo_focal; // in widths and heights of the photo
-uniform float level;
+uniform sampler2D {_SAMPLERS};
+uniform int photos;
+uniform bool both_sides;
+uniform vec3 photo_origin[{MAX_PHOTOS}];
+uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
+uniform vec2 photo_focal[{MAX_PHOTOS}]; // in widths and heights of the photo
+uniform float level[{MAX_PHOTOS}];
 float smooth_step(float zero, float one, float value) {{
     float share = clamp((value - zero) / (one - zero), 0.0, 1.0);
     return share * share * (3.0 - 2.0 * share);
 }}
-// How far the photo's camera saw a point, and where in its image.
-float seen_by_photo(vec3 point, vec3 along, out vec2 place) {{
-    vec3 away = point - photo_origin, local = photo_axes * away;
-    place = 0.5 + vec2(local.x, -local.y) * photo_focal / max(-local.z, 1e-6);
+// How far a photo's camera saw a point, where in its image, and how near to its ray the point is seen.
+float seen_by_photo(sampler2D surface, int photo, vec3 point, vec3 along, out vec2 place, out float near) {{
+    vec3 away = point - photo_origin[photo], local = photo_axes[photo] * away;
+    place = 0.5 + vec2(local.x, -local.y) * photo_focal[photo] / max(-local.z, 1e-6);
     vec4 found = textureLod(surface, place, 0.0);
-    float reached = length(away);
+    float reached = length(away), behind = abs(reached - found.a);
     vec3 ray = away / max(reached, 1e-6);
-    float same = smooth_step({DEPTH_FAR}, {DEPTH_NEAR}, abs(reached - found.a));
     float facing = smooth_step(0.0, {FACING}, -dot(along, found.xyz));
-    float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, found.xyz));
-    float beside = smooth_step({BESIDE[0]}, {BESIDE[1]}, dot(ray, along));
-    bool inside = local.z < 0.0 && place == clamp(place, 0.0, 1.0);
-    return inside ? same * max(facing * steep, beside) : 0.0;
+    float steep = smooth_step({FLAT}, {STEEP}, -dot(ray, found.xyz)), angle = dot(ray, along);
+    float beside = smooth_step({BESIDE[0]}, {BESIDE[1]}, angle);
+    float inside = local.z < 0.0 && place == clamp(place, 0.0, 1.0) ? 1.0 : 0.0;
+    near = inside * smooth_step({NEAR[0]}, {NEAR[1]}, angle) * smooth_step({NEAR_DEPTHS[0]}, {NEAR_DEPTHS[1]}, behind);
+    return inside * smooth_step({DEPTH_FAR}, {DEPTH_NEAR}, behind) * max(facing * steep, beside);
 }}
 vec3 detail(vec3 point, vec3 along) {{
-    vec2 place, twin;
-    float direct = seen_by_photo(point, along, place);
-    vec4 own = direct * textureLod(fine, place, level);
+    vec2 place;
     vec3 turn = vec3(-1.0, 1.0, 1.0);
-    float other = seen_by_photo(point * turn, along * turn, twin);
-    return strength * (own.rgb + (1.0 - own.a) * other * textureLod(mirrored, twin, 0.0).rgb);
+    vec4 own = vec4(0.0), twin = vec4(0.0);
+    float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
+    vec3 added = direct * own.rgb / max(own.a, 1e-6);
+    return strength * (added + (1.0 - direct) * mirror * twin.rgb / max(twin.a, 1e-6));
 }}
 """
 """``detail(point, along)``: what is added to the colour of a place seen along a unit vector; ``strength`` is declared
@@ -48,28 +80,32 @@ before it"""
 class DetailTextures:
     """The maps in one context, loaded again only where they are others."""
 
-    names = "fine", "mirrored", "surface"
+    names = tuple(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._of: object = None
+        self._of: tuple[PhotoMaps, ...] = ()
         self._textures: list[moderngl.Texture] = []
 
     def upload(self, maps: DetailMaps | None) -> None:
         """Load maps in place of the last ones, unless there are none."""
-        if maps is None or maps.fine is self._of:
+        if maps is None or maps.photos == self._of:
             return
         self.release()
-        for map in (maps.fine[0], maps.mirrored, maps.surface):
-            channels, height, width = map.shape
-            pixels = np.ascontiguousarray(map.movedim(0, -1).cpu().numpy().astype(np.float16))
-            texture = self._context.texture((width, height), channels, pixels.tobytes(), alignment=1, dtype="f2")
-            texture.repeat_x = texture.repeat_y = False
-            texture.filter = moderngl.LINEAR, moderngl.LINEAR
-            self._textures.append(texture)
-        self._textures[0].build_mipmaps(max_level=len(maps.fine) - 1)
-        self._textures[0].filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
-        self._of = maps.fine
+        for photo in maps.photos:
+            self._textures += [self._texture(map) for map in (photo.fine[0], photo.mirrored, photo.surface)]
+            fine = self._textures[-3]
+            fine.build_mipmaps(max_level=len(photo.fine) - 1)
+            fine.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+        self._of = maps.photos
+
+    def _texture(self, map: torch.Tensor) -> moderngl.Texture:
+        channels, height, width = map.shape
+        pixels = np.ascontiguousarray(map.movedim(0, -1).cpu().numpy().astype(np.float16))
+        texture = self._context.texture((width, height), channels, pixels.tobytes(), alignment=1, dtype="f2")
+        texture.repeat_x = texture.repeat_y = False
+        texture.filter = moderngl.LINEAR, moderngl.LINEAR
+        return texture
 
     def use(self, unit: int) -> None:
         """Bind them, in the order of their names, from a unit on."""
@@ -80,16 +116,26 @@ class DetailTextures:
         """Give the GL objects back."""
         while self._textures:
             self._textures.pop().release()
-        self._of = None
+        self._of = ()
 
 
 def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
     """The values that the GLSL needs for a camera's image."""
-    photo, pose = maps.camera, maps.camera.pose().numpy()
-    axes = np.stack((pose[:3, 0], -pose[:3, 1], -pose[:3, 2]))  # the columns of a pose are right, down and forward
+    origins, axes, focals, levels = [], [], [], []
+    for at in range(MAX_PHOTOS):  # arrays are written whole
+        photo = maps.photos[min(at, len(maps.photos) - 1)]
+        pose = photo.camera.pose().numpy()
+        # The columns of a pose are right, down and forward.
+        rows = np.stack((pose[:3, 0], -pose[:3, 1], -pose[:3, 2]))
+        origins.append(tuple(pose[:3, 3]))
+        axes.append(tuple(rows.T.ravel()))
+        focals.append((photo.camera.focal / photo.camera.width, photo.camera.focal / photo.camera.height))
+        levels.append(float(photo.level(camera)))
     return {
-        "photo_origin": tuple(pose[:3, 3]),
-        "photo_axes": tuple(axes.T.ravel()),
-        "photo_focal": (photo.focal / photo.width, photo.focal / photo.height),
-        "level": float(maps.level(camera)),
+        "photos": len(maps.photos),
+        "both_sides": maps.both_sides,
+        "photo_origin": origins,
+        "photo_axes": axes,
+        "photo_focal": focals,
+        "level": levels,
     }

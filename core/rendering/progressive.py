@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+import torch
 from jaxtyping import Float32, Int32, UInt8
 
 from core.geometry.camera import Camera
@@ -68,6 +69,8 @@ class Frame:
     """samples of each ray whose density was evaluated, where that is known"""
     supersampling: int = 1
     """pixels rendered along each side of a pixel"""
+    sources: Float32[np.ndarray, "height width 2"] | None = None
+    """how far each pixel's colour is from a photo, and from a photo's mirror image, 0..1; None: all is the model's"""
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -96,16 +99,20 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
     for at in range(max(cached, default=0), len(stages)):
         stage = stages[at]
         rendered = yield from render_steps(model, job.codes, *stage.arguments, supersampling=stage.supersampling)
+        sources = None
         if job.detail:
             width, height = stage.arguments.camera.width, stage.arguments.camera.height
             shown = stage.arguments.camera.resized(width // stage.supersampling, height // stage.supersampling)
-            rendered = job.detail.added(rendered, shown, model.extent_tensor)
+            rendered, shares = job.detail.added(rendered, shown, model.extent_tensor)
+            sources = torch.stack(shares, -1).cpu().numpy()
         image = to_bytes(rendered.colour)
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
         yield Frame(
-            image, depth, opacity, at, len(stages), stage.arguments.samples, seconds, evaluations, stage.supersampling
+            *(image, depth, opacity, at, len(stages), stage.arguments.samples, seconds, evaluations),
+            stage.supersampling,
+            sources,
         )
 
 

@@ -8,7 +8,7 @@ import torch
 
 from core.models.codes import CodeBook
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail
+from core.models.photo_detail import PhotoDetail, PhotoView
 from viewer.editor import Editor
 from viewer.services.user_objects import UserObjects
 from viewer.session import Session
@@ -196,7 +196,7 @@ def fitted(model: Model) -> EditableObject:
     codes, rgba = model.codes[1], np.full((20, 20, 4), 255, np.uint8)
     rgba[5:15, 5:15, 1:3] = 0
     camera = model.camera(0.5, 0.2).resized(20, 20)
-    detail = PhotoDetail.of(rgba, camera, codes.shape, codes.texture)
+    detail = PhotoDetail((PhotoView.of(rgba, camera),), codes.shape, codes.texture)
     return EditableObject("fitted", replace(codes, detail=detail), True, 0.9)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from core.fitting.category_check import describe_category, likeliest_category
 from core.fitting.fit import FitStep, Hypothesis
+from core.fitting.photo_detail import with_photo_detail
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.plain_background import NoBackgroundError
 from viewer.activities.candidates import Candidates
@@ -141,6 +142,9 @@ class Fitting:
         """End the fit here and keep what it has found; the next one begins."""
         if self.running:
             self._jobs.cancel("fit")
+            if self.history.steps:
+                *before, last = self.history.steps
+                self.view.history = replace(self.history, steps=(*before, self._with_detail(last)))
             self._finish("Stopped")
             self._next()
 
@@ -171,7 +175,7 @@ class Fitting:
         """Add the step that is shown to the objects."""
         if step := self.history.step:
             name = f"{self.history.name} at {step.seconds:.1f} s"
-            self._editor.add_and_show(replace(self._fitted(step), name=name), self.view.camera)
+            self._editor.add_and_show(replace(self._fitted(self._with_detail(step)), name=name), self.view.camera)
 
     # On the way
 
@@ -297,6 +301,12 @@ class Fitting:
         """About a result, with a button that shows it where something else is being edited."""
         waits, show = found.name in self.results.unseen, Button("Show", lambda: self.results.show(found.name))
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
+
+    def _with_detail(self, step: FitStep) -> FitStep:
+        """What the photos add to the codes comes with the last step of a fit only."""
+        if step.codes.detail or not step.hypotheses or not self.can_resume(step.hypotheses[0]):
+            return step
+        return with_photo_detail(self._editor.model, [fitted.photo for fitted in self.history.photos], step)
 
     def _fitted(self, step: FitStep) -> EditableObject:
         photo = self.history.photo

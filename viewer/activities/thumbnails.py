@@ -7,6 +7,7 @@ from typing import NamedTuple
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
+from core.models.photo_detail import PhotoDetail
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
@@ -27,12 +28,13 @@ _SHARE = 0.3
 
 
 class _Key(NamedTuple):
-    """Codes by their numbers, so that equal ones share a thumbnail."""
+    """Codes by their numbers and their photos, so that equal ones share a thumbnail."""
 
     shape: bytes
     texture: bytes
     camera: Camera
     samples: int
+    detail: PhotoDetail | None
 
 
 class Thumbnails:
@@ -63,14 +65,14 @@ class Thumbnails:
             soon: before the others, as someone waits for it.
         """
         shape, texture = codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes()
-        key = _Key(shape, texture, camera, samples)
+        key = _Key(shape, texture, camera, samples, codes.detail)
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
         if min(camera.width, camera.height) <= _COARSE:
             self._want(key, codes, soon)
             return None
-        coarse = _Key(shape, texture, camera.resized(_COARSE, _COARSE), min(samples, _COARSE_SAMPLES))
+        coarse = _Key(shape, texture, camera.resized(_COARSE, _COARSE), min(samples, _COARSE_SAMPLES), codes.detail)
         found = self._frames.get(coarse)
         self._want(key if found or coarse in self._failed else coarse, codes, soon)
         return found

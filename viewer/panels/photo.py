@@ -1,17 +1,22 @@
 """Photos and the codes fitted to them: compared with their render, at every step of the fit."""
 
+from dataclasses import replace
 from functools import partial
 
 from imgui_bundle import icons_fontawesome_4, imgui
 
 from core.fitting.confidence import RIGHT_DEGREES, in_words
+from core.models.codes import Codes
+from core.models.photo_detail import PhotoDetail
 from core.photos.decode import IMAGE_SUFFIXES
 from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.activities.fitting import Fitting
 from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
+from viewer.values.photo_sources import describe_sources, side_cameras
 from viewer.widgets.comparison import Comparison
 from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, labelled_slider, tooltip
+from viewer.widgets.eraser import Eraser
 from viewer.widgets.fit_curve import FitCurve
 from viewer.widgets.text import heading
 from viewer.widgets.welcome import Samples
@@ -31,6 +36,8 @@ for a camera that was not found"""
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as lettering and lamps, in files too.
 It fades as the object is edited. A doubtful camera shows none."""
+_BOTH_SIDES_HELP = """What the photo does not see takes the mirror image of what it sees, as sharp as that.
+Else softly, as light is not symmetric. Lettering is mirrored, too."""
 _TALLEST = 1.0
 """height of the comparison, relative to the panel's width"""
 
@@ -43,7 +50,9 @@ class PhotoPanel(Panel):
 
     def __init__(self) -> None:
         self._comparison, self._samples = Comparison(), Samples()
-        self._curve = FitCurve()
+        self._curve, self._eraser = FitCurve(), Eraser()
+        self._erasing = False
+        """the photo is shown to be erased from"""
 
     def draw(self, context: PanelContext) -> None:
         """Buttons, the comparison, and what few look at: how the search goes, and how the next one is made."""
@@ -65,8 +74,28 @@ class PhotoPanel(Panel):
             _draw_photos(fitting)
             self._comparison.draw_choice()
             self._comparison.draw(context, _TALLEST * imgui.get_content_region_avail().x)
-        _draw_strength(context)
+        self._draw_photo_detail(context)
         self._draw_details(context, fitting)
+
+    def _draw_photo_detail(self, context: PanelContext) -> None:
+        """How much of the photo is on the object that is shown, and which of it."""
+        codes = context.editor.scene.codes
+        if (detail := codes.detail) is None:
+            return
+        _draw_strength(context, detail)
+        changed, both = imgui.checkbox("Copy to the other side###both sides", detail.both_sides)
+        tooltip(_BOTH_SIDES_HELP)
+        if changed:
+            context.editor.set_detail(replace(detail, both_sides=both))
+        flow("Erase…     ")
+        self._erasing = imgui.checkbox("Erase…###erase detail", self._erasing)[1]
+        tooltip("Wipe away what does not belong to the object, such as a reflection")
+        if self._erasing:
+            number = min(context.fitting.history.photo_index, len(detail.views) - 1)
+            self._eraser.draw(context, number, 0.7 * imgui.get_content_region_avail().x)
+            if button("Bring back###restore detail", "All that was erased", enabled=bool(detail.views[number].erased)):
+                context.editor.set_detail(detail.erasing(number, ()))
+        _draw_sources(context, codes)
 
     def _draw_details(self, context: PanelContext, fitting: Fitting) -> None:
         if not imgui.collapsing_header("Details"):
@@ -79,17 +108,22 @@ class PhotoPanel(Panel):
             self._curve.draw(context)
 
 
-def _draw_strength(context: PanelContext) -> None:
-    """How much of the photo is on the object that is shown."""
-    detail = context.editor.scene.codes.detail
-    if detail is None:
-        return
+def _draw_strength(context: PanelContext, detail: PhotoDetail) -> None:
     shown = f"{detail.strength:.0%}"
     changed, strength = labelled_slider("photo detail", "Photo detail", detail.strength, (0.0, 1.0), shown, (6, 3))
     if changed:
         context.editor.set_detail_strength(strength, "photo detail")
     end_gesture(context)
     tooltip(_DETAIL_HELP)
+
+
+def _draw_sources(context: PanelContext, codes: Codes) -> None:
+    """Which sides are from the photo, once they have been rendered small."""
+    model = context.editor.model
+    views = {side: context.thumbnails.get(codes, camera) for side, camera in side_cameras(model).items()}
+    frames = {side: frame for side, frame in views.items() if frame}
+    imgui.text_wrapped(describe_sources(model, frames) if len(frames) == len(views) else "…")
+    tooltip("The view mode Source tints it: green is from the photo, blue from its mirror image, grey the model's")
 
 
 def _draw_progress(fitting: Fitting) -> None:

@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -15,7 +15,7 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
-from core.models.photo_detail import PhotoDetail
+from core.models.photo_detail import PhotoView, decompressed
 from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
@@ -55,8 +55,9 @@ def encode(value: Any, parts: Parts) -> Any:
         return parts.number(value, parts.timelines, lambda: _encode_fields(value, parts))
     if isinstance(value, Photo):
         image = parts.number(value, parts.photos, lambda: encode_photo(value))
-        return {"image": image} | {name: encode(getattr(value, name), parts) for name in _BESIDE_IMAGE}
-    if isinstance(value, PhotoDetail):
+        fine = value.fine and parts.number(value.fine, parts.photos, lambda: value.fine)
+        return {"image": image, "fine": fine} | {name: encode(getattr(value, name), parts) for name in _BESIDE_IMAGE}
+    if isinstance(value, PhotoView):
         image = parts.number(value.image, parts.photos, lambda: value.image)
         return _encode_fields(value, parts) | {"image": image}
     if isinstance(value, FittedPhoto):
@@ -113,15 +114,19 @@ def _decode_photo(about: Any, parts: Parts) -> Photo:
     beside = {name: decode(kinds[name], about[name], parts) for name in _BESIDE_IMAGE if name in about}
     photo = decode_photo(_part(parts.photos, about["image"]), min(_MAX_PHOTO, parts.left), **beside)
     parts.left -= 4 * photo.mask.numel()
-    return photo
+    if about.get("fine") is None:
+        return photo
+    fine = _part(parts.photos, about["fine"])
+    decompressed(fine)  # raises where it is damaged
+    return replace(photo, fine=fine)
 
 
-def _decode_detail(about: Any, parts: Parts) -> PhotoDetail:
-    kinds = _kinds(PhotoDetail)
+def _decode_view(about: Any, parts: Parts) -> PhotoView:
+    kinds = _kinds(PhotoView)
     beside = {name: decode(kinds[name], about[name], parts) for name in kinds if name in about and name != "image"}
-    detail = PhotoDetail(_part(parts.photos, about["image"]), **beside)
-    detail.pixels()  # raises where it is damaged
-    return detail
+    view = PhotoView(_part(parts.photos, about["image"]), **beside)
+    view.pixels()  # raises where it is damaged
+    return view
 
 
 def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
@@ -148,7 +153,7 @@ def _part(stored: list, number: Any) -> Any:
 
 _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
     Photo: _decode_photo,
-    PhotoDetail: _decode_detail,
+    PhotoView: _decode_view,
     FittedPhoto: _decode_fitted_photo,
     Timeline: _decode_timeline,
 }

@@ -1,4 +1,4 @@
-"""View modes: a frame's colours, or depth, normals, opacity and samples. Pure."""
+"""View modes: a frame's colours, or depth, normals, opacity, samples and where its colours are from. Pure."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,6 +15,12 @@ _OPAQUE = 0.5
 """opacity from which a pixel counts as the object's"""
 _COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])
 """from nothing to the most"""
+
+SOURCE_COLOURS = {
+    name: np.array(colour, np.float32)
+    for name, colour in (("photo", (50, 190, 90)), ("mirrored", (60, 120, 240)), ("model", (150, 150, 150)))
+}
+"""of what is from a photo, from the mirror image of one, and the model's own"""
 
 
 def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:
@@ -90,6 +96,16 @@ def _samples(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"
     return colour_map(frame.evaluations / max(1, int(frame.evaluations.max())))
 
 
+def _source(frame: Frame, camera: Camera) -> UInt8[np.ndarray, "height width 3"]:
+    """Green is from a photo, blue from the mirror image of one, grey the model's own."""
+    light = frame.image.astype(np.float32).mean(-1, keepdims=True)
+    shares = np.zeros((*frame.opacity.shape, 2), np.float32) if frame.sources is None else frame.sources
+    photo, mirrored = (shares / np.maximum(frame.opacity, 1e-3)[..., None]).clip(0, 1).transpose(2, 0, 1)[..., None]
+    tint = photo * SOURCE_COLOURS["photo"] + mirrored * SOURCE_COLOURS["mirrored"]
+    tint = tint + (1 - photo - mirrored).clip(0, 1) * SOURCE_COLOURS["model"]
+    return _on_white(frame, (0.45 * light + 0.55 * tint).clip(0, 255).astype(np.uint8))
+
+
 def _on_white(frame: Frame, colours: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
     opacity = frame.opacity.clip(0, 1)[..., None]
     return (opacity * colours + 255 * (1 - opacity) + 0.5).astype(np.uint8)
@@ -101,6 +117,7 @@ MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
     "normals": _normal,
     "opacity": _opacity,
     "samples": _samples,
+    "source": _source,
 }
 _WITHOUT_BACKGROUND = ("opacity", "samples")
 """Modes whose images have no background to shine through."""

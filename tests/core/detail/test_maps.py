@@ -14,10 +14,10 @@ from core.geometry.rays import Rays, camera_rays
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
 from core.rendering import progressive
 from core.rendering.baked_field import render_baked
-from core.rendering.detail_maps import DetailMaps
+from core.rendering.detail_maps import DetailMaps, PhotoMaps
 from core.rendering.fast import clear_cache
 from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import RenderJob, RenderSettings
@@ -36,7 +36,7 @@ def striped(model: Model, camera: Camera, confidence: float = 1.0) -> Codes:
     colour[rows] = torch.lerp(colour[rows], torch.tensor([0.1, 0.1, 0.6]), seen.opacity[rows, :, None])
     rgba = to_bytes(torch.cat((colour, seen.opacity[..., None]), -1))
     codes = model.codes[0]
-    return replace(codes, detail=PhotoDetail.of(rgba, camera, codes.shape, codes.texture, confidence))
+    return replace(codes, detail=PhotoDetail((PhotoView.of(rgba, camera),), codes.shape, codes.texture, confidence))
 
 
 @pytest.fixture(scope="module")
@@ -51,9 +51,51 @@ def codes(tiny: Model, camera: Camera) -> Codes:
 
 def test_the_photos_own_view_becomes_the_photo(tiny: Model, codes: Codes, camera: Camera) -> None:
     assert codes.detail is not None
-    photo = codes.detail.pixels()[..., :3] / 255
+    photo = codes.detail.views[0].pixels()[..., :3] / 255
     plain, shown = (render_frame(tiny, one, camera).image / 255 for one in (replace(codes, detail=None), codes))
     assert psnr(shown, photo) > psnr(plain, photo) + 4
+
+
+def test_each_of_two_photos_is_shown_from_its_own_camera(tiny: Model, codes: Codes, camera: Camera) -> None:
+    beside = tiny.camera(2.6, 0.3).resized(SIZE, SIZE)
+    other = striped(tiny, beside).detail
+    assert codes.detail is not None and other is not None
+    both = replace(codes, detail=replace(codes.detail, views=(*codes.detail.views, *other.views)))
+    for view, seen_from in zip(both.detail.views, (camera, beside), strict=True):
+        photo = view.pixels()[..., :3] / 255
+        plain, shown = (render_frame(tiny, one, seen_from).image / 255 for one in (replace(codes, detail=None), both))
+        assert psnr(shown, photo) > psnr(plain, photo) + 4
+
+
+def test_what_is_erased_is_as_the_model_has_it(tiny: Model, codes: Codes, camera: Camera) -> None:
+    assert codes.detail is not None
+    gone = codes.detail.erasing(0, (Erasure(((0.0, 0.52), (1.0, 0.52)), 0.06),))
+    plain, shown, erased = (
+        render_frame(tiny, replace(codes, detail=one), camera).image[int(0.47 * SIZE) : int(0.57 * SIZE)].astype(int)
+        for one in (None, codes.detail, gone)
+    )
+    assert np.abs(shown - plain).max() > 40
+    assert np.abs(erased - plain).max() <= 2
+
+
+def test_the_other_side_is_as_sharp_once_it_is_copied(tiny: Model, codes: Codes) -> None:
+    assert codes.detail is not None
+    behind = tiny.camera(np.pi - 1.1, 0.3).resized(SIZE, SIZE)
+    plain, soft, sharp = (
+        render_reference(tiny, replace(codes, detail=one), behind).colour
+        for one in (None, codes.detail, replace(codes.detail, both_sides=True))
+    )
+    assert float((sharp - plain).square().mean()) > 1.1 * float((soft - plain).square().mean()) > 0
+
+
+def test_frames_tell_where_colours_are_from(tiny: Model, codes: Codes, camera: Camera) -> None:
+    front, behind = (render_frame(tiny, codes, one) for one in (camera, tiny.camera(np.pi - 1.1, 0.3).resized(64, 64)))
+    for frame in (front, behind):
+        assert frame.sources is not None and frame.sources.shape == (*frame.opacity.shape, 2)
+        assert frame.sources.min() >= 0 and (frame.sources.sum(-1) <= frame.opacity + 1e-5).all()
+    assert front.sources[..., 0].mean() > behind.sources[..., 0].mean()
+    assert behind.sources[..., 1].mean() > front.sources[..., 1].mean()
+    assert render_frame(tiny, replace(codes, detail=None), camera).sources is None
 
 
 def test_opacity_and_depth_stay_bit_for_bit(tiny: Model, codes: Codes) -> None:
@@ -72,7 +114,7 @@ def test_the_stripe_turns_with_the_surface(tiny: Model, codes: Codes) -> None:
     rays = camera_rays(beside, tiny.extent_tensor)
     points = (rays.origins + rays.directions * shown.depth[..., None])[darker]
     assert codes.detail is not None
-    rows = codes.detail.camera.project(points)[:, 1] / codes.detail.camera.height
+    rows = codes.detail.views[0].camera.project(points)[:, 1] / codes.detail.views[0].camera.height
     assert float(((rows - 0.52 + 0.02).abs() < 0.05).float().mean()) > 0.8
 
 
@@ -158,13 +200,14 @@ def test_no_step_shows_where_it_fades_out() -> None:
     rays, seen = ball(source)
     normals = surface_normals(rays.origins, rays.directions, seen)
     weight = paint_weight(seen.opacity, seen)
-    fine = torch.cat((0.16 * weight.expand(3, -1, -1), weight[None]))
+    fine = torch.cat((0.16 * torch.ones(3, *weight.shape), weight[None]))
+    soft = torch.cat((fine[:3], 0.6 * fine[3:]))
     surface = torch.cat((normals, seen.depth[..., None]), -1).movedim(-1, 0)
-    maps = DetailMaps(source, (fine,), 0.6 * fine[:3], surface)
+    maps = DetailMaps((PhotoMaps(source, (fine,), soft, surface),))
     for turn in (0.0, 0.5, 1.2, 2.0):
         view = Camera(0.4 + turn, 0.5, 2.0, 600.0, 512, 512)
         rays, plain = ball(view)
-        added = maps.added(plain, view, torch.full((3,), 0.5)).colour[..., 0] - plain.colour[..., 0]
+        added = maps.added(plain, view, torch.full((3,), 0.5))[0].colour[..., 0] - plain.colour[..., 0]
         # Beside the outline neighbouring pixels are far apart on the ball.
         points = rays.origins + rays.directions * plain.depth[..., None]
         flat = -(points / 0.4 * rays.directions).sum(-1) > 0.4

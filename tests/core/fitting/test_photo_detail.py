@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from core.fitting.hypotheses import Parameters, image_points
-from core.fitting.photo_detail import photo_detail
+from core.fitting.photo_detail import photo_view
 from core.geometry.camera import pixel_centres
 from core.models.model import Model
+from core.models.photo_detail import compressed
 from core.photos.photo import Photo
 
 
@@ -27,7 +28,7 @@ def test_a_crop_is_turned_and_moved_to_where_the_camera_sees_it(
     x, y = 0.6 * size, 0.35 * size
     transform = torch.tensor([0.0, roll, *shift])
     camera = model.camera(0.3, 0.2).resized(size, size)
-    detail = photo_detail(model, dot_at(x, y, size), camera, model.codes[0], 1.0, transform)
+    detail = photo_view(model, dot_at(x, y, size), camera, transform)
     focal = model.focal * size / model.image_size
     none = torch.zeros(1, 1)
     parameters = Parameters(torch.zeros(1, 1, 2), none, none, transform[None, None], none, none)
@@ -47,7 +48,7 @@ def test_the_image_is_cut_to_the_object_around_the_axis(model: Model) -> None:
     mask = torch.zeros(size, size, dtype=torch.bool)
     mask[28:36, 20:50] = True
     camera = model.camera(0.0, 0.0).resized(size, size)
-    detail = photo_detail(model, Photo(torch.rand(size, size, 3), mask), camera, model.codes[0])
+    detail = photo_view(model, Photo(torch.rand(size, size, 3), mask), camera)
     assert detail.camera.focal == camera.focal
     assert 36 <= detail.camera.width <= 40 and detail.camera.width == detail.camera.height
     assert math.isclose(detail.pixels()[..., 3].sum() / 255, int(mask.sum()), rel_tol=0.01)
@@ -55,8 +56,8 @@ def test_the_image_is_cut_to_the_object_around_the_axis(model: Model) -> None:
 
 def test_the_finer_pixels_are_taken(model: Model) -> None:
     size = model.image_size
-    fine = torch.full((3 * size, 3 * size, 4), 255, dtype=torch.uint8)
+    fine = compressed(np.full((3 * size, 3 * size, 4), 255, np.uint8))
     photo = Photo(torch.ones(size, size, 3), torch.ones(size, size, dtype=torch.bool), fine=fine)
-    detail = photo_detail(model, photo, model.camera(0.0, 0.0).resized(size, size), model.codes[0])
+    detail = photo_view(model, photo, model.camera(0.0, 0.0).resized(size, size))
     assert detail.camera.height == 3 * size
     assert detail.camera.focal == pytest.approx(3 * model.focal)

@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import MAX_BYTES, PhotoDetail
+from core.models.photo_detail import MAX_BYTES, MAX_PHOTOS, Erasure, PhotoDetail, PhotoView
 from core.models.scene import Scene, open_scene, save_image
 
 CAMERA = Camera(0.5, 0.2, 1.3, 60.0, 40, 30)
+SCRATCH = Erasure(((0.25, 0.5), (0.75, 0.5)), 0.05)
 
 
 def some_detail(model: Model) -> PhotoDetail:
@@ -20,11 +20,11 @@ def some_detail(model: Model) -> PhotoDetail:
     rgba[10:20, 10:30] = 200, 30, 40, 255
     rgba[:5, :, 3] = 0
     mean = model.codes.mean
-    return PhotoDetail.of(rgba, CAMERA, mean.shape, mean.texture, 0.75)
+    return PhotoDetail((PhotoView.of(rgba, CAMERA),), mean.shape, mean.texture, 0.75)
 
 
 def test_pixels_come_back_nearly(model: Model) -> None:
-    pixels = some_detail(model).pixels()
+    pixels = some_detail(model).views[0].pixels()
     assert pixels.shape == (30, 40, 4)
     np.testing.assert_allclose(pixels[13:17, 14:26, :3].mean((0, 1)), (200, 30, 40), atol=12)
     assert (pixels[:4, :, 3] == 0).all() and (pixels[6:, :, 3] == 255).all()
@@ -34,11 +34,13 @@ def test_the_noisiest_photo_is_small() -> None:
     noise = np.random.default_rng(0).integers(0, 256, (1024, 1024, 4), np.uint8)
     noise[..., 3] = 255
     camera = CAMERA.resized(1024, 1024)
-    assert len(PhotoDetail.of(noise, camera, torch.zeros(2), torch.zeros(2)).image) <= MAX_BYTES
+    assert len(PhotoView.of(noise, camera).image) <= MAX_BYTES
 
 
 def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
-    codes = replace(model.codes.mean, detail=replace(some_detail(model), strength=0.4))
+    codes = replace(
+        model.codes.mean, detail=replace(some_detail(model).erasing(0, (SCRATCH,)), strength=0.4, both_sides=True)
+    )
     scene = Scene(model.fingerprint, codes, CAMERA)
     scene.save(tmp_path / "s.json")
     assert Scene.load(tmp_path / "s.json", model) == scene
@@ -52,6 +54,7 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
     [
         {"image": "no base64!"},
         {"image": "aGVsbG8="},
+        {"erased": [{"points": [[0.1, 0.2]], "radius": "wide"}]},
         {"strength": 2},
         {"confidence": "sure"},
         {"shape": [1.0]},
@@ -61,7 +64,7 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
 def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, change: dict) -> None:
     codes = replace(model.codes.mean, detail=some_detail(model))
     about = json.loads(Scene(model.fingerprint, codes, CAMERA).to_json())
-    about["detail"] |= change
+    (about["detail"] if change.keys() & about["detail"].keys() else about["detail"]["views"][0]).update(change)
     (tmp_path / "s.json").write_text(json.dumps(about))
     with pytest.raises(ValueError) as raised:
         Scene.load(tmp_path / "s.json", model)
@@ -76,3 +79,19 @@ def test_it_goes_with_the_texture(model: Model) -> None:
     assert fitted.mixed(plain, 1.0, 0.4).detail is fitted.detail
     assert fitted.mixed(plain, 0.0, 1.0).detail is None
     assert isinstance(fitted.mixed(plain, 0.0, 1.0), Codes)
+
+
+def test_an_erasure_covers_its_line_and_nothing_else(model: Model) -> None:
+    view = some_detail(model).erasing(0, (SCRATCH,)).views[0]
+    kept = view.kept(200, 150)
+    assert kept.shape == (150, 200)
+    assert not kept[75, 50:150].any()
+    assert kept[:60].all() and kept[90:].all() and kept[:, :35].all() and kept[:, 165:].all()
+    assert view != some_detail(model).views[0]
+
+
+@pytest.mark.parametrize("count", [0, MAX_PHOTOS + 1])
+def test_there_are_few_photos(model: Model, count: int) -> None:
+    one = some_detail(model)
+    with pytest.raises(ValueError, match=f"got {count}"):
+        replace(one, views=one.views * count)

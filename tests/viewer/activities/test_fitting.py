@@ -66,6 +66,7 @@ def test_a_fit_that_is_stopped_keeps_what_it_found(
     finish(session)
     assert not workspace.fitting.running
     assert editor.scene.codes == workspace.fitting.history.steps[-1].codes
+    assert editor.scene.codes.detail is not None, "the photo's detail"
     assert editor.objects.names[0] == "block"
 
 

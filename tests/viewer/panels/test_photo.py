@@ -1,6 +1,9 @@
 import math
+import subprocess
+import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +18,7 @@ from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit, quick_frames, quick_photo
 from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
+from viewer.values.project import Project
 
 
 def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
@@ -101,7 +105,9 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
         name = f"block at {history.steps[history.selected].seconds:.1f} s"
         assert editor.objects.names[0] == name
         assert editor.state.mix.a == (name, name)
-        assert editor.scene.codes == history.steps[history.selected].codes
+        kept = editor.scene.codes
+        assert kept.detail is not None
+        assert replace(kept, detail=None) == history.steps[history.selected].codes
         window.click("Photo/###newest")
         assert editor.scene.codes == found.scene.codes
         assert fitting.history.selected is None
@@ -295,3 +301,57 @@ def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, 
         assert editor.state == before
 
     drive(act)
+
+
+def test_the_photo_s_detail_is_copied_to_the_other_side_and_erased(drive: Drive, model: Model, tmp_path: Path) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        editor.add_and_show(fitted(model), editor.scene.camera)
+        window.show("Photo")
+        before = editor.state
+        window.click("Photo/###both sides")
+        copied = editor.scene.codes.detail
+        assert copied is not None and copied.both_sides
+        window.click("Photo/###erase detail")
+        window.drag("Photo/erase from photo", 40)
+        erased = editor.scene.codes.detail
+        assert erased is not None and len(erased.views[0].erased) == 1
+        xs = [x for x, _ in erased.views[0].erased[0].points]
+        assert len(xs) > 1 and xs[-1] > xs[0]
+        assert editor.history.past[-1].scene.codes.detail == copied, "a stroke is one step"
+        window.session.project().save(tmp_path / "a.codenerf")
+        again = Project.load(tmp_path / "a.codenerf").sessions[0].history.now
+        assert again.scene.codes.detail == erased
+        window.click("Photo/###restore detail")
+        assert editor.scene.codes.detail == copied
+        for _ in range(3):
+            window.undo()
+        assert editor.state == before
+
+    drive(act)
+
+
+def test_a_window_killed_after_an_erasure_has_it_again(tmp_path: Path, opengl: None) -> None:
+    """A process of its own with the real window; it is killed as soon as the stroke has been written."""
+    program = [sys.executable, "-m", "tests.viewer.panels.erase_and_wait", tmp_path]
+    root = Path(__file__).parents[3]
+    with subprocess.Popen(program, stdout=subprocess.DEVNULL, cwd=root) as run:
+        try:
+            _wait_for(lambda: any(_erased(path) for path in tmp_path.glob("session-*.codenerf")))
+        finally:
+            run.kill()
+    (left,) = tmp_path.glob("session-*.codenerf")
+    assert _erased(left)
+
+
+def _erased(path: Path) -> bool:
+    (session,) = Project.load(path).sessions
+    detail = session.history.now.scene.codes.detail
+    return detail is not None and detail.both_sides and len(detail.views[0].erased) == 1
+
+
+def _wait_for(what: Callable[[], bool], longest: float = 240.0) -> None:
+    end = time.monotonic() + longest
+    while not what():
+        assert time.monotonic() < end
+        time.sleep(0.1)

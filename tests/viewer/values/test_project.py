@@ -8,11 +8,13 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from PIL import Image
 
 from core.models.model import Model
+from core.models.photo_detail import compressed
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints, Stroke
 from tests.viewer.driver import finish
@@ -93,6 +95,7 @@ def test_a_photo_keeps_what_no_image_can_hold(model: Model, saved: SavedSession,
     mask[2:5] = True
     photo = Photo(torch.rand(8, 8, 3), mask, model.camera(0.1, 0.2).resized(8, 8), True, ~mask)
     photo = replace(photo, scaled=True, opacity=0.9 * mask, edge_error=1.5, focal=50.0, blur=2.0)
+    photo = replace(photo, fine=compressed(np.full((24, 24, 4), 255, np.uint8)))
     fitted = FittedPhoto.of(PhotoSource(tmp_path / "b.png"), photo)
     pending = (FitRequest(FitHistory((fitted.source,), (fitted,))),)
     Project("chairs", (replace(saved, pending=pending),)).save(tmp_path / "a.codenerf")
@@ -101,6 +104,7 @@ def test_a_photo_keeps_what_no_image_can_hold(model: Model, saved: SavedSession,
     assert (found.unseen == photo.unseen).all()
     assert torch.equal(found.opacity, photo.opacity)
     assert (found.scaled, found.edge_error, found.focal, found.blur) == (True, 1.5, 50.0, 2.0)
+    assert found.fine == photo.fine
 
 
 @pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "no key", "bad number", "format", "bad photo"])
