@@ -263,10 +263,13 @@ class Session:
 
     def _fit_with_its_model(self, sources: tuple[PhotoSource, ...], category: str) -> None:
         """Photos of another category are fitted with the model of that, once nothing here would be lost by it."""
-        here = self._workspace().model.category
+        here, exporting = self._workspace().model.category, self._workspace().exporting
         text = f"{sources[0].path.name} looks like {category}, not {here}: that model opens for it"
-        anyway = Button(f"Rebuild as {here} anyway", lambda: self._insist(sources, here))
-        self.messages.notify(text, MessageKind.NOTE, buttons=(anyway,))
+        buttons: tuple[Button, ...] = (Button(f"Rebuild as {here} anyway", lambda: self._insist(sources, here)),)
+        if exporting.path:
+            text += f" once {exporting.path.name} is saved"
+            buttons = (Button("Do it now", exporting.cancel), *buttons)
+        self.messages.notify(text, MessageKind.NOTE, buttons=buttons)
         self._elsewhere = (*self._elsewhere, (sources, category))
 
     def _insist(self, sources: tuple[PhotoSource, ...], category: str) -> None:

@@ -14,7 +14,7 @@ from core.detail.frames import render_progressively
 from core.models.model import Model
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
-from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_pace, quick_photo
 from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
@@ -41,14 +41,22 @@ def model() -> Model:
 def backend(model: Model) -> Backend:
     """Stand-ins for all that takes time. Turntables are real."""
     return Backend(
-        lambda name: model, quick_photo, quick_frames, quick_fit, lambda model: iter(()), guess_category=no_guess
+        lambda name: model,
+        quick_photo,
+        quick_frames,
+        quick_fit,
+        lambda model: iter(()),
+        pace=quick_pace,
+        guess_category=no_guess,
     )
 
 
 @pytest.fixture
 def real_backend(model: Model) -> Backend:
-    """Nothing stands in but a tiny model. Its view bank is left out: that of a mist takes a minute."""
-    return Backend(load_model=lambda name: model, view_bank=lambda _: iter(()), guess_category=no_guess)
+    """Nothing stands in but a tiny model, and its pace. Its view bank is left out: that of a mist takes a minute."""
+    return Backend(
+        load_model=lambda name: model, view_bank=lambda _: iter(()), pace=quick_pace, guess_category=no_guess
+    )
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 import json
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.project import Project
+from viewer.values.share_settings import ShareSettings
 from viewer.workspace import Workspace
 
 
@@ -236,6 +238,34 @@ def test_scenes_that_cannot_be_opened_change_nothing(
         assert len(session.messages.errors) == 1, name
     workspace.exporting.scene(tmp_path / "no such folder" / "scene.json")
     assert session.messages.errors[-1].startswith("Cannot save the scene")
+
+
+def test_a_photo_of_another_category_waits_for_the_export_unless_it_is_given_up(
+    session: Session, workspace: Workspace, photo: Path, tmp_path: Path
+) -> None:
+    def slow(*_: object) -> Iterator[int]:
+        while True:
+            time.sleep(0.01)
+            yield 0
+
+    other, backend, here = replace(random_model(1), category="cars"), session.jobs.backend, workspace.model
+    session.jobs.backend = replace(
+        backend,
+        load_model=lambda name: other if name == "cars" else here,
+        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
+        video=slow,
+    )
+    workspace.exporting.share(tmp_path / "turn.mp4", ShareSettings())
+    session.fit_photos(photo)
+    deliver(session, lambda: bool(session.messages.all))
+    (said,) = session.messages.all
+    assert said.text.endswith("that model opens for it once turn.mp4 is saved")
+    session.tick()
+    assert session.model_name == "chairs" and workspace.exporting.running
+    assert [button.label for button in said.buttons] == ["Do it now", "Rebuild as chairs anyway"]
+    said.buttons[0].press()
+    finish(session, lambda: session.model_name == "cars" and not session.fitting_runs)
+    assert opened(session).editor.objects.names[0] == "block"
 
 
 def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(

@@ -16,6 +16,8 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.share_settings import ShareSettings
 
+_MOST_SLOWER = 4.0
+
 
 class Exporting:
     """One file at a time."""
@@ -33,6 +35,10 @@ class Exporting:
         """of the one under way, 0..1"""
         self._began = 0.0
         """s on the monotonic clock"""
+        self._expected: float | None = None
+        """s, of the one under way, by what its parts took"""
+        self._slower = 1.0
+        """how many times as long as expected the last one took: other work goes on beside it"""
 
     @property
     def running(self) -> bool:
@@ -46,11 +52,18 @@ class Exporting:
             return None
         return (time.monotonic() - self._began) * (1 / self.progress - 1)
 
+    def estimate(self, settings: ShareSettings) -> float | None:
+        """s that a video or a picture will take; None where, or until, that cannot be told."""
+        seconds = self.preview.seconds(settings)
+        return None if seconds is None else seconds * self._slower
+
     def share(self, path: Path, settings: ShareSettings) -> None:
         """Write what the settings name, in the format of the name's ending: the object turning once round or the
         timeline as a video or a folder of images, the object as a picture (a PNG holds the scene as well) or as a mesh.
         """
         timeline, backend = self._editor.state.timeline, self._jobs.backend
+        if not self.running:
+            self._expected = self.preview.seconds(settings)
         if settings.kind == "mesh":
             about = settings.mesh_settings(self._editor.model.metres)
             self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, about))
@@ -118,5 +131,8 @@ class Exporting:
         if path and error:
             self._jobs.messages.report(f"Cannot export {path.name}", error)
         elif path:
+            if self._expected and self.kind != "grid":
+                took = time.monotonic() - self._began
+                self._slower = min(_MOST_SLOWER, max(1 / _MOST_SLOWER, took / self._expected))
             self.saved = path
             self._jobs.messages.notify(f"Saved {path.name}")

@@ -1,8 +1,10 @@
-"""The first frame of what is to be shared, small."""
+"""The first frame of what is to be shared, small, and how long all of it will take."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
+from core.export.keyframes import View
+from core.export.pace import Pace
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
@@ -11,6 +13,7 @@ from viewer.values.share_settings import ShareSettings
 
 _SIZE = 256
 """px"""
+_PACE = "share pace"
 _SETTINGS = RenderSettings(samples=96, divisors=(1,))
 
 
@@ -23,6 +26,9 @@ class SharePreview:
         """on white; None until it is rendered"""
         self._shown: tuple[object, ...] = ()
         """what it shows"""
+        self.pace: Pace | None = None
+        """of videos of this model on this machine; None until that is measured"""
+        self._known: tuple[tuple[object, ...], float] | None = None
 
     def update(self, settings: ShareSettings) -> None:
         """To be called once a frame while it is looked at. A video without keyframes has no first frame."""
@@ -43,8 +49,31 @@ class SharePreview:
             self.frame = frame
 
         self._jobs.submit(Job("share preview", stream, rendered, self._jobs.reporting("Cannot render the preview")))
+        if self.pace is None and not self._jobs.busy(_PACE):
+            view = View(state.scene.codes, state.scene.camera)
+            measured = self._jobs.backend.pace
+            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, self._unmeasured))
+
+    def seconds(self, settings: ShareSettings) -> float | None:
+        """What a video or a picture will take, s; None until that can be told."""
+        state = self._editor.state
+        if self.pace is None or settings.kind == "mesh" or (settings.kind == "video" and not state.timeline.keys):
+            return None
+        about = self.pace, state.scene, state.timeline, settings
+        if self._known is None or self._known[0] != about:
+            views = replace(settings, fill=False).views(self._editor.model, state.scene, state.timeline)
+            exact = settings.exact or settings.kind == "picture"
+            self._known = about, self.pace.seconds(views, settings.suffix, settings.size, exact)
+        return self._known[1]
+
+    def _measured(self, pace: Pace) -> None:
+        self.pace = pace
+
+    def _unmeasured(self, error: Exception | None) -> None:
+        """Without an estimate nothing is lost; what cannot be rendered is said by the preview."""
 
     def close(self) -> None:
         """Render no more."""
         self._jobs.cancel("share preview")
+        self._jobs.cancel(_PACE)
         self._shown = ()

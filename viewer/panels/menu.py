@@ -9,8 +9,10 @@ from core.models.library import sample_images, shipped_models
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.values.printable import printable
-from viewer.widgets.controls import button, tooltip
+from viewer.widgets.controls import button, draw_progress, tooltip
 
+_EXPORT = 19
+"""em: the bar of the file under way, and its button"""
 _SWITCH_HELP = "What you have made stays with its model, and comes back with it"
 
 
@@ -113,12 +115,17 @@ def _draw_status(context: PanelContext) -> None:
             parts.append(f"Preparing {preparing:.0%}")
         if context.fitting.running:
             parts.append(f"Rebuilding {context.fitting.history.progress:.0%}")
-        if context.exporting.running:
-            parts.append(f"Exporting {context.exporting.progress:.0%}")
         parts.append(f"{context.editor.model.category}: {len(context.editor.objects.names)} objects")
     text = "      ".join(parts)
-    width = imgui.calc_text_size(text).x + 2 * hello_imgui.em_size()
+    exporting = hello_imgui.em_size(_EXPORT) if context.ready and context.exporting.running else 0.0
+    width = imgui.calc_text_size(text).x + 2 * hello_imgui.em_size() + exporting
     imgui.same_line()
+    if exporting:
+        shown = min(imgui.get_content_region_avail().x, width)
+        imgui.same_line(imgui.get_window_width() - shown)
+        draw_progress(context, width=_EXPORT)
+        imgui.same_line()
+        width -= exporting
     if imgui.get_content_region_avail().x > width:  # else it would lie over the switch
         imgui.same_line(imgui.get_window_width() - width)
         imgui.text_disabled(text)

@@ -17,6 +17,7 @@ from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
+from viewer.values.duration import duration
 from viewer.values.printable import printable
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
 from viewer.widgets.controls import action_button, button, choose, draw_progress, flow, tooltip
@@ -35,7 +36,8 @@ _ABOUT = {
     "mesh": "The object as a coloured surface, for Blender, the web or a game",
 }
 _PREVIEW = {"picture": "As it is saved", "mesh": "The object that is saved"}
-_SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1024)}
+_SIZES = {size: f"{size} px" for size in (128, 256, 384, 512, 768, 1080, 2160)}
+_QUICK = {256: "Small", 512: "Standard", 1080: "Large"}
 _RATES = {rate: f"{rate} a second" for rate in (12, 24, 30, 60)}
 _COUNTS = {count: f"{count} for one turn" for count in (36, 72, 144, 288)}
 _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
@@ -147,6 +149,7 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
         formats = {name: one.label for name, one in VIDEOS.items()}
         text = "mp4 is the smallest, gif plays everywhere; png frames are a folder of images"
         settings = _row(settings, "video", "Format", formats, text)
+    settings = _draw_quick_sizes(settings)
     settings = _row(settings, "size", "Size", _SIZES, "Width and height")
     if settings.kind == "turntable":
         settings = _row(settings, "frames", "Frames", _COUNTS, "More turn more smoothly, or more slowly")
@@ -158,6 +161,22 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
     _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
     tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
     return replace(settings, fill=fill)
+
+
+def _draw_quick_sizes(settings: ShareSettings) -> ShareSettings:
+    """The three sizes that most people want."""
+    gap = hello_imgui.em_size(0.3)
+    for size, name in _QUICK.items():
+        imgui.push_style_color(
+            imgui.Col_.button,
+            imgui.get_style_color_vec4(imgui.Col_.button_active if size == settings.size else imgui.Col_.button),
+        )
+        if button(f"{name}###{name.lower()}", f"{size} px", (_LABEL + _WIDTH - 0.6) / len(_QUICK)):
+            settings = replace(settings, size=size)
+        imgui.pop_style_color()
+        imgui.same_line(0, gap)
+    imgui.new_line()
+    return settings
 
 
 def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:
@@ -223,11 +242,14 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     exporting = context.exporting
     if not draw_progress(context, *KINDS):
         ready = settings.kind != "video" or bool(context.player.timeline.keys)
-        idle = ready and not exporting.running
-        if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle):
+        idle, accent = ready and not exporting.running, context.palette.accent
+        if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
             share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))
             title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
             context.ask(FileRequest(title, share, (settings.suffix,), True, name))
+        if ready and settings.kind != "mesh":
+            imgui.same_line()
+            _draw_estimate(exporting.estimate(settings))
         imgui.same_line()
         action_button(context, "save_project_as")
         if not ready:
@@ -239,3 +261,9 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         flow("Show in folder")
         if button("Show in folder###show in folder", "Open the folder that the file is in"):
             context.show_in_folder(saved)
+
+
+def _draw_estimate(seconds: float | None) -> None:
+    imgui.align_text_to_frame_padding()
+    imgui.text_disabled("…" if seconds is None else f"about {duration(seconds)}")
+    tooltip("What it takes here, measured with this model a moment ago")

@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from core.detail.frames import bake, render_progressively
+from core.export.keyframes import View
 from core.export.mesh import export_mesh
+from core.export.pace import Pace, measure_pace
 from core.export.video import write_video
 from core.fitting.category_check import guess_category
 from core.fitting.fit import FitJob, FitStep, fit
@@ -27,6 +29,7 @@ class Backend:
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     video: Callable[..., Iterator[int]] = write_video
+    pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake

@@ -8,6 +8,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on
+from viewer.values.duration import duration
 from viewer.values.printable import printable
 
 T = TypeVar("T")
@@ -125,16 +126,19 @@ class NameField:
         return self._text.strip() if entered else ""
 
 
-def draw_progress(context: PanelContext, *kinds: str) -> bool:
-    """How far the file under way is, where it is of one of these kinds."""
+def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> bool:
+    """How far the file under way is, where it is of one of these kinds (any if none is named), and a way to give it up.
+
+    Args:
+        width: em, of both; 0 fills the line.
+    """
     exporting = context.exporting
-    if exporting.path is None or exporting.kind not in kinds:
+    if exporting.path is None or (kinds and exporting.kind not in kinds):
         return False
-    left = exporting.remaining
-    label = f"{printable(exporting.path.name)}   {exporting.progress:.0%}" + (
-        f"   {left:.0f} s left" if left is not None else ""
-    )
-    imgui.progress_bar(exporting.progress, (-hello_imgui.em_size(7), 0), label)
+    left, name = exporting.remaining, printable(exporting.path.name)
+    label = f"{exporting.progress:.0%}" + (f"   {duration(left)} left" if left is not None else "") + f"   {name}"
+    imgui.progress_bar(exporting.progress, (hello_imgui.em_size(width - 7), 0), label)
+    tooltip(f"Saving {name}")
     imgui.same_line()
     if button("Cancel###cancel export", "Give it up; no half-written file stays"):
         exporting.cancel()

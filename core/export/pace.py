@@ -1,0 +1,118 @@
+"""How long a video will take, from what its parts take here and now: measured on the object, never assumed."""
+
+import os
+import tempfile
+import time
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import TypeVar
+
+from core.export.frames import bake_views, key_views, over, supersampling
+from core.export.keyframes import View, turntable
+from core.export.video import FORMATS, Coding, VideoSettings, coding_of
+from core.models.model import Model
+from core.rendering.baked_views import mixed
+from core.rendering.offscreen import OffscreenPictures
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+
+T = TypeVar("T")
+_EXACT_SIZE, _DRAWN, _SMALL = 96, 384, 64
+"""px: of the frame that is rendered exactly, and of those that are drawn"""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """What parts of a video take, s."""
+
+    exact: float
+    """a ray of an exact frame"""
+    start: float = 0.0
+    """until the first frame is drawn: the frame that is compared, and the object as two cameras see it"""
+    view: float = 0.0
+    """the same object for another camera"""
+    frame: float = 0.0
+    """a mixture of two views, however small it is drawn"""
+    ray: float = 0.0
+    """one that is drawn"""
+    baked: bool = False
+    """frames are drawn from a baked copy; else they are exact, wanted or not"""
+    coding: Mapping[str, Coding] = field(default_factory=dict)
+    """a pixel written, by the ending of the file's name"""
+
+    def seconds(self, views: Sequence[View], suffix: str, size: int, exact: bool = False) -> float:
+        """What a video of these views will take; exact frames, and the only one of a picture, are counted ray by ray.
+
+        Args:
+            suffix: the ending of its name; what is no video is written in no time.
+        """
+        coding = self.coding.get(suffix, Coding(0.0, 0.0))
+        pixels = len(views) * size**2
+        rendered = pixels * self.exact if exact or not self.baked else self._drawing(views, size)
+        parts = rendered, pixels * coding.frame
+        # Another thread encodes, which helps where there is another core.
+        return (max(parts) if (os.cpu_count() or 1) > 1 else sum(parts)) + pixels * coding.end
+
+    def _drawing(self, views: Sequence[View], size: int) -> float:
+        keys = [views[index].codes for index in key_views(views)]
+        objects = 1 + sum(before != after for before, after in pairwise(keys))
+        baking = objects * self.start + max(0, len(keys) - objects - 1) * self.view
+        return baking + len(views) * (self.frame + (size * supersampling(size)) ** 2 * self.ray)
+
+
+def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
+    """Do a little of each part of a video of this object, a second or two in all; None many times before."""
+    camera = view.camera.resized(_EXACT_SIZE, _EXACT_SIZE)
+    job = RenderJob(view.codes, camera, RenderSettings(divisors=(1,)))
+    views = turntable(view.codes, view.camera, 72)[:9]
+    baked, start = None, 0.0
+    if not model.is_ablation:  # what is prepared once is, before exact rays are timed
+        baked, start = yield from _timed(bake_views(model, views, _DRAWN))
+    frames, exact = yield from _timed(_collected(model, job))
+    ray, coding = exact / _EXACT_SIZE**2, _coding(frames[-1])
+    if baked is None:
+        yield Pace(ray, coding=coding)
+        return
+    first = yield from baked.at(0)
+    second, another = yield from _timed(baked.at(len(views) - 1))
+    with OffscreenPictures(_DRAWN) as large, OffscreenPictures(_SMALL) as small:
+        for pictures in (large, small):  # the first one uploads, and compiles
+            pictures.draw(first, view.camera)
+        began = time.perf_counter()
+        small.draw(mixed(first, second, 0.5), view.camera)
+        middle = time.perf_counter()
+        large.draw(first, views[1].camera)
+        drawn = time.perf_counter() - middle
+    yield Pace(ray, start, another, middle - began, drawn / _DRAWN**2, True, coding)
+
+
+def _collected(model: Model, job: RenderJob) -> Generator[None, None, list[Frame]]:
+    found = list[Frame]()
+    for frame in render_progressively(model, job):
+        if frame:
+            found.append(frame)
+        yield
+    return found
+
+
+def _timed(stream: Generator[None, None, T]) -> Generator[None, None, tuple[T, float]]:
+    """Its result, and the time it took itself: what happens between its steps is not its own."""
+    spent = 0.0
+    while True:
+        began = time.perf_counter()
+        try:
+            next(stream)
+        except StopIteration as ended:
+            return ended.value, spent + time.perf_counter() - began
+        spent += time.perf_counter() - began
+        yield
+
+
+def _coding(frame: Frame) -> dict[str, Coding]:
+    image = over(frame, (255, 255, 255)).repeat(4, 0).repeat(4, 1)
+    with tempfile.TemporaryDirectory() as folder:
+        return {
+            suffix: coding_of(image, Path(folder) / f"frame{suffix}", VideoSettings(image.shape[0]))
+            for suffix in FORMATS
+        }

@@ -1,0 +1,12 @@
+"""Times in words."""
+
+
+def duration(seconds: float) -> str:
+    """So many seconds, as exactly as a person wants to know.
+
+    >>> [duration(seconds) for seconds in (0.2, 6.4, 38, 170, 4000)]
+    ['1 s', '6 s', '40 s', '3 min', '67 min']
+    """
+    if seconds < 9.5:
+        return f"{max(1, round(seconds))} s"
+    return f"{5 * round(seconds / 5)} s" if seconds < 88 else f"{round(seconds / 60)} min"
