@@ -34,6 +34,10 @@ _EXPLAINED_PSNR, _EXPLAINED_WIDTH = 20.0, 1.0
 and more, right fits of 7 real photographs 21.7 and more; the one that is wrong, of a squashed car, has 18."""
 
 
+_RIGHT_ANYHOW = 0.5
+"""of right cameras, so many are found as well where the mask is not the object"""
+
+
 class Calibration(NamedTuple):
     """The logarithm of the odds of a right camera: a constant, and the weights of the relative margin and of the
     logarithm of the uncertainty.
@@ -81,6 +85,21 @@ def explained(psnr: float) -> float:
         (1.0, 0.5, 0.007)
     """
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, (psnr - _EXPLAINED_PSNR) / _EXPLAINED_WIDTH))))
+
+
+def plausible(category: float, cut_out: float, psnr: float) -> float:
+    """How far a camera can be right at all, 0..1, however clear it is among others.
+
+    Args:
+        category: the probability that the photo shows the model's category; likelier than not is not doubted.
+        cut_out: the probability that the mask is the object.
+        psnr: dB, between render and photo.
+
+    Example:
+        >>> [round(plausible(*doubt, 30.0), 3) for doubt in ((0.9, 1.0), (0.25, 1.0), (1.0, 0.0))]
+        [1.0, 0.5, 0.5]
+    """
+    return min(1.0, category / DOUBTFUL) * (_RIGHT_ANYHOW + (1 - _RIGHT_ANYHOW) * cut_out) * explained(psnr)
 
 
 def _relative_margin(margin: float) -> float:

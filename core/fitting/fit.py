@@ -4,6 +4,7 @@ Every hypothesis is a camera per photo and a pair of codes, all of them one batc
 as biases, so hypotheses cost what their points cost. The paper's own recipe is :mod:`core.fitting.paper`.
 """
 
+import math
 import time
 from collections.abc import Generator, Iterator
 from dataclasses import replace
@@ -41,6 +42,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
     cameras = list(problem.cameras)
     likelihood = category_likelihood(model.category, job.photos)
+    masks = math.prod(photo.mask_confidence for photo in job.photos)
     for step, state in enumerate(_search(problem, schedule, job, generator), 1):
         steps = step + schedule.steps if state.restart_follows else steps
         shown = state.to_step(step, steps, time.perf_counter() - began)
@@ -48,7 +50,9 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             cameras[view] = camera
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
         margin = None if job.resume_from else shown.margin
-        shown = replace(shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood)
+        shown = replace(
+            shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood, mask_confidence=masks
+        )
         yield with_photo_detail(model, job.photos, shown) if state.finished else shown
 
 

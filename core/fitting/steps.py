@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from core.fitting.confidence import DOUBTFUL, confidence, explained
+from core.fitting.confidence import confidence, plausible
 from core.fitting.hypotheses import Hypothesis, HypothesisBatch, to_cameras, to_hypotheses
 from core.fitting.problem import Problem
 from core.fitting.search import SearchResult
@@ -80,15 +80,16 @@ class FitStep:
 
     category_likelihood: float = 1.0
     """the probability that the photos show an object of the model's category"""
+    mask_confidence: float = 1.0
+    """the probability that all masks are the object"""
 
     @property
     def confidence(self) -> float | None:
         """The probability that the cameras are right, 0..1; None where that is not known."""
         if self.margin is None or self.uncertainty is None:
             return None
-        # A category that is more likely than not is not doubted.
-        plausible = min(1.0, self.category_likelihood / DOUBTFUL) * explained(self.psnr)
-        return plausible * confidence(self.margin, self.uncertainty)
+        at_all = plausible(self.category_likelihood, self.mask_confidence, self.psnr)
+        return at_all * confidence(self.margin, self.uncertainty)
 
 
 class SearchState(NamedTuple):

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from core.fitting.confidence import DOUBTFUL, Calibration, auroc, confidence, fit_calibration, in_words
+from core.fitting.confidence import DOUBTFUL, Calibration, auroc, confidence, fit_calibration, in_words, plausible
 
 
 def fits(count: int) -> tuple[list[float], list[float], list[bool]]:
@@ -54,3 +54,10 @@ def test_a_wide_margin_is_trusted_and_a_tie_or_a_flat_basin_is_not():
 @pytest.mark.parametrize(("confidence", "words"), [(0.95, "sure"), (0.9, "likely"), (0.5, "likely"), (0.2, "doubtful")])
 def test_confidence_has_words(confidence: float, words: str):
     assert in_words(confidence) == words
+
+
+def test_a_doubtful_category_cut_out_or_render_lowers_what_is_plausible():
+    assert plausible(0.6, 1.0, 40.0) == plausible(1.0, 1.0, 40.0) > 0.99
+    assert plausible(0.2, 1.0, 40.0) < 0.5
+    assert 0.3 < plausible(1.0, 0.0, 40.0) < plausible(1.0, 0.5, 40.0) < plausible(1.0, 1.0, 40.0)
+    assert plausible(1.0, 1.0, 10.0) < 0.01
