@@ -188,7 +188,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     pairs.add_argument("--views", type=count, default=24, help="per object")
     for command in (meshes, procedural):
         command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
-        command.add_argument("--views", type=count, help="per object (default: 50 to train on, 251 to test on)")
+        command.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
         command.add_argument(
             "--varied-light",
             action="store_true",

@@ -37,7 +37,7 @@ _VALIDATION_STRIDE = 20
 """One of so many objects is held out to measure the viewpoint classifier."""
 _VALIDATION_ANGLE = math.radians(15)
 """A predicted direction within this of the true one is counted as right."""
-_DEFAULT_VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
+_DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:

@@ -44,8 +44,8 @@ def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[Mesh
         entries = [MeshEntry(line["id"], line["category"], Path(folder) / line["file"]) for line in lines]
     except (OSError, json.JSONDecodeError, KeyError, TypeError) as error:
         raise ValueError(f"{index}: not a mesh index ({error!r})") from error
-    kept = held_out_meshes(category)
-    selected = tuple(e for e in entries if e.category == category and (e.name in kept) == (split == "test"))
+    split_of = {name: held for held, names in held_out_meshes(category).items() for name in names}
+    selected = tuple(e for e in entries if e.category == category and split_of.get(e.name, "train") == split)
     if not selected:
         raise ValueError(f"{index}: no {category} for the {split} split")
     return selected
