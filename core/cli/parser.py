@@ -196,7 +196,9 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         )
     for command in (meshes, procedural, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
-        command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
+        command.add_argument(
+            "--size", type=count, metavar="PX", help="width and height (default: 256 to train on, else 128)"
+        )
         command.add_argument("--category", choices=tuple(SRN_DISTANCES), required=True)
 
 
