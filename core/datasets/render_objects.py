@@ -37,8 +37,8 @@ def render_objects(
     """Renders the tasks into the dataset ``out``, yielding each one's name once it is there.
 
     Images to train on are point-sampled: a pixel holds what the ray through its centre meets, not the mean over its
-    square, which a ray cannot match at an edge. ``light`` gives the light of a ``texture_id``. Objects that are there already with as many views of this size are
-    skipped, so a stopped job resumes.
+    square, which a ray cannot match at an edge. ``light`` gives the light of a ``texture_id``. Objects that are there
+    already with as many views of this size are skipped, so a stopped job resumes.
     Raises ``RuntimeError`` where the machine has no OpenGL, ``ValueError`` for an object that cannot be made.
     """
     if views < 1 or size < 1:

@@ -1,8 +1,8 @@
 """Datasets on disk in ShapeNet-SRN's layout: ``DATASET/OBJECT/{rgb/000000.png, pose/000000.txt, intrinsics.txt}``.
 
 Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.png`` (255 inside the object), and
-``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture, and whether images
-are point-sampled.
+``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture, and whether
+images are point-sampled.
 """
 
 import json

@@ -102,13 +102,11 @@ class RayDataset:
             hull &= near > _MIN_OPACITY
 
 
-def _pixels(
-    views: ObjectViews, first: int, margin: int | None, point_sampled: bool
-) -> tuple[
-    Int[Tensor, "some"], Int[Tensor, "some"], UInt8[Tensor, "some 3"], UInt8[Tensor, "some"], Bool[Tensor, "some"]
-]:
-    """An object's pixels within ``margin`` px of its masks, or all: view (counted from ``first``), index in the image,
-    colour, mask class, and whether it lies at the mask's border.
+def _pixels(views: ObjectViews, first: int, margin: int | None, point_sampled: bool) -> tuple[Tensor, ...]:
+    """An object's pixels within ``margin`` px of its masks, or all of them.
+
+    Returns columns of equal length: view (counted from ``first``), index in the image, colour, mask class, and whether
+    the pixel lies at the mask's border.
     """
     images, masks = torch.from_numpy(views.images).flatten(1, 2), torch.from_numpy(views.masks)
     near, inside = dilate(masks, 1), ~dilate(~masks, 1)
