@@ -201,7 +201,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     pairs.add_argument("--views", type=count, default=24, help="per object")
     for command in (meshes, procedural):
         command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
-        command.add_argument("--views", type=count, help="per object (default: 50 to train on, 251 to test on)")
+        command.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
         command.add_argument(
             "--varied-light",
             action="store_true",
@@ -209,7 +209,9 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         )
     for command in (meshes, procedural, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
-        command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
+        command.add_argument(
+            "--size", type=count, metavar="PX", help="width and height (default: 256 to train on, else 128)"
+        )
         command.add_argument("--category", choices=tuple(SRN_DISTANCES), required=True)
 
 

@@ -37,7 +37,9 @@ _VALIDATION_STRIDE = 20
 """One of so many objects is held out to measure the viewpoint classifier."""
 _VALIDATION_ANGLE = math.radians(15)
 """A predicted direction within this of the true one is counted as right."""
-_DEFAULT_VIEWS = {"train": 50, "test": SPIRAL_VIEWS}
+_DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
+_DEFAULT_SIZES = {"train": 256, "validation": 128, "test": 128}
+"""px; the paper's images are 128 px"""
 
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:
@@ -45,7 +47,8 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
-    rendered = render_meshes(*where, views, chosen.size, chosen.variants, _light(chosen))
+    size = chosen.size or _DEFAULT_SIZES[chosen.split]
+    rendered = render_meshes(*where, views, size, chosen.variants, _light(chosen))
     run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
 
 
@@ -54,7 +57,8 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.category, chosen.out, chosen.split
-    rendered = render_procedural(objects, *where, views, chosen.size, _light(chosen))
+    size = chosen.size or _DEFAULT_SIZES[chosen.split]
+    rendered = render_procedural(objects, *where, views, size, _light(chosen))
     run_with_progress(rendered, len(objects), "object")
 
 
@@ -66,7 +70,9 @@ def dataset_pairs(chosen: argparse.Namespace) -> None:
     """``dataset pairs``: trained and untrained pairs of procedural shapes and
     textures, for ``evaluate --disentanglement``."""
     objects = disentanglement_pairs(chosen.category, chosen.count, chosen.tables)
-    rendered = render_procedural(objects, chosen.category, chosen.out, "test", chosen.views, chosen.size)
+    rendered = render_procedural(
+        objects, chosen.category, chosen.out, "test", chosen.views, chosen.size or _DEFAULT_SIZES["test"]
+    )
     run_with_progress(rendered, len(objects), "object")
 
 
@@ -170,7 +176,7 @@ def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Mod
     if initial:
         if chosen.width or chosen.latent or chosen.recipe != "default":
             raise ValueError("--init has the sizes and the architecture of its model: no --width, --latent or --recipe")
-        return initial.field.config
+        return replace(initial.field.config, film=default.film or initial.field.config.film)
     shape, texture = chosen.latent or (default.shape_latent, default.texture_latent)
     return replace(default, width=chosen.width or default.width, shape_latent=shape, texture_latent=texture)
 

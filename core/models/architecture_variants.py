@@ -30,7 +30,7 @@ class ViewDependentDensity(Field):
         return self.early_direction(encode(directions, self.config.direction_frequencies))
 
     def density(
-        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
+        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks modulation"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         """As :meth:`core.models.field.Field.density`, seen from outside, towards the middle of the scene."""
         return self._density_towards(points, self.direction_bias(-functional.normalize(points, dim=-1)), shape_bias)

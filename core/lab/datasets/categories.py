@@ -6,5 +6,5 @@ SRN_DISTANCES = {"cars": 1.3, "chairs": 2.0}
 """Scene units from SRN's cameras to the origin, by category; chairs are taller, so SRN steps back to hold them in the
 image."""
 
-Split = Literal["train", "test"]
+Split = Literal["train", "validation", "test"]
 SPLITS: tuple[Split, ...] = get_args(Split)

@@ -51,8 +51,8 @@ def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[Mesh
     with reading(index, "a mesh index"):
         lines = typed(tuple[_Line, ...], read_json(index), name="index")
     entries = [MeshEntry(line.id, line.category, Path(folder) / line.file) for line in lines]
-    kept = held_out_meshes(category)
-    selected = tuple(e for e in entries if e.category == category and (e.name in kept) == (split == "test"))
+    split_of = {name: held for held, names in held_out_meshes(category).items() for name in names}
+    selected = tuple(e for e in entries if e.category == category and split_of.get(e.name, "train") == split)
     if not selected:
         raise ValueError(f"{index}: no {category} for the {split} split")
     return selected

@@ -1,4 +1,4 @@
-"""Which objects train and which are held out for testing (``assets/held_out.json``), and each split's cameras."""
+"""Which objects train and which are held out (``assets/held_out.json``), and each split's cameras."""
 
 import json
 import zlib
@@ -29,9 +29,11 @@ def evenly_spaced(items: Sequence[_Item], count: int | None) -> tuple[_Item, ...
     return tuple(items[index * len(items) // count] for index in range(count))
 
 
-def held_out_meshes(category: str) -> frozenset[str]:
-    """Names of the meshes that are kept for testing and never trained on."""
-    return frozenset(json.loads(_HELD_OUT.read_text())["meshes"].get(category, ()))
+def held_out_meshes(category: str) -> dict[Split, frozenset[str]]:
+    """Names of the meshes that are never trained on: those that choose settings, and those that results are told of."""
+    lists = json.loads(_HELD_OUT.read_text())
+    held: tuple[Split, ...] = ("validation", "test")
+    return {split: frozenset(lists[split].get(category, ())) for split in held}
 
 
 def first_seed(split: Split) -> int:
@@ -46,7 +48,7 @@ def split_cameras(split: Split, count: int, name: str, category: str, size: int)
     """
     if category not in SRN_DISTANCES:
         raise ValueError(f"unknown category {category!r}: one of {', '.join(SRN_DISTANCES)}")
-    if split == "test":
+    if split != "train":
         return spiral_views(count, SRN_DISTANCES[category], size)
     generator = np.random.default_rng(zlib.crc32(name.encode()))
     return training_views(count, generator, SRN_DISTANCES[category], size)

@@ -60,7 +60,7 @@ class TrainSettings:
 
 
 RECIPES = {
-    "default": TrainSettings(),
+    "default": TrainSettings(field=FieldConfig(film=True)),
     # Sections 3.2 and 4, with three differences: objects are mixed in a batch, the background is white without having
     # to be learnt, and rays are sampled in the box that the objects share.
     "paper": TrainSettings(

@@ -43,6 +43,8 @@ _MIN_MUON_DIM = 8
 _WEIGHT_DECAY = 1e-4
 """of the weights, per step and learning rate"""
 _WARMUP_STEPS = 500
+_MAX_FITTED_SIZE = 128
+"""px. Training images may be larger: their pixels are samples. A photo is fitted at no more than this size."""
 _FINAL_LR = 0.01
 """Learning rates at the end of the schedule, relative to their peaks."""
 
@@ -64,10 +66,11 @@ class Trainer:
     """A training run: its whole state, which can be saved and resumed at any step."""
 
     def __init__(self, dataset: Dataset, settings: TrainSettings, device: str = "cpu") -> None:
-        self.settings, self.dataset = settings, dataset
+        self.settings = settings
         self.device = require_device(device)
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
+        self.category, self._imaging = dataset.category, _imaging(dataset)
         self.extent = shared_extent(dataset.objects)
         self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image)
         self.entries, shapes, textures = _build_entries(dataset)
@@ -104,12 +107,14 @@ class Trainer:
     def initialise_from(self, model: Model) -> None:
         """Start from a trained model: its network, and its codes of all objects that the dataset has too.
 
-        Shapes and textures that the model was not trained on start from its mean ones. Raises ``ValueError`` for a
-        model of another category or with another network.
+        Shapes and textures that the model was not trained on start from its mean ones. A network without scales
+        (``film``) may be given some: they are 1 at first. Raises ``ValueError`` for a model of another category or with
+        another network.
         """
-        if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
-            raise ValueError(f"training cannot start from a model of {model.category} with {model.field.config}")
-        self.field.load_state_dict(model.field.state_dict())
+        config, wanted = model.field.config, self.settings.field
+        if (model.category, replace(config, film=wanted.film)) != (self.category, wanted) or config.film > wanted.film:
+            raise ValueError(f"training cannot start from a model of {model.category} with {config}")
+        self.field.load_state_dict(self.field.state_dict() | model.field.state_dict())
         known = model.codes.index
         with torch.no_grad():
             self.shapes.copy_(model.codes.mean.shape.expand_as(self.shapes))
@@ -147,10 +152,7 @@ class Trainer:
         for parameter, value in zip(averaged.parameters(), layers, strict=True):
             parameter.data.copy_(value)
         book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
-        distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
-        size, focal = self.dataset.image_size, self.dataset.focal
-        typical = float(np.median(distances))
-        return Model(averaged, book, self.extent, self.dataset.category, size, focal, typical, extends=self.extends)
+        return Model(averaged, book, self.extent, self.category, *self._imaging, extends=self.extends)
 
     def save_state(self, path: Path) -> None:
         """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""
@@ -238,7 +240,7 @@ class Trainer:
         padded = _pad_to_multiple(hit)
         ray = padded // settings.samples
         direction = self.field.direction_bias(batch.rays.directions).index_select(0, ray)
-        biases = (bias.index_select(0, ray) for bias in ray_biases)
+        biases = (bias.to(matmul_dtype(self.device.type)).index_select(0, ray) for bias in ray_biases)
         density, colours = self.field.radiance(points.flatten(0, 1)[padded], direction, *biases)
         all_density = depths.new_zeros(depths.numel()).index_copy(0, hit, density[: len(hit)])
         all_colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, colours[: len(hit)])
@@ -326,6 +328,13 @@ def _pad_to_multiple(indices: Int[Tensor, "some"]) -> Int[Tensor, "more"]:
 def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:
     """Codes before training: small and random, as in the authors' code."""
     return torch.randn(count, latent) / math.sqrt(latent / 2)
+
+
+def _imaging(dataset: Dataset) -> tuple[int, float, float]:
+    """The size (px) of the images that the model is fitted to, its focal length (px), and the usual distance."""
+    size = min(dataset.image_size, _MAX_FITTED_SIZE)
+    distances = [camera.distance for views in dataset.objects for camera in views.cameras]
+    return size, dataset.focal * size / dataset.image_size, float(np.median(distances))
 
 
 def _build_entries(dataset: Dataset) -> tuple[tuple[Entry, ...], int, int]:

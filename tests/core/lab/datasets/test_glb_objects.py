@@ -8,6 +8,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from core.lab.datasets.categories import SPLITS
 from core.lab.datasets.glb_objects import load_mesh, render_meshes, select_meshes
 from core.lab.datasets.rasteriser import Rasteriser
 from core.lab.datasets.splits import held_out_meshes
@@ -81,7 +82,7 @@ def test_files_that_hold_no_mesh_are_named(tmp_path: Path) -> None:
 
 
 def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, rasteriser: Rasteriser) -> None:
-    kept = min(held_out_meshes("chairs"))
+    kept = min(held_out_meshes("chairs")["test"])
     write_folder(tmp_path, ["one", "two", kept])
     out = tmp_path / "out"
     assert next(render_meshes(tmp_path, out, "chairs", "train", 4, 32)) == "one"
@@ -100,10 +101,12 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
 
 def test_the_shared_meshes_split(shared: Path) -> None:
     for category in ("chairs", "cars"):
-        train, test = (select_meshes(shared / "meshes", category, split) for split in ("train", "test"))
-        assert len(test) == 10
-        assert not {entry.name for entry in train} & held_out_meshes(category)
-        assert {entry.name for entry in test} == held_out_meshes(category)
+        meshes = shared / "meshes"
+        selected = {split: {entry.name for entry in select_meshes(meshes, category, split)} for split in SPLITS}
+        held = held_out_meshes(category)
+        assert (selected["validation"], selected["test"]) == (held["validation"], held["test"])
+        assert len(held["validation"]) == len(held["test"]) == 10
+        assert sum(map(len, selected.values())) == len(set().union(*selected.values()))
 
 
 def test_a_shared_chair_faces_the_front(shared: Path) -> None:
