@@ -120,7 +120,8 @@ def random_model(seed: int = 0, white_from_network: bool = False, film: bool = F
     field = Field(FieldConfig(**sizes, film=film))
     for layer in field.shape_scale:
         torch.nn.init.normal_(layer.weight, std=0.2)
-    return Model(field, book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, white_from_network)
+    about = {"metres": 0.9, "white_from_network": white_from_network}
+    return Model(field, book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **about)
 
 
 @pytest.fixture

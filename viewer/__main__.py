@@ -37,7 +37,7 @@ def _import_behind_splash() -> None:
 
 def _run(chosen: argparse.Namespace, headless: bool) -> None:
     # Imported late: `--help`, a wrong word and the splash are there before torch is.
-    from core.models.library import load_model
+    from core.models.library import DEFAULT_MODEL, load_model
     from viewer.app import App
     from viewer.screenshot import Screenshot
     from viewer.services.backend import Backend
@@ -49,7 +49,7 @@ def _run(chosen: argparse.Namespace, headless: bool) -> None:
     try:
         session = Session(worker, Backend(partial(load_model, device=chosen.device)))
         app = App(session, chosen.size, None if headless else config_folder(), headless)
-        name = chosen.model or app.last_model or "chairs"
+        name = chosen.model or app.last_model or DEFAULT_MODEL
         path = Path(name)
         session.open_model(str(path.resolve()) if path.is_file() else name)  # found again from other folders
         if chosen.image:

@@ -1,4 +1,4 @@
-"""What was made, written down while it is edited: kept from launch to launch, and after a run that ended badly."""
+"""Autosave: the work, written down while it is edited, kept from launch to launch, and after a run that ended badly."""
 
 import os
 import secrets

@@ -1,4 +1,4 @@
-"""What panels are given: the open workspace, and the window's own things around it."""
+"""The context of panels: the open workspace, and the window's own things around it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -81,7 +81,7 @@ class PanelContext:
 
     @property
     def editor(self) -> Editor:
-        """What is edited."""
+        """The editor."""
         return self.workspace.editor
 
     @property

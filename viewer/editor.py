@@ -1,4 +1,4 @@
-"""What is being edited: an object's codes, its camera and the timeline, of one model. Every edit can be undone."""
+"""The editor: an object's codes, its camera and the timeline, of one model. Every edit can be undone."""
 
 from dataclasses import replace
 

@@ -111,7 +111,7 @@ class Session:
 
     @property
     def parts(self) -> tuple[object, ...]:
-        """What :meth:`project` is made of: as long as these are the same, so is that."""
+        """Everything :meth:`project` is made of: as long as these are the same, so is that."""
         return (self.project_path, *self._left, *(self.workspace.parts if self.workspace else ()))
 
     def adopt(self, project: Project) -> None:

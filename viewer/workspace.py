@@ -110,7 +110,7 @@ class Workspace:
 
     @property
     def parts(self) -> tuple[object, ...]:
-        """What :meth:`saved` is made of: as long as these are the same, so is that."""
+        """Everything :meth:`saved` is made of: as long as these are the same, so is that."""
         objects, fitting = self.editor.objects, self.fitting
         fit = fitting.request, fitting.queue, fitting.results.checking, fitting.history.photos
         steps = None if fitting.running else fitting.history.steps
@@ -171,7 +171,7 @@ class Workspace:
         self._awaiting_box = (*self._awaiting_box, (sources, index))
 
     def _keep_user_objects(self) -> None:
-        """What was fitted or named is there at the next launch."""
+        """Keep fitted objects and named directions for the next launch."""
         objects = self.editor.objects
         self._kept, self._directions = objects.version, self.editor.state.directions
         try:

@@ -1,4 +1,4 @@
-"""What the words after an option are read as. Each raises ``ArgumentTypeError`` with one line where they are wrong."""
+"""Types of option values. Each raises ``ArgumentTypeError`` with one line where they are wrong."""
 
 import argparse
 import math

@@ -14,9 +14,11 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
+from core.cli.explain import write_page
 from core.cli.progress import wait_for_view_bank
 from core.fitting.category_check import describe_category, guess_category, likeliest_category
 from core.fitting.confidence import DOUBTFUL
+from core.fitting.explain import explain
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
@@ -41,7 +43,9 @@ def fit(chosen: argparse.Namespace) -> None:
         raise ValueError("--estimate-focal searches for the focal length of unknown cameras, and --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
         raise ValueError(f"{chosen.out.name}: a fitted scene is called .json")
-    for path in filter(None, (chosen.out, chosen.log)):
+    if chosen.explain:
+        chosen.explain.mkdir(parents=True, exist_ok=True)
+    for path in filter(None, (chosen.out, chosen.log, chosen.explain and chosen.explain / "index.html")):
         require_writable(path)
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     poses = chosen.pose or [None] * len(chosen.images)
@@ -55,11 +59,15 @@ def fit(chosen: argparse.Namespace) -> None:
     if warning := describe_category(guess_category(photos[0].pixels, photos[0].mask), model.category):
         print(f"python -m core: {warning}", file=sys.stderr)
     with clock("search"):
-        last = _search(model, FitJob(photos, settings, chosen.seed), chosen.log)
+        job = FitJob(photos, settings, chosen.seed)
+        steps = _search(model, job, chosen.log)
+    last = steps[-1]
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
+    if chosen.explain:
+        write_page(model, job, explain(model, job, steps), chosen.explain)
     if chosen.out:
         save_or_elsewhere(Scene(model.fingerprint, last.codes, last.cameras[0]).save, chosen.out)
 
@@ -100,19 +108,20 @@ def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) 
         return prepare_photo(cut, model, read_pose(pose, axes) if pose else None)
 
 
-def _search(model: Model, job: FitJob, log: Path | None) -> FitStep:
-    """The last step of a fit; all of them go to a log, if there is one."""
-    last, bar = None, tqdm(unit="step", leave=False, disable=None)
+def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
+    """The steps of a fit; they go to a log, if there is one."""
+    steps, bar = list[FitStep](), tqdm(unit="step", leave=False, disable=None)
     with bar, log.open("w") if log else nullcontext() as lines:
-        for last in fit_as_set(model, job):
-            bar.total = last.steps
-            bar.set_postfix_str(f"{last.psnr:.2f} dB")
+        for step in fit_as_set(model, job):
+            steps.append(step)
+            bar.total = step.steps
+            bar.set_postfix_str(f"{step.psnr:.2f} dB")
             bar.update()
             if lines:
-                lines.write(json.dumps(_to_dict(last) | {"origin": last.origin}) + "\n")
-    if last is None:
+                lines.write(json.dumps(_to_dict(step) | {"origin": step.origin}) + "\n")
+    if not steps:
         raise ValueError("the fit made no step")
-    return last
+    return steps
 
 
 def _box_hints(image: Path, box: tuple[float, ...] | None) -> Hints | None:

@@ -27,7 +27,6 @@ from core.lab.benchmarks import (
 )
 from core.lab.benchmarks.csv_files import Results, append_record, read_records, to_row, write_csv
 from core.lab.benchmarks.figures import fit_photo, write_figures
-from core.lab.benchmarks.fit_charts import keep_failure
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
 from core.lab.datasets.splits import evenly_spaced
@@ -147,9 +146,8 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
         model, views, chosen.stressors, chosen.presets, chosen.part, done, chosen.seed
     )
     about = {"machine": describe_machine(model.device)}
-    for measured in tqdm(trials, unit="fit", disable=None):
-        append_record(path, about, measured.trial)
-        keep_failure(chosen.out, measured)
+    for trial in tqdm(trials, unit="fit", disable=None):
+        append_record(path, about, trial)
     print(charts.draw(chosen.out, "robustness"), flush=True)
 
 

@@ -10,7 +10,7 @@ from core.cli.argument_types import box, count, degrees, view_numbers
 from core.cli.bench_parser import add_bench
 from core.cli.options import add_command, add_device, add_model, add_seed
 from core.fitting.settings import PRESETS
-from core.lab.datasets.categories import SPLITS, SRN_DISTANCES
+from core.lab.datasets.categories import SPLITS
 from core.lab.training.recipes import RECIPES
 
 
@@ -163,6 +163,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     )
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, one line each")
+    command.add_argument(
+        "--explain", type=Path, metavar="DIR", help="where to write a page of images: what the search tried and kept"
+    )
     add_seed(command)
 
 
@@ -212,7 +215,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         command.add_argument(
             "--size", type=count, metavar="PX", help="width and height (default: 256 to train on, else 128)"
         )
-        command.add_argument("--category", choices=tuple(SRN_DISTANCES), required=True)
+        command.add_argument("--category", required=True, metavar="NAME", help="its plural: chairs, cars, boats")
 
 
 _DEFAULT_FIELD = RECIPES["default"].field

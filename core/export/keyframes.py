@@ -112,7 +112,7 @@ class Timeline:
         return best if best is not None and abs(times[best] - seconds) < MIN_GAP else None
 
     def at(self, seconds: float) -> View:
-        """What is shown at a time. Raises ``ValueError`` without keys.
+        """The view at a time. Raises ``ValueError`` without keys.
 
         Example:
             >>> codes = Codes(torch.zeros(2), torch.ones(3))

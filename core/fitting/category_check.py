@@ -13,6 +13,7 @@ from torch import Tensor
 
 from core.classifiers.category import predict_category
 from core.models.library import category_classifier
+from core.models.model import singular
 from core.photos.photo import Photo
 
 UNLIKELY = 0.3
@@ -55,9 +56,5 @@ def describe_category(guess: Mapping[str, float], category: str) -> str:
         return ""
     likeliest = likeliest_category(guess)
     if likeliest in (None, category):
-        return f"this does not look like a {_one(category)}"
-    return f"this looks like a {_one(likeliest)}, not a {_one(category)}: try the {likeliest} model"
-
-
-def _one(category: str) -> str:
-    return category.removesuffix("s")
+        return f"this does not look like a {singular(category)}"
+    return f"this looks like a {singular(likeliest)}, not a {singular(category)}: try the {likeliest} model"

@@ -96,10 +96,8 @@ def _candidates(problem: Problem, view: int, count: int, generator: torch.Genera
     model, photo = problem.model, problem.photos[view]
     if not problem.components.view_bank:
         azimuth, elevation = random_angles(count, generator).unbind(-1)
-        distance = torch.full((count,), model.distance)
-        return CandidateCameras(
-            azimuth, elevation, distance, torch.zeros(count, 2), torch.zeros(count, dtype=torch.long)
-        )
+        distance, zeros = torch.full((count,), model.distance), torch.zeros(count)
+        return CandidateCameras(azimuth, elevation, distance, torch.zeros(count, 2), zeros.long(), zeros)
     image = ObjectImage(photo.pixels, photo.mask, problem.cameras[view].focal, photo.unseen)
     return rank_cameras(view_bank(model), image, count, problem.viewpoints[view], photo.cropped)
 

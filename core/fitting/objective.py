@@ -152,9 +152,15 @@ class Objective(NamedTuple):
 class ObjectiveValue(NamedTuple):
     """How well hypotheses explain some pixels."""
 
-    objective: Float[Tensor, "hypotheses"]
+    terms: Float[Tensor, "terms hypotheses"]
+    """of the objective, in its order"""
     squared_error: Float[Tensor, "hypotheses"]
     """the mean squared error per channel over whole photos, as estimated from these pixels"""
+
+    @property
+    def objective(self) -> Float[Tensor, "hypotheses"]:
+        """The sum of the terms."""
+        return self.terms.sum(0)
 
 
 def evaluate_objective(
@@ -175,8 +181,8 @@ def evaluate_objective(
     codes = model.codes.shape_space.code(parameters.shape), model.codes.texture_space.code(parameters.texture)
     rendered = _render(model, parameters, codes, pixels, samples, jitter, cells)
     terms = [term(pixels, objective) for term in objective.terms]
-    value = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms]).sum(0)
-    return ObjectiveValue(value, image_squared_error(rendered, pixels, objective.occluder_scale).detach())
+    values = torch.stack([term_value(term, term.residual(parameters, rendered)) for term in terms])
+    return ObjectiveValue(values, image_squared_error(rendered, pixels, objective.occluder_scale).detach())
 
 
 def paper_objective(
@@ -195,7 +201,7 @@ def paper_objective(
     rendered = _render(model, parameters, (parameters.shape, parameters.texture), pixels, samples, jitter)
     error = image_squared_error(rendered, pixels)
     norms = parameters.shape.square().sum(-1) + parameters.texture.square().sum(-1)
-    return ObjectiveValue(error + code_prior * norms, error.detach())
+    return ObjectiveValue(torch.stack((error, code_prior * norms)), error.detach())
 
 
 def image_squared_error(

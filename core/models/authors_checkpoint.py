@@ -64,7 +64,7 @@ class _Data(NamedTuple):
 
 
 class _Settings(NamedTuple):
-    """What is read of ``hpam.json``."""
+    """The part of ``hpam.json`` that is read."""
 
     net_hyperparams: _Hyperparameters
     data: _Data
@@ -73,7 +73,7 @@ class _Settings(NamedTuple):
 
 
 class _State(NamedTuple):
-    """What is read of ``models.pth``."""
+    """The part of ``models.pth`` that is read."""
 
     model_params: dict[str, Tensor]
     shape_code_params: dict[str, Tensor]
@@ -91,8 +91,9 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
         config: ``hpam.json``; beside the checkpoint unless given.
     """
     settings_path = config or path.with_name("hpam.json")
-    if not settings_path.is_file():
-        raise ValueError(f"{settings_path}: no such file; a checkpoint needs it beside it")
+    for file in (path, settings_path):
+        if not file.is_file():
+            raise ValueError(f"{file}: no such file; a checkpoint is models.pth with hpam.json beside it")
     with reading(path, "a checkpoint of the authors' trainer"):
         state = typed(_State, _load_tensors(path), special=_tensors, name="checkpoint")
     with reading(settings_path, "settings of the authors' trainer"):
@@ -116,7 +117,7 @@ def _to_model(field: Field, shapes: Tensor, textures: Tensor, settings: "_Settin
 
 
 def _load_tensors(path: Path) -> Any:
-    """What torch saved; nothing in it is executed."""
+    """The values that torch saved; nothing in the file is executed."""
     if zipfile.is_zipfile(path):
         with open_zip(path):  # refuses what would unpack to more than memory holds
             pass

@@ -25,7 +25,7 @@ def sample_images(category: str) -> tuple[Path, ...]:
 
 @cache
 def category_classifier() -> CategoryClassifier | None:
-    """What tells the shipped categories apart; None where there is no such file."""
+    """The classifier of the shipped categories; None where there is no such file."""
     path = _ASSETS / "categories.safetensors"
     return CategoryClassifier.load(path) if path.exists() else None
 

@@ -42,6 +42,7 @@ class Model:
     extent: tuple[float, float, float]
     """Half the size of the box that holds every training object, along x, y, z (scene units)."""
     category: str
+    """its plural: "chairs"; '' where that is not known"""
     image_size: int
     """px, the size of the training images"""
     focal: float
@@ -56,11 +57,14 @@ class Model:
     """The fingerprint of the model whose objects were reduced to a gallery: scenes of either open with the other."""
     extends: tuple[str, ...] = ()
     """The fingerprints of the models that its training started from, the latest first."""
+    metres: float = 1.0
+    """the longest side of a usual object"""
     stored_cells: Bool[Tensor, "x y z"] | None = None
     """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
 
     def __post_init__(self) -> None:
-        sizes = {"focal": self.focal, "distance": self.distance} | dict(zip("xyz", self.extent, strict=True))
+        sizes = {"focal": self.focal, "distance": self.distance, "metres": self.metres}
+        sizes |= dict(zip("xyz", self.extent, strict=True))
         for name, value in sizes.items():
             if not 0 < number(value, name) < _LARGEST:
                 raise ValueError(f"{name} of a model must be positive and below {_LARGEST:g}, got {value}")
@@ -79,6 +83,11 @@ class Model:
         self.field.requires_grad_(False).eval()
         if self.viewpoint_classifier:
             self.viewpoint_classifier.requires_grad_(False).eval()
+
+    @property
+    def noun(self) -> str:
+        """One object of the category: "chair"."""
+        return singular(self.category)
 
     @property
     def device(self) -> torch.device:
@@ -160,6 +169,7 @@ class Model:
             "image_size": self.image_size,
             "focal": self.focal,
             "distance": self.distance,
+            "metres": self.metres,
             "white_from_network": self.white_from_network,
             "gallery_of": self.gallery_of,
             "extends": self.extends,
@@ -190,6 +200,16 @@ class Model:
         return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells)
 
 
+def singular(category: str) -> str:
+    """The noun for one object of a category.
+
+    Example:
+        >>> singular("chairs")
+        'chair'
+    """
+    return category.removesuffix("s")
+
+
 class _About(NamedTuple):
     """The metadata of a model file: what :class:`Model` holds beside tensors."""
 
@@ -204,6 +224,7 @@ class _About(NamedTuple):
     white_from_network: bool = False
     gallery_of: str = ""
     extends: tuple[str, ...] = ()
+    metres: float = 1.0
 
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:

@@ -1,4 +1,4 @@
-"""What surrounds a photo in its own file: black frames, bars that fill a format up, corners cut round."""
+"""Frames around a photo in its own file: black frames, bars that fill a format up, corners cut round."""
 
 from typing import NamedTuple
 

@@ -113,6 +113,6 @@ def _shaded(
 
 
 def connected_to_border(passable: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """What can be reached from the border over passable pixels (not diagonally)."""
+    """The pixels that can be reached from the border over passable pixels (not diagonally)."""
     pieces, _ = label(np.pad(passable, 1, constant_values=True))
     return (pieces == pieces[0, 0])[1:-1, 1:-1]

@@ -52,6 +52,8 @@ class CandidateCameras(NamedTuple):
     """from where the prototype lies to where the image's object does; focal lengths"""
     prototype: Int[Tensor, "cameras"]
     """the prototype of the view bank that matches the image best from there"""
+    score: Float[Tensor, "cameras"]
+    """the overlap with it, less what differs in size and place, more what is probable"""
 
 
 def rank_cameras(
@@ -84,7 +86,7 @@ def rank_cameras(
     scale = sizes[template] / bank.sizes[prototype, chosen]
     distance = (bank.distance / scale).clamp(0.5 * bank.distance, 2 * bank.distance)
     shift = middles[template] - bank.offsets[prototype, chosen] * scale[:, None]
-    return CandidateCameras(bank.azimuth[chosen], bank.elevation[chosen], distance, shift, prototype)
+    return CandidateCameras(bank.azimuth[chosen], bank.elevation[chosen], distance, shift, prototype, best[chosen])
 
 
 def shape_similarity(

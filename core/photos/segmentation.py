@@ -68,7 +68,7 @@ class Stroke(NamedTuple):
 
 @dataclass(frozen=True)
 class Hints:
-    """What a person points at. Raises ``ValueError`` for a box without an inside."""
+    """Hints from a person. Raises ``ValueError`` for a box without an inside."""
 
     box: tuple[float, float, float, float] | None = None
     """left, top, right, bottom in shares of width and height; the object is inside. None: where it is is known"""
@@ -151,7 +151,7 @@ def _segment_without_hints(
 
 
 def _within(box: Box, image: Image.Image, colours: Float[np.ndarray, "height width 3"], threshold: float) -> CutOut:
-    """What is found in a part of the image; beyond is background."""
+    """The opacity of the object found in a part of the image; beyond is background."""
     part = colours[box.top : box.bottom, box.left : box.right]
     found = _segment_without_hints(image.crop(box), part, np.ones((*part.shape[:2], 1), np.float32), threshold)
     height, width = colours.shape[:2]

@@ -26,7 +26,7 @@ _CHUNK = 8192
 
 
 class _Grid(NamedTuple):
-    """What all objects of a model share: where cells lie, and the activations of the first layer there."""
+    """Shared by all objects of a model: where cells lie, and the activations of the first layer there."""
 
     cell: float
     """scene units"""

@@ -29,7 +29,7 @@ from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, Kind
 
 LOGITS = -8.0, 24.0
-"""What 0 and 255 stand for; the least is a density of 0.01 per scene unit."""
+"""Logits that 0 and 255 stand for; the least is a density of 0.01 per scene unit."""
 STEPS_PER_TEXEL = 1.5
 MAX_STEPS = 128
 """along the longest side of the box: more change nothing that can be seen"""
@@ -164,7 +164,7 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
 
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """What OpenGL draws of it, slowly: samples at equal steps from where a ray enters the box, on white."""
+    """The image that OpenGL draws of it, slowly: samples at equal steps from where a ray enters the box, on white."""
     extent = torch.tensor(baked.extent)
     rays = camera_rays(camera, extent, baked.pixel_offset)
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255

@@ -83,7 +83,7 @@ def render(
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """What some rays show of a shape: depth, opacity and the intervals that are worth a colour."""
+    """A shape as some rays see it: depth, opacity and the intervals that are worth a colour."""
 
     pixel: Int[Tensor, "rays"]
     """of the image, row by row"""
@@ -107,7 +107,7 @@ class Chunk:
 
 
 class VisibilityKey(NamedTuple):
-    """What the visible intervals depend on: the key of their cache."""
+    """Everything the visible intervals depend on: the key of their cache."""
 
     model: Model
     shape: tuple[float, ...]

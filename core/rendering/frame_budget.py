@@ -3,7 +3,7 @@
 import math
 
 _DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)
-"""What the image size is divided by for the first frame."""
+"""Divisor of the image size for the first frame."""
 _HEADROOM = 0.7
 """share of the time for rays: a first frame that takes less allows a finer one"""
 _MIN_HEIGHT = 64
@@ -47,7 +47,7 @@ class FrameBudget:
 
     @property
     def divisor(self) -> int:
-        """What the image size is divided by for the next first frame."""
+        """Divisor of the image size for the next first frame."""
         return _DIVISORS[self._level]
 
     @property
@@ -95,7 +95,7 @@ class FrameBudget:
         return self._fixed + _HEADROOM * (self.limit - self._fixed)
 
     def _find_fixed(self, divisor: int, seconds: float) -> None:
-        """What frames of two sizes, the last one's and this one's, leave for no rays at all; never more than either.
+        """Time of a frame without rays, by frames of two sizes; never more than either takes.
 
         Nothing is known where the finer one was the faster one, or where a frame is faster than should be possible.
         """

@@ -59,7 +59,7 @@ def render_with_jacobian(
     cells: Bool[Tensor, "#objects x y z"] | None = None,
     with_depth: bool = False,
 ) -> RenderedJacobian:
-    """What :func:`core.rendering.importance.render_top_samples` renders, with its Jacobian; shaped (objects, views,
+    """The render of :func:`core.rendering.importance.render_top_samples`, with its Jacobian; shaped (objects, views,
     rays) likewise. The depth, which is one channel more to take back, only on request.
     """
     depths, edges = sample_intervals(model, rays, samples)
@@ -181,7 +181,7 @@ def _forward(
     model: Model,
     points: Float[Tensor, "objects samples 3"],
     directions: Float[Tensor, "objects samples 3"],
-    shape_bias: Float[Tensor, "objects blocks width"],
+    shape_bias: Float[Tensor, "objects blocks modulation"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
     """The activations of some samples, and their colours."""

@@ -38,7 +38,7 @@ _BLOCK = 16384
 
 
 class Tolerances(NamedTuple):
-    """What of a ray is neglected: early ray termination and intervals too faint to colour."""
+    """Limits below which parts of a ray are neglected: early ray termination and intervals too faint to colour."""
 
     termination: float
     """optical depth: intervals behind more than this are not evaluated"""

@@ -18,7 +18,7 @@ _CHUNK_POINTS = 8192
 
 @dataclass(frozen=True)
 class Rendered:
-    """What a bundle of rays sees."""
+    """Colours, opacities and depths of a bundle of rays."""
 
     colour: Float[Tensor, "*batch 3"]
     """on white; within [0, 1] unless the model's colours are unbounded"""

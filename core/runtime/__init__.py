@@ -1,1 +1,1 @@
-"""What everything stands on: threads, number formats, layers, caches, files and how they are read."""
+"""The ground floor: threads, number formats, layers, caches, files and how they are read."""

@@ -15,7 +15,7 @@ LIMIT = 288 * 2**20
 
 
 class Kind(IntEnum):
-    """What a value is: kinds that are cheap to make again go first, of one kind the one not used for longest."""
+    """Kinds of values: those that are cheap to make again go first, of one kind the one not used for longest."""
 
     VIEW = 0
     """what a shape shows from a camera: much memory, a fraction of a second"""
@@ -106,4 +106,4 @@ class ByteCache:
 
 
 CACHE = ByteCache()
-"""What rendering and fits of this process share."""
+"""Shared by rendering and fits of this process."""

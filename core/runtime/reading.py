@@ -81,7 +81,7 @@ def _reason(error: Exception, path: Path | str, kind: str) -> str:
 
 
 def first_line(error: Exception) -> str:
-    """What an exception says, in one line."""
+    """An exception's message, in one line."""
     if isinstance(error, RecursionError):
         return "nested too deeply"
     if isinstance(error, pickle.UnpicklingError):  # torch's own words advise to execute what the file holds
@@ -91,7 +91,7 @@ def first_line(error: Exception) -> str:
 
 
 def optional(read: Callable[[], Any]) -> Any:
-    """What ``read`` returns; None where that fails: for what a file may lack, such as EXIF."""
+    """The value that ``read`` returns; None where that fails: for what a file may lack, such as EXIF."""
     try:
         return read()
     except Exception:

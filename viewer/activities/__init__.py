@@ -1,1 +1,1 @@
-"""What runs beside editing: rendering, playing, fitting, segmenting, exporting. Each takes jobs and an editor."""
+"""Activities beside editing: rendering, playing, fitting, segmenting, exporting. Each takes jobs and an editor."""

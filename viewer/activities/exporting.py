@@ -52,7 +52,7 @@ class Exporting:
         """
         timeline, backend = self._editor.state.timeline, self._jobs.backend
         if settings.kind == "mesh":
-            about = settings.mesh_settings(self._editor.model.category)
+            about = settings.mesh_settings(self._editor.model.metres)
             self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, about))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda model, scene: self._picture(model, scene, path, settings))

@@ -1,4 +1,4 @@
-"""What fits have found: it joins the objects, and becomes current where the view has followed the fit."""
+"""Results of fits: they join the objects, and becomes current where the view has followed the fit."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What a fit in the window is asked for, and the stream of what it finds; it runs on the worker."""
+"""Requests for fits in the window, and the stream of their steps; it runs on the worker."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -55,7 +55,7 @@ class Fitting:
 
     @property
     def pending(self) -> tuple[FitRequest, ...]:
-        """What is not over: the fit under way, unless its result is there already, and those that wait."""
+        """Requests that are not over: the fit under way, unless its result is there, and those that wait."""
         if self.request is None or self.results.checking:
             return self.queue
         begun = replace(self.request.history, photos=self.history.photos)

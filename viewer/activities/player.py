@@ -53,7 +53,7 @@ class Player:
 
     @property
     def timeline(self) -> Timeline:
-        """What is edited here."""
+        """The edited timeline."""
         return self._editor.state.timeline
 
     @property
@@ -124,7 +124,7 @@ class Player:
     # Edits of the timeline
 
     def add_key(self) -> None:
-        """What is shown becomes a keyframe at the playhead; where one is there, a second after the last one."""
+        """Make the view a keyframe at the playhead; where one is there, a second after the last one."""
         self.pause()
         timeline = self.timeline
         gap = MIN_GAP if timeline.loop else 0.0
@@ -138,7 +138,7 @@ class Player:
         self._jobs.messages.notify(f"Keyframe {(self.key or 0) + 1} of {len(self.timeline.keys)}, at {seconds:.1f} s")
 
     def replace_key(self, index: int) -> None:
-        """What is shown takes the place of a keyframe."""
+        """Put the view in the place of a keyframe."""
         self.pause()
         self._editor.set_timeline(self.timeline.replaced(index, self._shown))
 
@@ -179,7 +179,7 @@ class Player:
         self.copied = self.timeline.keys[index].view
 
     def paste_key(self) -> None:
-        """What was copied becomes a keyframe at the playhead, in place of one that is there, and is shown."""
+        """Paste the copied keyframe at the playhead, in place of one that is there, and show it."""
         if self.copied is None:
             return
         self.pause()

@@ -25,7 +25,7 @@ _DIMMED = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Segmentation:
-    """What hints and crop have come to."""
+    """The result of hints and crop."""
 
     hints: Hints
     found: CutOut
@@ -87,7 +87,7 @@ class Segmenting:
         return bool(result and result.cropped is not None and (result.hints, result.crop) == (self.hints, self.crop))
 
     def begin_change(self) -> None:
-        """What follows, up to the next call, is one step for :meth:`undo`."""
+        """Begin a step for :meth:`undo`, which lasts until the next call."""
         if not self.past or self.past[-1] != self.hints:
             self.past = (*self.past, self.hints)
 

@@ -36,7 +36,7 @@ class _Key(NamedTuple):
 
 
 class Thumbnails:
-    """What panels want in a frame is rendered by the worker; what they want no more, and is not begun, is not."""
+    """The worker renders the thumbnails that panels want in a frame; those that are wanted no more are dropped."""
 
     def __init__(self, jobs: Jobs, model: Model) -> None:
         self._jobs, self._model = jobs, model

@@ -1,4 +1,4 @@
-"""What mouse and keys do: the table of actions, shown."""
+"""The help window: the table of actions with mouse and keys."""
 
 from imgui_bundle import hello_imgui, imgui
 

@@ -143,7 +143,7 @@ def _draw_menu(context: PanelContext, name: str) -> None:
 
 
 def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:
-    """What an object is just now: A, what A's shape or texture was taken from, B."""
+    """The role of an object just now: A, what A's shape or texture was taken from, B."""
     mix, accent = context.editor.state.mix, context.palette.accent
     if mix.a == (name, name):
         marks = [("A", accent)]

@@ -135,7 +135,7 @@ def _draw_preset(fitting: Fitting) -> None:
 
 
 def _draw_more(context: PanelContext, fitting: Fitting) -> None:
-    """What can be done with a fit that is over, even if it was stopped before its first step."""
+    """Buttons for a fit that is over, even if it was stopped before its first step."""
     flow(_CAMERA)
     label = "Jump to the camera that the photo was found to be taken from"
     if button(f"{_CAMERA}###photo camera", label, enabled=bool(fitting.history.steps)):
@@ -186,7 +186,7 @@ def _draw_confidence(context: PanelContext, fitting: Fitting) -> None:
 
 
 def _draw_result(fitting: Fitting) -> None:
-    """What the fit took and how near it came, in one line."""
+    """The time a fit took and how near it came, in one line."""
     if (last := fitting.history.last) is not None and not fitting.running:
         imgui.text_disabled(f"{last.step} steps    {last.seconds:.0f} s    {last.psnr:.1f} dB")
         tooltip(f"{fitting.history.name}; while it runs, the curve estimates the dB from fewer rays")
@@ -208,7 +208,7 @@ def _draw_photos(fitting: Fitting) -> None:
 
 
 def _invitation(context: PanelContext) -> str:
-    what = context.editor.model.category.removesuffix("s")
+    what = context.editor.model.noun
     return (
         f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is cut out and cropped, "
         "then camera, shape and texture are found. A plain background helps; on any other you point it out."

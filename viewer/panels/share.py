@@ -47,7 +47,7 @@ _CHECKS = 16
 
 
 class ShareDialog:
-    """What to share, how, and where it was saved."""
+    """The form of the Share dialog, and where a file was saved."""
 
     def __init__(self) -> None:
         self._shown: tuple[Frame, Rgb | None, np.ndarray] | None = None
@@ -79,7 +79,7 @@ class ShareDialog:
         self._draw_preview(context, changed.on_view(_view_colour(context)), min(_SIDE, room) * em)
         imgui.same_line(0, em)
         imgui.begin_group()
-        changed = _draw_form(changed, context.editor.model.category)
+        changed = _draw_form(changed, context.editor.model.metres)
         imgui.end_group()
         imgui.spacing()
         _draw_foot(context, changed)
@@ -135,12 +135,12 @@ def _draw_kinds(settings: ShareSettings) -> ShareSettings:
     return settings
 
 
-def _draw_form(settings: ShareSettings, category: str) -> ShareSettings:
-    """What can be chosen for this kind of file, a line each."""
+def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
+    """The choices for this kind of file, a line each."""
     if settings.kind == "mesh":
         settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, "glb opens in most programs")
         settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
-        return _draw_mesh(settings, category)
+        return _draw_mesh(settings, usual)
     if settings.kind == "picture":
         settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
     else:
@@ -160,14 +160,14 @@ def _draw_form(settings: ShareSettings, category: str) -> ShareSettings:
     return replace(settings, fill=fill)
 
 
-def _draw_mesh(settings: ShareSettings, category: str) -> ShareSettings:
+def _draw_mesh(settings: ShareSettings, usual: float) -> ShareSettings:
     """Where a mesh has its colours, and how large it is."""
     if settings.mesh in TEXTURED:
         text = "An image shows more than vertices, on fewer triangles; a closed surface has its colours at the vertices"
         settings = _row(settings, "texture", "Colours", _TEXTURES, text)
     _label("Longest side")
     imgui.set_next_item_width(hello_imgui.em_size(_WIDTH))
-    shown = settings.mesh_settings(category).metres or 1.0
+    shown = settings.mesh_settings(usual).metres or 1.0
     changed, metres = imgui.drag_float("##metres", shown, 0.01, 0.01, 1000.0, "%.2f m", imgui.SliderFlags_.always_clamp)
     tooltip("The object stands on the ground, this large. Drag, or Ctrl+click to type")
     return replace(settings, metres=metres) if changed else settings

@@ -97,7 +97,7 @@ class ViewPanel(Panel):
             _note(corner + ImVec2(size.x / 2, 4.2 * em), hint)
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
-        """What the view shows: the baked object while it is turned, else the newest frame."""
+        """The picture in the view: the baked object while it is turned, else the newest frame."""
         viewport = context.viewport
         assert context.canvas and context.baked_canvas and viewport.frame
         if viewport.baked_frame and viewport.baked:

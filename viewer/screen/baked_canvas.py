@@ -54,7 +54,7 @@ class BakedCanvas:
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
-        """What was drawn last."""
+        """The last picture."""
         texture = self._target.texture
         return np.frombuffer(texture.read(), np.uint8).reshape(*texture.size[::-1], 4)[..., :3]
 
@@ -72,7 +72,7 @@ def is_fast(context: moderngl.Context) -> bool:
 
 
 def seconds_per_picture(context: moderngl.Context) -> float:
-    """What a picture of a baked ball takes, 512 px a side; the least of a few."""
+    """Seconds for a picture of a baked ball, 512 px a side; the least of a few."""
     canvas, times = BakedCanvas(context), list[float]()
     baked = _ball()
     for number in range(_PROBES + 1):  # the first one uploads, and compiles the shader

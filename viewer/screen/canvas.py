@@ -49,7 +49,7 @@ class Target:
 
     @property
     def texture(self) -> moderngl.Texture:
-        """What was drawn."""
+        """The last picture."""
         assert self._texture is not None, "nothing yet"
         return self._texture
 

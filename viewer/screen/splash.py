@@ -40,7 +40,7 @@ class Splash(Generic[T]):
         self.params.callbacks.show_gui = self._draw
 
     def run(self) -> T:
-        """What the function returns, or raises; :class:`SystemExit` where the window is closed before."""
+        """The function's value, or its error; :class:`SystemExit` where the window is closed before."""
         window.run(self.params)
         if self._error:
             raise self._error

@@ -99,7 +99,7 @@ def run(params: hello_imgui.RunnerParams) -> None:
 
 
 def add_ons() -> immapp.AddOnsParams:
-    """What panels use beside imgui itself."""
+    """Parts of the window that panels use beside imgui itself."""
     return immapp.AddOnsParams(with_implot=True)
 
 

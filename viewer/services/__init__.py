@@ -1,1 +1,1 @@
-"""What everything else calls on: the worker, where values come from, messages, the clipboard."""
+"""Services that everything else calls on: the worker, where values come from, messages, the clipboard."""

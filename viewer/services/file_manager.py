@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def folder_command(path: Path, platform: str = sys.platform) -> list[str]:
-    """What shows a file in its folder; on Linux the folder alone, which every file manager can.
+    """The command that shows a file in its folder; on Linux the folder alone, which every file manager can.
 
     Example:
         >>> folder_command(Path("/home/me/chair.glb"), "darwin")

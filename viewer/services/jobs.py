@@ -1,4 +1,4 @@
-"""What everything that takes longer than a frame needs: the worker, the backend, and a way to say how it went."""
+"""Needed by everything that takes longer than a frame: the worker, the backend, and a way to say how it went."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

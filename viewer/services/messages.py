@@ -20,14 +20,14 @@ _MAX_OLDER, _MAX_ERRORS = 3, 2
 _LOGGED = 500
 """lines that the log keeps"""
 _NO_MEMORY = "can't allocate memory"
-"""What torch says in a RuntimeError where the processor's memory does not suffice."""
+"""Words of torch in a RuntimeError where the processor's memory does not suffice."""
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
 """the folders of an absolute path"""
 UNFORESEEN = "an error in the program; the log has it (menu Panels)"
 
 
 class MessageKind(Enum):
-    """What a message is about, and for how many seconds it is on screen."""
+    """Kinds of messages, and for how many seconds they are on screen."""
 
     DONE = 5.0
     NOTE = 10.0
@@ -73,12 +73,12 @@ class Messages:
 
     @property
     def errors(self) -> list[str]:
-        """What went wrong and was not dismissed, on screen or not any more."""
+        """Errors that were not dismissed, on screen or not any more."""
         return [message.text for message in self.all if message.kind is MessageKind.PROBLEM]
 
     @property
     def shown(self) -> list[Message]:
-        """What is on screen: information that has not faded, and the newest errors."""
+        """The messages on screen: information that has not faded, and the newest errors."""
         due = [message for message in self.all if not message.faded]
         errors = [message for message in due if message.kind is MessageKind.PROBLEM][-_MAX_ERRORS:]
         return [message for message in due if message.kind is not MessageKind.PROBLEM or message in errors]

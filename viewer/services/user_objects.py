@@ -1,4 +1,4 @@
-"""What a person has made with a model, kept from one launch to the next: a folder with a file for each fitted object,
+"""User objects: made with a model, kept from one launch to the next: a folder with a file for each fitted object,
 and one for the named directions of each model.
 """
 
@@ -101,7 +101,7 @@ def _write(path: Path, one: EditableObject, model: Model) -> None:
 
 
 class _About(NamedTuple):
-    """What a file holds beside its scene."""
+    """The content of a file beside its scene."""
 
     name: str
     confidence: float | None = None

@@ -128,7 +128,7 @@ class Worker:
             _close(left.stream)
 
     def _pick(self) -> _Running | None:
-        """What to step next: an urgent job that has shown nothing, else the one that had the least time."""
+        """The job to step next: an urgent one that has shown nothing, else the one that had the least time."""
         while not self._closing:
             with self._changed:
                 ended = [entry for entry in self._running if entry.over]

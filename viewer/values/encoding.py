@@ -25,7 +25,7 @@ _MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000
 
 @dataclass(eq=False)
 class Parts:
-    """What JSON refers to by number: many states share a code or a timeline, and numbers in bulk are no text."""
+    """Values that JSON refers to by number: many states share a code or a timeline, and numbers in bulk are no text."""
 
     tensors: list[Tensor] = field(default_factory=list)
     photos: list[bytes] = field(default_factory=list)
@@ -65,7 +65,7 @@ def encode(value: Any, parts: Parts) -> Any:
 
 
 def decode(kind: Any, value: Any, parts: Parts) -> Any:
-    """What :func:`encode` was given, of a type; fields that are not there have their defaults.
+    """The inverse of :func:`encode`, of a type; fields that are not there have their defaults.
 
     Raises ``ValueError`` where it is no such value.
     """
@@ -90,7 +90,7 @@ def encode_photo(photo: Photo) -> bytes:
 
 
 def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
-    """What :func:`encode_photo` was given, and its other fields. Raises ``ValueError`` where it is no photo.
+    """The inverse of :func:`encode_photo`, and the other fields. Raises ``ValueError`` where it is no photo.
 
     Args:
         most: bytes that its pixels may take.

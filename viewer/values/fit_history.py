@@ -1,4 +1,4 @@
-"""What a fit is made of and how it has gone so far: photos, steps, and which of them is shown. All frozen."""
+"""The history of a fit: photos, steps, and which of them is shown. All frozen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What undo remembers: states before and after this one, a drag counted once."""
+"""The history of undo: states before and after this one, a drag counted once."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Mix:
 
 @dataclass(frozen=True)
 class State:
-    """What a person edits: the scene, the values of the mixing sliders, the timeline, and the named directions."""
+    """The edited state: the scene, the values of the mixing sliders, the timeline, and the named directions."""
 
     scene: Scene
     mix: Mix

@@ -1,4 +1,4 @@
-"""What a slider changes: where in the image, and whether it moves the silhouette. Pure."""
+"""The influence of a slider: where in the image, and whether it moves the silhouette. Pure."""
 
 from dataclasses import dataclass
 

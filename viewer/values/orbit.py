@@ -95,12 +95,12 @@ class PanelCrop:
     """px before them"""
 
     def middle(self, camera: Camera) -> "PanelCrop":
-        """What a camera of fewer pixels sees of it, from the same place."""
+        """The view of a camera of fewer pixels, from the same place."""
         left, top = (self.camera.width - camera.width) // 2, (self.camera.height - camera.height) // 2
         return PanelCrop(self.camera, camera.width, camera.height, left, top)
 
     def cropped(self, frame: Frame) -> Frame:
-        """What is shown of the frame, at the size of any of its stages."""
+        """The part of the frame that is shown, at the size of any of its stages."""
         if (self.width, self.height) == (self.camera.width, self.camera.height):
             return frame
         scale = frame.image.shape[0] / self.camera.height

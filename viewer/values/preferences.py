@@ -1,4 +1,4 @@
-"""What the program remembers of a person from one launch to the next, in a small file that may be lost or broken."""
+"""Preferences, remembered from one launch to the next, in a small file that may be lost or broken."""
 
 import math
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -78,7 +78,7 @@ def _share(stored: object) -> ShareSettings:
 
 
 def _kept(default: Any, stored: dict) -> dict[str, Any]:
-    """What is stored of a dataclass's numbers, texts and choices, where it is of the right type."""
+    """The stored ones of a dataclass's numbers, texts and choices, where it is of the right type."""
     return {
         one.name: stored[one.name]
         for one in fields(default)

@@ -67,7 +67,7 @@ class SavedSession:
 
     @classmethod
     def decoded(cls, about: Any, parts: Parts) -> "SavedSession":
-        """What :meth:`encoded` was made of. Raises ``ValueError`` where it is no session."""
+        """The session that :meth:`encoded` was made of. Raises ``ValueError`` where it is no session."""
         found: SavedSession = decode(cls, about, parts)
         for fit in (found.fit, *(request.history for request in found.pending)):
             _check_cameras(fit)
@@ -75,7 +75,7 @@ class SavedSession:
 
 
 def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
-    """What has not been read yet stays where it is."""
+    """Files that have not been read yet stay where they are."""
     read = [one._replace(path=move(one.path), pose=one.pose and move(one.pose)) for one in fit.sources]
     read = read[: len(fit.photos)]
     photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))

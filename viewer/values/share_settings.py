@@ -1,4 +1,4 @@
-"""What is shared and how: the choices of the Share dialog, which are kept from one launch to the next."""
+"""Settings of shared files: the choices of the Share dialog, which are kept from one launch to the next."""
 
 from dataclasses import dataclass, replace
 
@@ -12,8 +12,6 @@ from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 
 KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}
 """what can be shared, and its name"""
-USUAL_METRES = {"chairs": 0.9, "cars": 4.5}
-"""the longest side of an object of a category"""
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
 """what is behind the object, and its name"""
 
@@ -51,7 +49,7 @@ class ShareSettings:
     texture: int = 1024
     """px, of the image with the colours of a mesh; 0: its vertices have them"""
     metres: float = 0.0
-    """the longest side of a mesh; 0: as usual for its category"""
+    """the longest side of a mesh; 0: as usual for the model's objects"""
 
     def __post_init__(self) -> None:
         choices = (
@@ -92,10 +90,14 @@ class ShareSettings:
         """As videos are written with."""
         return VideoSettings(self.size, self.rate, self.quality, self.rgb, self.exact)
 
-    def mesh_settings(self, category: str) -> MeshSettings:
-        """As meshes of a category are written with: on the ground, in metres."""
+    def mesh_settings(self, usual: float) -> MeshSettings:
+        """As meshes are written with: on the ground, in metres.
+
+        Args:
+            usual: the longest side of an object of the model (:attr:`core.models.model.Model.metres`).
+        """
         texture = self.texture if self.mesh in TEXTURED else 0
-        return MeshSettings(self.cells or None, self.metres or USUAL_METRES.get(category, 1.0), texture)
+        return MeshSettings(self.cells or None, self.metres or usual, texture)
 
     def on_view(self, colour: Rgb) -> "ShareSettings":
         """With the view's background as the colour, where that was chosen."""
@@ -105,7 +107,7 @@ class ShareSettings:
         return replace(self, background="colour", red=red, green=green, blue=blue)
 
     def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
-        """What is rendered, one after another. A video keeps its cameras, but for coming nearer, all by the same."""
+        """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same."""
         if self.kind == "turntable":
             shots = turntable(scene.codes, scene.camera, self.frames)
         elif self.kind == "video":

@@ -21,7 +21,7 @@ _NOUN = re.compile(r"(?<=[a-z])(?<!\barm)(?=(chair|stool)\b)")
 
 
 def family(name: str) -> str:
-    """What the variants of one form have in common.
+    """The common name of the variants of one form.
 
     >>> family("kenney_chair_desk-form1-look2"), family("chairs-0000087-0000287"), family("object 3")
     ('kenney_chair_desk', 'chairs-0000087', 'object 3')

@@ -1,4 +1,4 @@
-"""What of a frame is shown: its colours, or depth, normals, opacity and samples. Pure."""
+"""View modes: a frame's colours, or depth, normals, opacity and samples. Pure."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -47,5 +47,5 @@ class ViewRequest:
         return min(self.settings.quality.detail, self.full)
 
     def crop(self, detail: int) -> orbit.PanelCrop:
-        """What to render, so many px along the view's shorter side, and what of it is shown."""
+        """The camera to render, so many px along the view's shorter side, and what of it is shown."""
         return orbit.fit_to_panel(self.camera, *self.settings.panel, detail, self.settings.pan)

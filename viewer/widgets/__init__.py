@@ -1,1 +1,1 @@
-"""What several panels draw."""
+"""Widgets of several panels."""

@@ -113,7 +113,7 @@ class NameField:
         self._text = ""
 
     def draw(self, start: str = "", hint: str = "") -> str:
-        """What was typed, once it was; empty before. The menu is closed then."""
+        """The typed text, once it was confirmed; empty before. The menu is closed then."""
         if imgui.is_window_appearing():
             self._text = start
             imgui.set_keyboard_focus_here()

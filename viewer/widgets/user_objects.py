@@ -1,4 +1,4 @@
-"""What can be done with an object that was fitted or opened: its dot, and its part of the menu."""
+"""Actions on an object that was fitted or opened: its dot, and its part of the menu."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 

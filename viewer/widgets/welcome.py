@@ -7,14 +7,14 @@ import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from PIL import Image
 
-from core.models.library import sample_images
+from core.models.library import sample_images, shipped_models
+from core.models.model import singular
 from core.runtime.reading import open_image
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption, heading
 
-_SENTENCE = "Drop a photo of a chair or a car: it is rebuilt in 3-D."
 _WIDEST, _MARGIN = 25.0, 0.7
 """em, of the card and around it"""
 _NARROW = 14.0
@@ -64,7 +64,9 @@ class Welcome:
 
     @staticmethod
     def _draw_open(context: PanelContext, narrow: bool) -> None:
-        imgui.text_wrapped(_SENTENCE) if narrow else heading(context, _SENTENCE)
+        nouns = " or ".join(f"a {singular(category)}" for category in shipped_models())
+        sentence = f"Drop a photo of {nouns}: it is rebuilt in 3-D."
+        imgui.text_wrapped(sentence) if narrow else heading(context, sentence)
         label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
         em = hello_imgui.em_size()
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))

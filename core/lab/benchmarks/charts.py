@@ -1,4 +1,4 @@
-"""What every benchmark writes: CSV, a Markdown table and a chart. matplotlib comes with the extra ``bench``.
+"""Output of every benchmark: CSV, a Markdown table and a chart. matplotlib comes with the extra ``bench``.
 
 The CSV is the data: tables and charts can be made again from it (:func:`redraw`). To add a benchmark, add a module that
 measures its rows, a table in :mod:`core.lab.benchmarks.tables`, a function that draws them, and a line to
@@ -32,8 +32,6 @@ class Chart(NamedTuple):
     read: Callable[[Path], Any]
     table: Callable[[Any], str] | None = None
     figure: Callable[[Any], "Figure"] | None = None
-    pictures: Callable[[Any, Path], None] = lambda *_: None
-    """more images, written to the folder"""
 
 
 def write(folder: Path, name: str, found: Results[Any]) -> str:
@@ -51,7 +49,6 @@ def draw(folder: Path, name: str) -> str:
         path.with_suffix(".md").write_text(table)
     if chart.figure:
         chart.figure(found).savefig(path.with_suffix(".png"), dpi=DPI)
-    chart.pictures(found, folder)
     return table
 
 
@@ -83,9 +80,7 @@ def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
 CHARTS = {
     "render": Chart(rendering_charts.read_rendering, tables.rendering_table, rendering_charts.rendering_chart),
     "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
-    "robustness": Chart(
-        _rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart, fit_charts.draw_failures
-    ),
+    "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
     "model_sizes": Chart(_rows_of(ModelSize), tables.model_sizes_table, training_charts.model_sizes_chart),
     "scaling": Chart(_rows_of(ScalingPoint), tables.scaling_table, training_charts.scaling_chart),

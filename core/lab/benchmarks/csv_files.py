@@ -62,7 +62,7 @@ def append_record(path: Path, about: Row, record: object) -> None:
 
 
 def read_records(path: Path, kind: type[_Record], about: Row | None = None) -> tuple[_Record, ...]:
-    """What a run measured so far; nothing where there is no file yet.
+    """The rows that a run measured so far; none where there is no file yet.
 
     Raises ``ValueError`` where the rows are of something else than ``about``: what is measured goes to another folder.
     """

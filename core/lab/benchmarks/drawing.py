@@ -1,4 +1,4 @@
-"""What the charts share: figures, axes, and where they are written. matplotlib comes with the extra ``bench``."""
+"""Shared by all charts: figures, axes, and where they are written. matplotlib comes with the extra ``bench``."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -48,8 +48,8 @@ def around(means: Sequence[Mean]) -> list[list[float]]:
 
 
 def differences_figure(names: Sequence[str], values: Sequence[float], origin: float, gains: Sequence[Mean]) -> "Figure":
-    """What is compared with one baseline, a row each: on the left ``values``, of which the baseline has ``origin``, and
-    on the right gains over it, with their intervals. Both axes are left to be labelled.
+    """A figure of comparisons with one baseline, a row each: on the left ``values``, of which the baseline has
+    ``origin``, and on the right gains over it, with their intervals. Both axes are left to be labelled.
     """
     figure, (left, right) = new_figure(2)
     left.barh(names, values)

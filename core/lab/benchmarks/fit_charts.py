@@ -1,26 +1,18 @@
 """Charts of the benchmarks that fit: presets, stressors and ablations."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING
-
-import numpy as np
-from PIL import Image
 
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.drawing import DPI, around, differences_figure, draw_frontier, log_ticks, new_figure
+from core.lab.benchmarks.drawing import around, differences_figure, draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.fits import FitTrial, summarise_presets
-from core.lab.benchmarks.robustness import SUCCESS_DEGREES, Measured, RobustnessTrial, success_rates
+from core.lab.benchmarks.robustness import SUCCESS_DEGREES, RobustnessTrial, success_rates
 from core.lab.benchmarks.stressors import STRESSORS
-from core.lab.datasets.splits import evenly_spaced
 from core.lab.evaluation.statistics import Mean
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_FAILURE_SIDE, _MAX_FAILURES = 80, 60
-"""px; and how many failures are shown"""
 
 
 def fit_chart(found: Results[FitTrial]) -> "Figure":
@@ -101,38 +93,3 @@ def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]]
     axes.set_xlabel(STRESSORS[name].unit if name in STRESSORS else "", fontsize=8)
     axes.grid(alpha=0.3, axis="y")
     axes.set_axisbelow(True)
-
-
-def keep_failure(folder: Path, measured: Measured) -> None:
-    """Writes the images of a failure to ``failures/``: the corrupted one beside a render of what was fitted."""
-    if measured.image is None:
-        return
-    pair = Image.new("RGB", (2 * _FAILURE_SIDE + 2, _FAILURE_SIDE), "white")
-    for left, pixels in ((0, measured.image), (_FAILURE_SIDE + 2, measured.render)):
-        if pixels is not None:
-            pair.paste(Image.fromarray(pixels).resize((_FAILURE_SIDE, _FAILURE_SIDE)), (left, 0))
-    path = _failure_path(folder, measured.trial)
-    path.parent.mkdir(exist_ok=True)
-    pair.save(path)
-
-
-def draw_failures(found: Results[RobustnessTrial], folder: Path) -> None:
-    """``failures.png``: failures of the normal preset, evenly over all; nothing where their images are not kept."""
-    failed = [trial for trial in found.rows if not trial.success and trial.preset == "normal"]
-    shown = evenly_spaced([trial for trial in failed if _failure_path(folder, trial).exists()], _MAX_FAILURES)
-    if not shown:
-        return
-    figure, panels = new_figure(6, -(-len(shown) // 6), 1.8)
-    for axes in panels:
-        axes.set_axis_off()
-    for axes, trial in zip(panels, shown, strict=False):
-        with Image.open(_failure_path(folder, trial)) as pair:
-            axes.imshow(np.asarray(pair))
-        confidence = "" if trial.confidence is None else f", confidence {trial.confidence:.2f}"
-        axes.set_title(f"{trial.stressor} {trial.level:g}\n{trial.outcome[:18]}{confidence}", fontsize=7)
-    figure.savefig(folder / "failures.png", dpi=DPI)
-
-
-def _failure_path(folder: Path, trial: RobustnessTrial) -> Path:
-    name = f"{trial.stressor} {trial.level:g} {trial.preset} {trial.name}.png"
-    return folder / "failures" / name.replace(" ", "_")

@@ -1,4 +1,4 @@
-"""What fits are measured on: views of objects whose cameras are known."""
+"""Test cases of fits: views of objects whose cameras are known."""
 
 import math
 from collections.abc import Iterator, Sequence

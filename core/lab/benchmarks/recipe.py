@@ -27,7 +27,7 @@ VARIANTS: dict[str, dict[str, float | bool | None]] = {
     "without masks": {"mask_weight": 0.0},
     "without averaged weights": {"ema_decay": 0.0},
 }
-"""What differs from the default recipe, by name."""
+"""Differences from the default recipe, by name."""
 _PILOT_STEPS, _PILOT_WARMUP = 60, 20
 """How many steps tell how long one takes, and how many are made before."""
 

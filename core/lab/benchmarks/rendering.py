@@ -75,7 +75,7 @@ class RenderTiming:
 
     @property
     def key(self) -> tuple[str, str, int, int, int]:
-        """What tells a turn from all others."""
+        """The key of a turn."""
         return self.curve, self.recipe, self.size, self.samples, self.turn
 
     def __str__(self) -> str:
@@ -103,7 +103,7 @@ class Interaction:
 
     @property
     def key(self) -> Hashable:
-        """What tells it from all others."""
+        """The key of a row."""
         return self.what, self.size
 
     def __str__(self) -> str:
@@ -250,7 +250,7 @@ def _in_float32(render: Callable[[Model, _View], Tensor]) -> Callable[[Model, _V
 
 
 def _baked(level: int) -> Callable[[Model, _View], Tensor]:
-    """What OpenGL draws while an object is turned, drawn by torch; baking is not timed."""
+    """The frames that OpenGL draws while an object is turned, drawn by torch; baking is not timed."""
 
     @cache
     def baked(model: Model, codes: Codes) -> BakedField:

@@ -12,14 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
 
 from core.fitting.confidence import DOUBTFUL, RIGHT_DEGREES
 from core.fitting.fit import PRESETS, FitJob, FitStep, Hypothesis
 from core.fitting.paper import fit_as_set
 from core.fitting.settings import FitSettings, PaperSettings
 from core.geometry.camera import Camera
-from core.geometry.pixels import to_bytes
 from core.lab.benchmarks.held_out_views import HeldOutView, is_symmetric_view, render_on_white
 from core.lab.benchmarks.stressors import STRESSORS, Cutout, Stressor
 from core.lab.evaluation.statistics import Mean, mean_of
@@ -62,18 +60,8 @@ class RobustnessTrial:
 
     @property
     def key(self) -> tuple[str, float, str, str]:
-        """What tells a trial from all others."""
+        """The key of a trial."""
         return self.stressor, self.level, self.preset, self.name
-
-
-class Measured(NamedTuple):
-    """A trial, and its images where it failed."""
-
-    trial: RobustnessTrial
-    image: UInt8[np.ndarray, "height width 3"] | None = None
-    """the corrupted image"""
-    render: UInt8[np.ndarray, "size size 3"] | None = None
-    """of what was fitted; None where the image was refused"""
 
 
 Rates = dict[tuple[str, float], dict[str, Mean]]
@@ -108,7 +96,7 @@ def measure_robustness(
     part: tuple[int, int] = (1, 1),
     done: Collection[tuple[str, float, str, str]] = (),
     seed: int = 0,
-) -> Iterator[Measured]:
+) -> Iterator[RobustnessTrial]:
     """Yields each trial as it is measured.
 
     Args:
@@ -190,19 +178,13 @@ class _Attempt(NamedTuple):
         return FitJob((photo,), self.settings, self.seed, initial)
 
 
-def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> Measured:
-    """The trial with its outcome, and its images where it failed."""
-    image = attempt.image[..., :3]
-    image = image if image.dtype == np.uint8 else to_bytes(image)
+def _fit(model: Model, attempt: _Attempt, trial: RobustnessTrial) -> RobustnessTrial:
+    """The trial with its outcome."""
     try:
         *_, last = fit_as_set(model, attempt.job(model))
     except ValueError as error:
-        trial = replace(trial, outcome="refused" if attempt.stressor.no_object else str(error))
-        return Measured(trial) if trial.success else Measured(trial, image)
-    trial = _judge(model, attempt, last, replace(trial, confidence=last.confidence))
-    if trial.success:
-        return Measured(trial)
-    return Measured(trial, image, to_bytes(render_on_white(model, last.codes, last.cameras[0])[0]))
+        return replace(trial, outcome="refused" if attempt.stressor.no_object else str(error))
+    return _judge(model, attempt, last, replace(trial, confidence=last.confidence))
 
 
 def _judge(model: Model, attempt: _Attempt, last: FitStep, trial: RobustnessTrial) -> RobustnessTrial:

@@ -67,7 +67,7 @@ def _with_intervals(means: Sequence[Mean]) -> dict[str, Any]:
 
 
 def recipe_chart(found: Results[RecipeScore]) -> "Figure":
-    """What each variant of the recipe gains over the default."""
+    """The gain of each variant of the recipe over the default."""
     default, *others = found.rows
     better = [one.new_views - default.new_views for one in others]
     figure = differences_figure([one.name for one in others], better, 0.0, [one.gain(default) for one in others])

@@ -9,10 +9,10 @@ from typing import TypeVar
 import numpy as np
 
 from core.geometry.camera import Camera
-from core.lab.datasets.categories import SRN_DISTANCES, Split
+from core.lab.datasets.categories import Split, category_sizes
 from core.lab.datasets.srn_cameras import spiral_views, training_views
 
-_HELD_OUT = Path(__file__).resolve().parents[2] / "assets" / "held_out.json"
+_HELD_OUT = Path(__file__).resolve().parents[3] / "assets" / "held_out.json"
 
 
 _Item = TypeVar("_Item")
@@ -42,13 +42,9 @@ def first_seed(split: Split) -> int:
 
 
 def split_cameras(split: Split, count: int, name: str, category: str, size: int) -> tuple[Camera, ...]:
-    """SRN's cameras of a split. Training views depend on the object's name alone, whatever else is rendered.
-
-    Raises ``ValueError`` for a category whose distance is not known.
-    """
-    if category not in SRN_DISTANCES:
-        raise ValueError(f"unknown category {category!r}: one of {', '.join(SRN_DISTANCES)}")
+    """SRN's cameras of a split. Training views depend on the object's name alone, whatever else is rendered."""
+    distance = category_sizes(category).distance
     if split != "train":
-        return spiral_views(count, SRN_DISTANCES[category], size)
+        return spiral_views(count, distance, size)
     generator = np.random.default_rng(zlib.crc32(name.encode()))
-    return training_views(count, generator, SRN_DISTANCES[category], size)
+    return training_views(count, generator, distance, size)

@@ -221,7 +221,7 @@ def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
 
 
 def _is_junk(path: Path) -> bool:
-    """What systems leave in folders that are copied or zipped: ``._000000.png``, ``__MACOSX``."""
+    """Files that systems leave in folders that are copied or zipped: ``._000000.png``, ``__MACOSX``."""
     return path.name.startswith(".") or path.name == "__MACOSX"
 
 

@@ -1,4 +1,4 @@
-"""What a photograph does to an image of an object: other colours, light, blur, grain, wrong masks, things in front.
+"""Photographic changes to an image of an object: other colours, light, blur, grain, wrong masks, things in front.
 
 Networks that look at a crop of a photo (:mod:`core.classifiers.viewpoint`, :mod:`core.classifiers.category`) are
 trained on images that went through this. All images are square crops, (4, side, side): rgb on white and the mask, 0..1.

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from core.geometry.rays import ray_points, stratified, uniform_edges
+from core.lab.datasets.categories import category_sizes
 from core.lab.datasets.srn import Dataset, ObjectViews
 from core.lab.training.ray_dataset import RayBatch, RayDataset
 from core.lab.training.recipes import TrainSettings
@@ -152,7 +153,8 @@ class Trainer:
         for parameter, value in zip(averaged.parameters(), layers, strict=True):
             parameter.data.copy_(value)
         book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
-        return Model(averaged, book, self.extent, self.category, *self._imaging, extends=self.extends)
+        metres = category_sizes(self.category).metres
+        return Model(averaged, book, self.extent, self.category, *self._imaging, extends=self.extends, metres=metres)
 
     def save_state(self, path: Path) -> None:
         """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""

@@ -1,6 +1,7 @@
 """The command line as a person types it, in this process."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -251,7 +252,7 @@ def test_bench_measures_fits_and_draws_their_charts(tmp_path, capsys, monkeypatc
         monkeypatch.setitem(ablations.ABLATIONS, name, method._replace(settings=PRESETS["normal"]))
     run("bench", "ablations", *words)
     assert "| full |" in capsys.readouterr().out
-    assert {path.name for path in (tmp_path / "charts").iterdir() if "failures" not in path.name} == {
+    assert {path.name for path in (tmp_path / "charts").iterdir()} == {
         *(f"{name}.{kind}" for name in ("ablations", "fit", "robustness") for kind in ("csv", "md", "png")),
     }
 
@@ -331,6 +332,8 @@ def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, ca
         tmp_path / "s.json",
         "--log",
         tmp_path / "steps.jsonl",
+        "--explain",
+        tmp_path / "why",
     )
     printed = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
     assert list(printed)[:6] == ["azimuth", "elevation", "distance", "psnr", "seconds", "steps"]
@@ -340,4 +343,7 @@ def test_fit_ends_with_one_json_line(file: str, model: Model, tmp_path: Path, ca
     assert printed["azimuth"] == pytest.approx(60, abs=1e-3)
     steps = [json.loads(line) for line in (tmp_path / "steps.jsonl").read_text().splitlines()]
     assert steps[-1]["psnr"] == printed["psnr"]
+    page = (tmp_path / "why/index.html").read_text()
+    assert "<h2>Terms of the objective</h2>" in page
+    assert all((tmp_path / "why" / name).exists() for name in re.findall(r"<img src=(\S+)", page))
     assert Scene.load(tmp_path / "s.json", model).camera.elevation == pytest.approx(np.radians(20), abs=1e-5)

@@ -28,7 +28,7 @@ assert "torch" not in sys.modules and "numpy" not in sys.modules
         ".frames",
         "paper",
         "M1",
-        "chairs}",
+        "boats",
         "64",
         "96",
     ):

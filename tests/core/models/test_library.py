@@ -1,7 +1,11 @@
+from dataclasses import replace
+
 import pytest
 
+from core.models import library
 from core.models.library import load_model, sample_images, shipped_models
 from core.models.model import Model
+from tests.core.tiny import tiny_model
 
 
 def test_a_path_or_a_shipped_name(model: Model, tmp_path):
@@ -33,6 +37,14 @@ def test_a_foreign_checkpoint_is_refused(tmp_path):
     (tmp_path / "hpam.json").write_text("{}")
     with pytest.raises(ValueError, match="authors"):
         load_model(str(tmp_path / "models.pth"))
+
+
+def test_a_model_in_the_folder_of_shipped_ones_is_a_category_with_its_own_sizes(tmp_path, monkeypatch):
+    replace(tiny_model(), category="boats", metres=6.0).save(tmp_path / "boats.safetensors")
+    monkeypatch.setattr(library, "SHIPPED", tmp_path)
+    assert shipped_models() == ("boats",)
+    boats = load_model("boats")
+    assert (boats.noun, boats.metres) == ("boat", 6.0)
 
 
 def test_samples_are_images_of_their_category():

@@ -25,7 +25,7 @@ class Paint:
 
 
 def texture(seed: int) -> Mapping[str, Paint]:
-    """What each part label is painted with: seat, back, legs, arms, cushion, metal."""
+    """The paint of each part label: seat, back, legs, arms, cushion, metal."""
     generator = np.random.default_rng([seed, 11])
     styles = (_wooden, _painted, _plastic, _leather, _upholstered)
     return styles[generator.choice(len(styles), p=(0.28, 0.18, 0.2, 0.12, 0.22))](generator)

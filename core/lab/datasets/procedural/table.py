@@ -32,12 +32,12 @@ class ProceduralObject:
 
     @property
     def shape_id(self) -> str:
-        """What all objects of this shape share."""
+        """The name that all objects of this shape share."""
         return f"{self.category}-shape-{self.shape:07d}"
 
     @property
     def texture_id(self) -> str:
-        """What all objects of this texture share."""
+        """The name that all objects of this texture share."""
         return f"{self.category}-texture-{self.texture:07d}"
 
     @property

@@ -4,10 +4,10 @@ from pathlib import Path
 import pytest
 
 from core.lab.benchmarks.csv_files import to_row, write_csv
-from core.lab.benchmarks.gate import Ratio, busy_processes, compare, measure, read_baseline
+from core.lab.benchmarks.gate import Ratio, busy_processes, compare, measure_ratios, read_baseline
 from core.models.model import Model
 
-BASELINE = Path(__file__).parents[3] / "assets/charts/gate.csv"
+BASELINE = Path(__file__).parents[4] / "assets/charts/gate.csv"
 USUAL = (Ratio("a fit against steps", 3.0), Ratio("a bank against a search", 0.05))
 
 
@@ -41,7 +41,7 @@ def test_the_committed_baseline_has_every_part():
 
 
 def test_what_is_measured_in_this_process_is_of_the_baseline(tiny: Model):
-    found = list(islice(measure(tiny), 2))
+    found = list(islice(measure_ratios(tiny), 2))
     assert [one.name for one in found] == [one.name for one in read_baseline(BASELINE)[:2]]
     assert all(one.value > 0 for one in found)
 

@@ -9,10 +9,8 @@ from core.fitting.fit import PRESETS, FitSettings
 from core.lab.benchmarks import robustness
 from core.lab.benchmarks.charts import draw
 from core.lab.benchmarks.csv_files import Results, append_record, read_results
-from core.lab.benchmarks.fit_charts import keep_failure
 from core.lab.benchmarks.held_out_views import HeldOutView, training_object_views
 from core.lab.benchmarks.robustness import (
-    Measured,
     RobustnessTrial,
     measure_robustness,
     name_camera,
@@ -45,7 +43,7 @@ def test_a_wrong_camera_is_named_by_where_it_ended():
 
 
 @pytest.fixture(scope="module")
-def found(tiny: Model) -> list[Measured]:
+def found(tiny: Model) -> list[RobustnessTrial]:
     """Every kind of outcome, of one object."""
     some = {name: STRESSORS[name]._replace(levels=STRESSORS[name].levels[:1]) for name in ("none", "elevation")}
     some |= {name: STRESSORS[name]._replace(levels=(0.0,)) for name in ("random pixels", "another category")}
@@ -58,25 +56,24 @@ def found(tiny: Model) -> list[Measured]:
         return list(measure_robustness(tiny, (view(),)))
 
 
-def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[Measured]):
-    trials = [one.trial for one in found]
+def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[RobustnessTrial]):
+    trials = found
     assert len({trial.key for trial in trials}) == len(trials) == 12
     assert trials[0].outcome in ("correct", "near")
     assert trials[0].size_error == pytest.approx(0, abs=0.3)
     assert all("no object" in trial.outcome for trial in trials if trial.stressor == "hidden")
     assert all(trial.rotation is not None for trial in trials if trial.stressor in ("none", "elevation"))
-    assert all((one.image is None) == one.trial.success for one in found)
 
 
-def test_where_there_is_no_object_it_must_be_refused_or_doubted(found: list[Measured]):
-    some = [one.trial for one in found if one.trial.stressor in ("random pixels", "another category")]
+def test_where_there_is_no_object_it_must_be_refused_or_doubted(found: list[RobustnessTrial]):
+    some = [one for one in found if one.stressor in ("random pixels", "another category")]
     assert {trial.outcome for trial in some} <= {"refused", "doubted", "believed"}
     assert all(trial.success == (trial.outcome != "believed") for trial in some)
 
 
-def test_a_paper_fit_begins_where_the_stressor_says(found: list[Measured]):
-    (ours,) = (one.trial for one in found if one.trial.stressor == "initial error" and one.trial.preset == "normal")
-    (paper,) = (one.trial for one in found if one.trial.stressor == "initial error" and one.trial.preset == "paper")
+def test_a_paper_fit_begins_where_the_stressor_says(found: list[RobustnessTrial]):
+    (ours,) = (one for one in found if one.stressor == "initial error" and one.preset == "normal")
+    (paper,) = (one for one in found if one.stressor == "initial error" and one.preset == "paper")
     assert paper.rotation is not None
     assert ours.rotation is not None
     assert paper.rotation > 40  # ten steps do not lead back from 90 degrees
@@ -88,7 +85,7 @@ def test_parts_share_out_all_trials_and_a_resumed_run_leaves_out_what_is_done(mo
     monkeypatch.setattr(robustness, "STRESSORS", blank)
 
     def keys(part: tuple[int, int], done: set[tuple[str, float, str, str]]) -> list[tuple[str, float, str, str]]:
-        return [one.trial.key for one in measure_robustness(tiny_model(), (view(),), part=part, done=done)]
+        return [one.key for one in measure_robustness(tiny_model(), (view(),), part=part, done=done)]
 
     everything = keys((1, 1), set())
     one, other = keys((1, 2), set()), keys((2, 2), set())
@@ -116,14 +113,12 @@ def test_shares_have_intervals_and_are_read_at_two_angles():
     assert "Failures of normal: 2 near." in table
 
 
-def test_charts_are_drawn_from_rows(found: list[Measured], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_charts_are_drawn_from_rows(found: list[RobustnessTrial], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(STRESSORS, "hidden", Stressor("", (1.0,)))
-    for measured in found:
-        append_record(tmp_path / "robustness.csv", {"machine": "a machine, idle"}, measured.trial)
-        keep_failure(tmp_path, measured)
-    results = Results({"machine": "a machine, idle"}, tuple(one.trial for one in found))
+    for trial in found:
+        append_record(tmp_path / "robustness.csv", {"machine": "a machine, idle"}, trial)
+    results = Results({"machine": "a machine, idle"}, tuple(found))
     assert read_results(tmp_path / "robustness.csv", RobustnessTrial) == results
     assert draw(tmp_path, "robustness") == robustness_table(results)
     assert image_size(tmp_path / "robustness.png")[0] > 400
     assert (tmp_path / "robustness.md").read_text() == robustness_table(results)
-    assert image_size(tmp_path / "failures.png")[0] > 400

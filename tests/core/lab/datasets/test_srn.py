@@ -124,7 +124,7 @@ def test_a_resized_copy_keeps_its_field_of_view(tmp_path: Path) -> None:
 
 
 def test_genuine_srn_folders() -> None:
-    folder = Path(os.environ.get("CODENERF_SHARED", Path(__file__).resolve().parents[4] / "shared"))
+    folder = Path(os.environ.get("CODENERF_SHARED", Path(__file__).resolve().parents[5] / "shared"))
     if not (folder / "upstream/srn_real").is_dir():
         pytest.skip(f"no genuine SRN folders at {folder}/upstream/srn_real (CODENERF_SHARED)")
     dataset = read_dataset(folder / "upstream/srn_real")

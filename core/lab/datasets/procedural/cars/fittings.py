@@ -1,4 +1,4 @@
-"""What is fixed to a car's body: mirrors, door handles, bumper bars, roof rails, a spoiler, exhausts."""
+"""Fittings of a car's body: mirrors, door handles, bumper bars, roof rails, a spoiler, exhausts."""
 
 import math
 

@@ -21,7 +21,7 @@ def _sedan(g: np.random.Generator) -> CarDimensions:
 
 
 def _angular(g: np.random.Generator) -> dict[str, float]:
-    """What made cars look boxy some decades ago, and makes some off-road cars look so today."""
+    """The boxy look of cars some decades ago, and of some off-road cars today."""
     return {
         "screen": g.uniform(0.35, 0.55),
         "cut": g.uniform(0.045, 0.065),

@@ -1,4 +1,4 @@
-"""What is set into or painted on a car's body: lamps, grille, number plates, gaps around doors, fields of colour."""
+"""Markings set into or painted on a car's body: lamps, grille, number plates, gaps around doors, fields of colour."""
 
 import numpy as np
 

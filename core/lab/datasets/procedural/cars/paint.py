@@ -37,7 +37,7 @@ LABELS = (
     "tyre",
     "wheel",
 )
-"""What a texture must paint. Any texture fits any car."""
+"""Labels that a texture must paint. Any texture fits any car."""
 
 Colour = Float[np.ndarray, "3"]
 
@@ -57,7 +57,7 @@ _WHEELS = ("b4b7ba", "c9cbcc", "8b8f93", "55585c", "222325", "d8d8d4")
 
 
 def car_texture(seed: int) -> Mapping[str, Paint]:
-    """What each part label is painted with."""
+    """The paint of each part label."""
     g = np.random.default_rng([seed, 19])
     main = _body_colour(g)
     dark = plain(from_hex(("1b1c1d", "232425", "2e3032")[g.integers(3)]))
@@ -107,7 +107,7 @@ def _colours(g: np.random.Generator, paint: Paint, second: Paint, dark: Paint) -
 
 
 def _constant(g: np.random.Generator, main: Colour) -> dict[str, Paint]:
-    """What is similar on all cars."""
+    """Paint that is similar on all cars."""
     # Windows must stand out from the body: light ones from a dark body, dark ones from all others.
     panes = ("5d6e7a", "6f7f88", "7d8c95") if main.max() < 0.3 else ("1d2329", "262d33", "323b42", "14171a")
     glass = from_hex(panes[g.integers(len(panes))])

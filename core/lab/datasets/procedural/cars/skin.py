@@ -23,7 +23,7 @@ class Skin:
         self.add(name, self.cut_out(region, of))
 
     def cut_out(self, region: Region, of: Sequence[str]) -> Solid:
-        """What lies in the region, taken out of the body."""
+        """The part of the body in the region, taken out of it."""
         found = []
         for old in of:
             if old in self._pieces:

@@ -1,4 +1,4 @@
-"""What a seat stands on: legs, bent tubes, wires, a column, an office chair's star."""
+"""Bases of seats: legs, bent tubes, wires, a column, an office chair's star."""
 
 import math
 

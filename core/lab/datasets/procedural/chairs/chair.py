@@ -13,7 +13,7 @@ from core.lab.datasets.procedural.chairs.seats import arms, bucket, seat, t_arms
 from core.lab.datasets.procedural.solids import Part, Shape, bar, moved, normalised_shape, rounded_path, shell, slab
 
 LABELS = ("seat", "back", "legs", "arms", "cushion", "metal")
-"""What a texture must paint. Any texture fits any chair."""
+"""Labels that a texture must paint. Any texture fits any chair."""
 
 
 def chair(seed: int) -> Shape:

@@ -1,4 +1,4 @@
-"""What one sits on: boards, cushions, bent shells; and what the arms lie on."""
+"""Seats: boards, cushions, bent shells; and what the arms lie on."""
 
 import math
 

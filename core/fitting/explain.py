@@ -1,0 +1,70 @@
+"""The reasons of a fit: what it began with, what each stage kept, and what each term of the objective costs."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import torch
+
+from core.fitting.category_check import guess_category
+from core.fitting.hypotheses import Hypothesis
+from core.fitting.initial import resume_from
+from core.fitting.objective import evaluate_objective
+from core.fitting.problem import Problem
+from core.fitting.schedule import build_schedule
+from core.fitting.steps import FitJob, FitStep
+from core.models.model import Model
+from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras
+from core.photos.view_bank import view_bank
+
+_CANDIDATES = 12
+
+
+class Explanation(NamedTuple):
+    """Of the first photo of a fit."""
+
+    categories: dict[str, float]
+    """the probability of each"""
+    candidates: CandidateCameras | None
+    """the best matching views of the view bank; None where the camera was known"""
+    stages: tuple[FitStep, ...]
+    """the last step of each stage, with the hypotheses that were left"""
+    terms: tuple[dict[str, float], ...]
+    """by name the terms of the objective, of the result and of the best in another basin, on the same pixels"""
+
+
+def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
+    """Why the fit with these steps (:func:`core.fitting.fit.fit` of the job) ended as it did.
+
+    Raises ``ValueError`` where there is no step.
+    """
+    stages = _last_of_stages(steps)
+    photo, generator = job.photos[0], torch.Generator().manual_seed(job.seed)
+    problem = Problem.of(model, job.photos, job.settings, job.components, generator)
+    candidates = None
+    if photo.camera is None:
+        image = ObjectImage(photo.pixels, photo.mask, problem.cameras[0].focal, photo.unseen)
+        candidates = rank_cameras(view_bank(model), image, _CANDIDATES, problem.viewpoints[0], photo.cropped)
+    terms = tuple(_terms(problem, job, one) for one in stages[-1].hypotheses[:2])
+    return Explanation(guess_category(photo.pixels, photo.mask), candidates, stages, terms)
+
+
+def _last_of_stages(steps: Iterable[FitStep]) -> tuple[FitStep, ...]:
+    """A stage has as many hypotheses from its first step to its last."""
+    ends: list[FitStep] = []
+    for step in steps:
+        if ends and (step.active, step.restart) == (ends[-1].active, ends[-1].restart):
+            ends.pop()
+        ends.append(step)
+    if not ends:
+        raise ValueError("the fit made no step")
+    return tuple(ends)
+
+
+@torch.no_grad()
+def _terms(problem: Problem, job: FitJob, found: Hypothesis) -> dict[str, float]:
+    final = build_schedule(job.settings, job.components, bool(problem.unknown.any())).final
+    at = resume_from(problem.model, problem.photos, problem.cameras, found, problem.spaces)
+    objective, samples = problem.objective(final.robust_scale), problem.settings.samples
+    value = evaluate_objective(problem.model, at.parameters, problem.scoring, samples, objective)
+    names = (term.__name__.removesuffix("_term").replace("_", " ") for term in objective.terms)
+    return dict(zip(names, value.terms[:, 0].tolist(), strict=True))
