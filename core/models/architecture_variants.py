@@ -39,7 +39,7 @@ class ViewDependentDensity(Field):
         self,
         points: Float[Tensor, "*batch 3"],
         direction_bias: Float[Tensor, "*#batch width"],
-        shape_bias: Float[Tensor, "*#batch blocks width"],
+        shape_bias: Float[Tensor, "*#batch blocks modulation"],
         texture_bias: Float[Tensor, "*#batch more_blocks width"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
         """As :meth:`core.models.field.Field.radiance`, with a density that depends on the direction."""
@@ -50,7 +50,7 @@ class ViewDependentDensity(Field):
         self,
         points: Float[Tensor, "*batch 3"],
         direction_bias: Float[Tensor, "*#batch width"],
-        shape_bias: Float[Tensor, "*#batch blocks width"],
+        shape_bias: Float[Tensor, "*#batch blocks modulation"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         first = self.point_layer(encode(points, self.config.position_frequencies))
         return self.density_from_activations((first + direction_bias.to(first.dtype)).relu(), shape_bias)
