@@ -279,10 +279,10 @@ def _backward_blocks(
     numbers, (samples, channels) = torch.zeros((), dtype=gradient.dtype, device=gradient.device), gradient.shape[1:3]
     for block in reversed(range(len(blocks))):
         gradient = relu_backward_(gradient, activations[block + 1][:, :, None])
-        entered = gradient
-        if unscaled:  # a scale multiplies what it scales
-            entered = torch.cat((gradient, gradient * unscaled[block][:, :, None]), -1)
-        numbers = torch.baddbmm(numbers, entered.flatten(1, 2), bias_jacobians[:, block])
+        by_bias, *by_scale = bias_jacobians[:, block].split(gradient.shape[-1], 1)
+        numbers = torch.baddbmm(numbers, gradient.flatten(1, 2), by_bias)
+        if by_scale:  # a scale multiplies what it scales
+            numbers.baddbmm_((gradient * unscaled[block][:, :, None]).flatten(1, 2), by_scale[0])
         gradient = (gradient.flatten(1, 2) @ blocks[block]).unflatten(1, (samples, channels))
     return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, (samples, channels))
 
