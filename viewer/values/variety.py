@@ -9,8 +9,9 @@ from torch import Tensor
 from core.models.codes import farthest_first
 
 _SOURCE = re.compile(
-    r"^(aws|blendswap_cc_(0|by)|chrono|gazebo|infinigen|jme|jtoastie|katorlegaz|kaykit(_furniture|_restaurant)?|kenney"
-    r"|polygoogle|quaternius(_realistic|_house|_zombie|_[a-z]+\d{4})?|scopia|smarts)_"
+    r"^(aws|blendswap_cc_(0|by)|chrono|gazebo|infinigen|jme|jtoastie|kaolin|katorlegaz|kaykit(_furniture|_restaurant)?"
+    r"|kenney|khronos|morse|polygoogle|polyhaven|quaternius(_realistic|_house|_zombie|_[a-z]+\d{4})?|scopia|servicesim"
+    r"|sharetextures|smarts|zhabotinsky)_"
 )
 """who made a mesh, before its name"""
 _GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")
@@ -38,6 +39,8 @@ def readable(name: str) -> str:
     ('Antique chair', 'Chair desk, form 1, look 2')
     >>> readable("infinigen_chair_0103-form2"), readable("kaykit_restaurant_chair_stool"), readable("jme_ford_ranger")
     ('Chair 0103, form 2', 'Chair stool', 'Ford ranger')
+    >>> readable("polyhaven_bar_chair_round_01"), readable("zhabotinsky_hatchback_kiri10-look2")
+    ('Bar chair round 01', 'Hatchback kiri 10, look 2')
     >>> readable("chairs-0000087-0000287"), readable("my photo-2")
     ('Chair #87, look 287', 'my photo-2')
     """
