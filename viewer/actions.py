@@ -147,6 +147,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Rebuild", "from the step shown, from the camera in the view, or from the beginning"),
     ),
     "Cut out": (
+        Gesture("Click", "the object there; with Shift held, a part of it more"),
         Gesture("Drag", "a box around the object, or strokes that add or remove"),
         Gesture("Wheel, middle drag", "zoom, and move the photo"),
         Gesture("Ctrl+Z", "take the last box or stroke back"),

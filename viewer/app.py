@@ -72,6 +72,7 @@ class App:
         self._gl: moderngl.Context | None = None
         self._surface: moderngl.Framebuffer | None = None
         self._software, self._touched = False, 0.0
+        self._frame_started = 0.0
         self._themed: bool | None = None
         self._failed: dict[str, str] = {}
         self._reported: dict[str, str] = {}
@@ -213,6 +214,7 @@ class App:
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_tooltip = False
         window.on_drop(self._dropped)
         window.limit_size()
+        self._frame_started = time.thread_time()
         if self._headless:
             window.resize(*self._size)
             self._surface = window.draw_into(self._gl, self._size)
@@ -234,6 +236,9 @@ class App:
         self.context.images.release()
 
     def _before_frame(self) -> None:
+        now = time.thread_time()
+        self.context.frame_times.append(now - self._frame_started)
+        self._frame_started = now
         try:
             self.session.tick()
             if self.context.autosave:

@@ -1,5 +1,6 @@
 """The context of panels: the open workspace, and the window's own things around it."""
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -59,6 +60,8 @@ class PanelContext:
     """the object that is dragged to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
     """two corners of the view on screen"""
+    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))
+    """s of the window thread's own processor time, of the last frames"""
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     autosave: Autosave | None = None

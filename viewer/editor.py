@@ -59,7 +59,7 @@ class Editor:
 
     def pair(self, pair: Pair) -> Codes:
         """The shape of one object in the texture of another."""
-        return Codes(self.objects[pair.shape].codes.shape, self.objects[pair.texture].codes.texture)
+        return self.objects[pair.texture].codes.taking("shape", self.objects[pair.shape].codes)
 
     def distance(self, part: Part) -> float:
         """From the current code to the mean of the trained ones, in standard deviations; a trained one has about 1."""
@@ -88,7 +88,15 @@ class Editor:
 
     def set_code(self, part: Part, code: Tensor, gesture: str = "") -> None:
         """Give the object another shape, or another texture."""
-        self._set_codes(replace(self.scene.codes, **{part: code}), self.state.mix, gesture)
+        codes = self.scene.codes
+        changed = replace(codes, shape=code) if part == "shape" else replace(codes, texture=code)
+        self._set_codes(changed, self.state.mix, gesture)
+
+    def set_detail_strength(self, strength: float, gesture: str = "") -> None:
+        """Show more or less (0..1) of what the photo adds to the colours; nothing where there is no photo."""
+        if detail := self.scene.codes.detail:
+            codes = replace(self.scene.codes, detail=replace(detail, strength=min(1.0, max(0.0, strength))))
+            self._edit(replace(self.scene, codes=codes), gesture=gesture)
 
     def scale_to_distance(self, part: Part, to: float, gesture: str = "") -> None:
         """Move a code straight towards the mean, or away from it, to a distance (standard deviations, over 0)."""
@@ -102,7 +110,7 @@ class Editor:
 
     def reset_to_object(self, part: Part) -> None:
         """Back to the code of object A."""
-        self.set_code(part, getattr(self.pair(self.state.mix.a), part))
+        self._set_codes(self.scene.codes.taking(part, self.pair(self.state.mix.a)), self.state.mix)
 
     def sample(self, part: Part) -> None:
         """A code sampled from the distribution of the trained ones, taken as normal."""
@@ -141,8 +149,7 @@ class Editor:
         """Take only the shape, or only the texture, of an object; its slider goes to A."""
         mix = self.state.mix
         mix = replace(mix, a=mix.a._replace(**{part: name})).with_amount(part, 0.0)
-        codes = replace(self.scene.codes, **{part: getattr(self.objects[name].codes, part)})
-        self._set_codes(codes, mix)
+        self._set_codes(self.scene.codes.taking(part, self.objects[name].codes), mix)
 
     def swap(self) -> None:
         """A's shape from where its texture was taken, and the other way round; the sliders stay where they are."""
@@ -243,14 +250,16 @@ class Editor:
 
     def _mix(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:
         mixed = self.pair(mix.a).mixed(self.objects[mix.b].codes, mix.shape, mix.texture)
-        codes = replace(self.scene.codes, **{part: getattr(mixed, part) for part in parts})
+        codes = self.scene.codes
+        for part in parts:
+            codes = codes.taking(part, mixed)
         self._set_codes(codes, mix, gesture)
 
     def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
         """An edit of codes. What is locked stays as it is: its code, where it is from, and its slider."""
         now = self.state
         for part in self.locked:
-            codes = replace(codes, **{part: getattr(now.scene.codes, part)})
+            codes = codes.taking(part, now.scene.codes)
             a = mix.a._replace(**{part: getattr(now.mix.a, part)})
             mix = replace(mix, a=a).with_amount(part, getattr(now.mix, part))
         self._edit(replace(now.scene, codes=codes), mix, gesture)

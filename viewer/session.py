@@ -11,7 +11,7 @@ from core.models.scene import open_scene, scene_model
 from viewer.activities.fit_stream import FitOptions
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
-from viewer.services.messages import Messages
+from viewer.services.messages import Button, MessageKind, Messages
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
@@ -264,8 +264,16 @@ class Session:
     def _fit_with_its_model(self, sources: tuple[PhotoSource, ...], category: str) -> None:
         """Photos of another category are fitted with the model of that, once nothing here would be lost by it."""
         here = self._workspace().model.category
-        self.messages.notify(f"{sources[0].path.name} looks like {category}, not {here}: that model opens for it")
+        text = f"{sources[0].path.name} looks like {category}, not {here}: that model opens for it"
+        anyway = Button(f"Rebuild as {here} anyway", lambda: self._insist(sources, here))
+        self.messages.notify(text, MessageKind.NOTE, buttons=(anyway,))
         self._elsewhere = (*self._elsewhere, (sources, category))
+
+    def _insist(self, sources: tuple[PhotoSource, ...], category: str) -> None:
+        """A person knows better than the classifier."""
+        others = (one for one in self._elsewhere if one[0] != sources)
+        known = tuple(source._replace(category=category) for source in sources)
+        self._elsewhere = (*others, (known, category))
 
     def _is_idle(self, workspace: Workspace) -> bool:
         """Nothing is under way that another model would end."""
@@ -281,7 +289,8 @@ class Session:
             for sources in photos:
                 self._workspace().fitting.fit(*sources)
 
-        self.open_model(category)
+        if self._workspace().model.category != category:
+            self.open_model(category)
         self.when_ready(begin)
 
     def _restore(self, saved: SavedSession) -> None:

@@ -29,6 +29,15 @@ def box(text: str) -> tuple[float, ...]:
     return left, top, right, bottom
 
 
+def point(text: str) -> tuple[float, float]:
+    """Two numbers, as ``X,Y``."""
+    try:
+        x, y = (float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a point is two numbers X,Y, not {text!r}") from None
+    return x, y
+
+
 def degrees(text: str) -> float:
     """An angle of finite degrees; in radians."""
     try:

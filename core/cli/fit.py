@@ -26,19 +26,22 @@ from core.geometry.pose_files import read_pose
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
 from core.models.scene import Scene
-from core.photos.decode import read_rgba, upright_size
-from core.photos.photo import Photo, naming, prepare_photo
+from core.photos.decode import read_mask, read_rgba, upright_size
+from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.runtime.files import require_writable, save_or_elsewhere
+
+_TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
 
 def fit(chosen: argparse.Namespace) -> None:
     """``fit``: camera and codes of the object in the images; the last line on stdout is the result as JSON."""
     if chosen.pose and len(chosen.pose) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
-    if chosen.box and len(chosen.box) != len(chosen.images):
-        raise ValueError(f"{len(chosen.images)} images need as many boxes, got {len(chosen.box)}")
+    for given, plural in ((chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks")):
+        if given and len(given) != len(chosen.images):
+            raise ValueError(f"{len(chosen.images)} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
         raise ValueError("--estimate-focal searches for the focal length of unknown cameras, and --pose gives them")
     if chosen.out and chosen.out.suffix.lower() != ".json":
@@ -49,9 +52,11 @@ def fit(chosen: argparse.Namespace) -> None:
         require_writable(path)
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     poses = chosen.pose or [None] * len(chosen.images)
-    hints = map(_box_hints, chosen.images, chosen.box or [None] * len(chosen.images))
+    nothing = [None] * len(chosen.images)
+    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing)
     clock = Stopwatch()
-    cuts = [_cut_out(path, hint, clock) for path, hint in zip(chosen.images, hints, strict=True)]
+    masks = chosen.mask or nothing
+    cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
     model = load_model(chosen.model or probable_model(cuts[0]), chosen.device)
     with clock("view_bank"):
         wait_for_view_bank(model)
@@ -64,12 +69,15 @@ def fit(chosen: argparse.Namespace) -> None:
     last = steps[-1]
     if last.runner_up and last.confidence is not None and last.confidence < DOUBTFUL:
         print(f"python -m core: {_doubt(last.confidence, last.runner_up)}", file=sys.stderr)
+    if len(photos) > 1 and last.confidence is None and not all(photo.camera for photo in photos):
+        print(f"python -m core: {_TOGETHER}", file=sys.stderr)
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
     if chosen.explain:
         write_page(model, job, explain(model, job, steps), chosen.explain)
     if chosen.out:
-        save_or_elsewhere(Scene(model.fingerprint, last.codes, last.cameras[0]).save, chosen.out)
+        codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
+        save_or_elsewhere(Scene(model.fingerprint, codes, last.cameras[0]).save, chosen.out)
 
 
 def probable_model(cut: CutOut) -> str:
@@ -92,13 +100,19 @@ class Stopwatch:
         self.parts[part] = round(self.parts.get(part, 0.0) + time.perf_counter() - began, 3)
 
 
-def _cut_out(path: Path, hints: Hints | None, clock: Stopwatch) -> CutOut:
+def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatch) -> CutOut:
     try:
         with naming(path):
             with clock("decode"):
                 image = read_rgba(path)
+                if mask:
+                    image.putalpha(read_mask(mask, image.size))
             with clock("cut_out"):
-                return cut_out(image, hints)
+                cut = cut_out(image, hints)
+        if cut.confidence < DOUBTFUL_MASK:
+            told = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by}): --point, --box or --mask helps"
+            print(f"python -m core: {path}: {told}", file=sys.stderr)
+        return cut
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
 
@@ -124,13 +138,15 @@ def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
     return steps
 
 
-def _box_hints(image: Path, box: tuple[float, ...] | None) -> Hints | None:
-    """A box in px of the upright image, as far as it is inside."""
-    if box is None:
+def _hints(image: Path, box: tuple[float, ...] | None, point: tuple[float, float] | None) -> Hints | None:
+    """A box or a point in px of the upright image, the box as far as it is inside."""
+    if box is None and point is None:
         return None
     width, height = upright_size(image)
-    left, top, right, bottom = box
     try:
+        if point is not None:
+            return Hints(points=((point[0] / width, point[1] / height),))
+        left, top, right, bottom = box or ()
         return Hints((max(0, left) / width, max(0, top) / height, min(1, right / width), min(1, bottom / height)))
     except ValueError as error:
         raise ValueError(f"{image}: {error} of {width}x{height} px") from None

@@ -32,3 +32,8 @@ def add_device(command: argparse.ArgumentParser) -> None:
 def add_seed(command: argparse.ArgumentParser) -> None:
     """``--seed``."""
     command.add_argument("--seed", type=int, default=0, help="of all random numbers")
+
+
+def add_no_photo_detail(command: argparse.ArgumentParser, about: str) -> None:
+    """``--no-photo-detail``."""
+    command.add_argument("--no-photo-detail", action="store_true", help=about)

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from core.cli.argument_types import box, count, degrees, view_numbers
+from core.cli.argument_types import box, count, degrees, point, view_numbers
 from core.cli.bench_parser import add_bench
-from core.cli.options import add_command, add_device, add_model, add_seed
+from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_seed
 from core.fitting.settings import PRESETS
 from core.lab.datasets.categories import SPLITS
 from core.lab.training.recipes import RECIPES
@@ -63,6 +63,7 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
     what.add_argument(
         "--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) with an embedded one"
     )
+    add_no_photo_detail(command, "colours as the codes alone have them, without what the photo of a fitted scene adds")
 
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:
@@ -147,7 +148,14 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--pose-axes", choices=("opencv", "opengl"), default="opencv", help="of --pose; opengl: as Blender has them"
     )
-    command.add_argument(
+    where = command.add_mutually_exclusive_group()
+    where.add_argument(
+        "--point", type=point, nargs="+", default=[], metavar="X,Y", help="px on the object, one point per image"
+    )
+    where.add_argument(
+        "--mask", type=Path, nargs="+", default=[], metavar="MASK", help="images white on the object, one per image"
+    )
+    where.add_argument(
         "--box",
         type=box,
         nargs="+",
@@ -161,6 +169,7 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         action="store_true",
         help="estimate the focal length too, in image heights; else it is the model's",
     )
+    add_no_photo_detail(command, "do not save the photo with the scene, which adds its lettering and lamps to images")
     command.add_argument("--out", type=Path, metavar="S.json", help="where to save the fitted scene")
     command.add_argument("--log", type=Path, metavar="STEPS.jsonl", help="where to write every step, one line each")
     command.add_argument(

@@ -8,6 +8,7 @@ from itertools import chain, pairwise
 from tqdm import tqdm
 
 from core.cli.progress import run_with_progress
+from core.detail.frames import render_frame, render_reference
 from core.export import keyframes as timeline
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
@@ -18,8 +19,6 @@ from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene, open_scene, save_image
-from core.rendering.progressive import render_frame
-from core.rendering.reference import render_exact
 from core.runtime.files import require_writable
 
 
@@ -31,7 +30,7 @@ def render(chosen: argparse.Namespace) -> None:
         (codes, camera), *_ = filling_frame(model, [View(codes, camera)])
     camera = camera.resized(chosen.size, chosen.size)
     if chosen.exact:
-        colour = render_exact(model, codes, camera).colour.clamp(0, 1)
+        colour = render_reference(model, codes, camera).colour.clamp(0, 1)
         image = (colour * 255 + 0.5).byte().cpu().numpy()
     else:
         image = render_frame(model, codes, camera).image
@@ -78,6 +77,7 @@ def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     model = load_model(chosen.model, chosen.device)
     if chosen.scene:
         scene = open_scene(chosen.scene, model)
-        return model, scene.codes, scene.camera
+        codes = replace(scene.codes, detail=None) if chosen.no_photo_detail else scene.codes
+        return model, codes, scene.camera
     codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
     return model, codes, model.camera(math.radians(60), math.radians(20))

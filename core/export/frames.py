@@ -6,12 +6,15 @@ is compared with the exact render before any is drawn, and the object baked fine
 
 import math
 from collections.abc import Generator, Iterator, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import torch
 from jaxtyping import UInt8
 
+from core.detail.frames import render_progressively
+from core.detail.maps import detail_maps
 from core.export.keyframes import View
 from core.geometry.camera import Camera
 from core.metrics import psnr
@@ -21,7 +24,7 @@ from core.rendering.baked_field import BakedField
 from core.rendering.baked_views import BakedObject, Box, box_of, mixed
 from core.rendering.fast import render_steps, shape_occupancy
 from core.rendering.offscreen import OffscreenPictures
-from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 Rgb = tuple[int, int, int]
 """0..255"""
@@ -61,7 +64,8 @@ def baked_frames(model: Model, views: Sequence[View], size: int, background: Rgb
     with OffscreenPictures(size, supersampling(size), background) as pictures:
         for index, view in enumerate(views):
             field = yield from baked.at(index)
-            yield pictures.draw(field, view.camera)
+            detail = yield from detail_maps(model, view.codes)
+            yield pictures.draw(replace(field, detail=detail), view.camera)
 
 
 def supersampling(size: int) -> int:
@@ -158,9 +162,12 @@ def _place(camera: Camera) -> list[float]:
 
 
 def _probe_frame(keys: Sequence[int]) -> int:
-    """Halfway between two key views, where a mixture is worst, a quarter through the video."""
-    before, after = list(pairwise([*keys, keys[-1]]))[(len(keys) - 1) // 4]
-    return (before + after) // 2
+    """Halfway between the first two key views that are apart, where a mixture is worst; else a quarter through.
+
+    What is baked for the first two is what the video begins with.
+    """
+    between = (before + (after - before) // 2 for before, after in pairwise(keys) if after - before > 1)
+    return next(between, keys[(len(keys) - 1) // 4])
 
 
 def over(frame: Frame, background: Rgb | None) -> UInt8[np.ndarray, "height width channels"]:

@@ -4,15 +4,17 @@ import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
 from jaxtyping import Float64
-from scipy.interpolate import BSpline, CubicHermiteSpline, make_interp_spline
 
 from core.geometry.camera import Camera
 from core.models.codes import Codes
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline, CubicHermiteSpline
 
 MIN_GAP = 0.04
 """s between two keys at the least: one frame"""
@@ -126,6 +128,7 @@ class Timeline:
         row = self._row(seconds) + self._turns_row(seconds)
         shape = len(first.codes.shape)
         numbers = torch.from_numpy(row[4:]).float()
+        detail = min(self.keys, key=lambda key: abs(key.seconds - seconds)).view.codes.detail
         elevation = max(-_MAX_ELEVATION, min(_MAX_ELEVATION, float(row[1])))
         camera = replace(
             first.camera,
@@ -134,7 +137,7 @@ class Timeline:
             distance=math.exp(row[2]),
             focal=math.exp(row[3]) * first.camera.height,
         )
-        return View(Codes(numbers[:shape], numbers[shape:]), camera)
+        return View(Codes(numbers[:shape], numbers[shape:], detail), camera)
 
     def frame_count(self, rate: float) -> int:
         """The number of frames at so many a second."""
@@ -162,7 +165,9 @@ class Timeline:
         return self.keys[0].view
 
     @cached_property
-    def _spline(self) -> CubicHermiteSpline | BSpline:
+    def _spline(self) -> "CubicHermiteSpline | BSpline":
+        from scipy.interpolate import CubicHermiteSpline, make_interp_spline  # a third of a second: a turn needs none
+
         times, rows = self._knots()
         if not self.smooth:
             return make_interp_spline(times, rows, k=1)

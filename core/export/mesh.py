@@ -7,7 +7,6 @@ bounded by a slab. Slabs are cut into triangles by marching cubes and welded at 
 import math
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
+from core.detail.maps import detail_maps
 from core.export.glb import glb
 from core.export.normals import face_normals, vertex_normals
 from core.export.texture import TexturedMesh, textured
@@ -26,10 +26,11 @@ from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
+from core.rendering.detail_maps import DetailMaps
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import Occupancy
 from core.runtime.files import atomic_file
-from core.streams import subprogress
+from core.streams import run_to_end, subprogress
 
 MAX_RESOLUTION = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
@@ -146,12 +147,14 @@ def export_mesh(
     with atomic_file(path) as unfinished:
         end = _MESH_SHARE if settings.texture else 1.0
         mesh = yield from subprogress(extract_mesh(model, codes, settings.resolution), 0.0, end)
+        detail = run_to_end(detail_maps(model, codes))
         if settings.texture:
-            found = yield from subprogress(_textured(model, codes, mesh, settings.texture), end, 1.0)
+            found = yield from subprogress(_textured(model, codes, mesh, settings.texture, detail), end, 1.0)
             vertices = _placed(found.vertices, settings.metres) @ WORLD_FROM_GLTF
             unfinished.write_bytes(replace(found, vertices=vertices, normals=found.normals @ WORLD_FROM_GLTF).glb())
         else:
-            replace(mesh, vertices=_placed(mesh.vertices, settings.metres)).save(unfinished)
+            colours = _with_detail(mesh.colours, mesh.vertices, mesh.normals, detail)
+            replace(mesh, vertices=_placed(mesh.vertices, settings.metres), colours=colours).save(unfinished)
     yield 1.0
 
 
@@ -164,10 +167,31 @@ def _placed(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> 
     return ((vertices - below) * (metres / (high - low).max())).astype(np.float32)
 
 
-def _textured(model: Model, codes: Codes, mesh: Mesh, pixels: int) -> Generator[float, None, TexturedMesh]:
-    """The mesh with the field's colours in an image; world axes, scene units."""
+def _textured(
+    model: Model, codes: Codes, mesh: Mesh, pixels: int, detail: DetailMaps | None
+) -> Generator[float, None, TexturedMesh]:
+    """The mesh with the field's colours, and the photo's detail, in an image; world axes, scene units."""
     folded, interval = FoldedField(model, codes), 2 * max(model.extent) / _INTERVALS
-    return textured(mesh.vertices, mesh.faces, partial(_vertex_colours, folded, interval=interval), pixels)
+
+    def colours(places: np.ndarray, normals: np.ndarray) -> Generator[float, None, np.ndarray]:
+        own = yield from _vertex_colours(folded, places, normals, interval)
+        return _with_detail(own, places, normals, detail)
+
+    return textured(mesh.vertices, mesh.faces, colours, pixels)
+
+
+def _with_detail(
+    colours: Float[np.ndarray, "points 3"],
+    places: Float[np.ndarray, "points 3"],
+    normals: Float[np.ndarray, "points 3"],
+    detail: DetailMaps | None,
+) -> Float[np.ndarray, "points 3"]:
+    """Colours as a photo shows them, where it does."""
+    if detail is None:
+        return colours
+    with torch.inference_mode():
+        points, outward = (torch.from_numpy(part).float().to(detail.surface.device) for part in (places, normals))
+        return (colours + detail.at(points, -outward).cpu().numpy()).clip(0, 1)
 
 
 def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:

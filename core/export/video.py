@@ -24,6 +24,8 @@ _BT709, _LIMITED_RANGE = 1, 1
 """numbers of H.264 and FFmpeg"""
 _WAITING = 4
 """frames that are held for the encoder at most"""
+FEW_PIXELS = 200_000
+"""of all frames together: fewer are rendered exactly sooner than an object is baked"""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,8 @@ def write_video(
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
-    frames = exact_frames if settings.exact else baked_frames
+    few = len(views) * settings.size**2 <= FEW_PIXELS
+    frames = exact_frames if settings.exact or few else baked_frames
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
         for image in frames(model, views, settings.size, settings.background):

@@ -5,7 +5,7 @@ as biases, so hypotheses cost what their points cost. The paper's own recipe is 
 """
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -14,12 +14,14 @@ import torch
 from core.fitting.category_check import category_likelihood
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
+from core.fitting.photo_detail import photo_detail
 from core.fitting.problem import Problem
 from core.fitting.schedule import Schedule, build_schedule
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitJob, FitStep, RunnerUp, SearchState
 from core.models.model import Model
+from core.photos.photo import Photo
 
 __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerUp", "fit"]
 
@@ -46,7 +48,17 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             cameras[view] = camera
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
         margin = None if job.resume_from else shown.margin
-        yield replace(shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood)
+        shown = replace(shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood)
+        yield _with_detail(model, job.photos, shown) if state.finished else shown
+
+
+def _with_detail(model: Model, photos: Sequence[Photo], step: FitStep) -> FitStep:
+    """The step with codes that have what its first photo shows beyond them."""
+    (photo, *_), (camera, *_), leader = photos, step.cameras, step.hypotheses[0]
+    sure = 1.0 if photo.camera or step.confidence is None else step.confidence
+    transform = None if photo.camera else leader.crop_transform[0]
+    detail = photo_detail(model, photo, camera, step.codes, sure, transform)
+    return replace(step, codes=replace(step.codes, detail=detail))
 
 
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
@@ -87,7 +99,7 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             result = found
         # 5. Restart once if in doubt: by other pixels, and something in front may hide parts of the object.
         again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
-        yield state(result.winner, result, restart_follows=again)
+        yield state(result.winner, result, restart_follows=again, finished=True)
         if not again:
             return
 

@@ -103,6 +103,8 @@ class SearchState(NamedTuple):
     """whose winner leads, once there is one"""
     restart: bool = False
     restart_follows: bool = False
+    finished: bool = False
+    """a search has ended, though another may follow"""
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
         """The step of the stream that shows this state."""

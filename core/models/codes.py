@@ -1,13 +1,15 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
+
+from core.models.photo_detail import PhotoDetail
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +18,8 @@ class Codes:
 
     shape: Float[Tensor, "*batch shape_latent"]
     texture: Float[Tensor, "*batch texture_latent"]
+    detail: PhotoDetail | None = None
+    """of an object that was fitted: what its photo shows and codes cannot say; it goes with the texture"""
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
@@ -24,14 +28,27 @@ class Codes:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Codes):
             return NotImplemented
-        return torch.equal(self.shape, other.shape) and torch.equal(self.texture, other.texture)
+        same = torch.equal(self.shape, other.shape) and torch.equal(self.texture, other.texture)
+        return same and (self.detail is other.detail or self.detail == other.detail)
 
     def __hash__(self) -> int:
         return hash((*self.shape.tolist(), *self.texture.tolist()))
 
     def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
-        """These codes at 0, the other's at 1, straight lines between, for shape and texture separately."""
-        return Codes(torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture))
+        """These codes at 0, the other's at 1, straight lines between, for shape and texture separately.
+
+        The photo's detail is that of the nearer texture.
+        """
+        detail = self.detail if texture <= 0.5 else other.detail
+        return Codes(
+            torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture), detail
+        )
+
+    def taking(self, part: str, other: "Codes") -> "Codes":
+        """With the shape, or the texture and the detail that goes with it, of others."""
+        if part == "shape":
+            return replace(self, shape=other.shape)
+        return replace(self, texture=other.texture, detail=other.detail)
 
 
 @dataclass(frozen=True, eq=False)

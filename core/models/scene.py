@@ -3,6 +3,7 @@
 A PNG image can hold the scene that it shows: its JSON is a text of the file, so the image alone brings it back.
 """
 
+import base64
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from PIL import Image, PngImagePlugin
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
+from core.models.photo_detail import PhotoDetail
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 
@@ -49,6 +51,8 @@ class Scene:
             "shape": self.codes.shape.tolist(),
             "texture": self.codes.texture.tolist(),
         }
+        if self.codes.detail:
+            about["detail"] = self.codes.detail.to_json()
         return json.dumps(about, indent=1)
 
     @classmethod
@@ -64,14 +68,33 @@ class Scene:
         A scene of a model that this one extends becomes one of this model: it looks nearly as it did.
         """
         about = typed(_About, parse_json(text), name="scene")
-        codes = Codes(torch.tensor(about.shape), torch.tensor(about.texture))
+        codes = Codes(torch.tensor(about.shape), torch.tensor(about.texture), about.detail and about.detail.read())
         config = model.field.config
         sizes = (config.shape_latent,), (config.texture_latent,)
-        if not model.shares_codes_with(about.model) or (codes.shape.shape, codes.texture.shape) != sizes:
+        pairs = [(one.shape.shape, one.texture.shape) for one in (codes, codes.detail) if one]
+        if not model.shares_codes_with(about.model) or any(pair != sizes for pair in pairs):
             raise ValueError(
                 f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
             )
         return cls(model.fingerprint, codes, about.camera)
+
+
+class _Detail(NamedTuple):
+    """A photo's detail as JSON."""
+
+    image: str
+    camera: Camera
+    shape: tuple[float, ...]
+    texture: tuple[float, ...]
+    confidence: float = 1.0
+    strength: float = 1.0
+
+    def read(self) -> PhotoDetail:
+        image = base64.b64decode(self.image, validate=True)
+        codes = torch.tensor(self.shape), torch.tensor(self.texture)
+        detail = PhotoDetail(image, self.camera, *codes, self.confidence, self.strength)
+        detail.pixels()  # raises where it is damaged
+        return detail
 
 
 class _About(NamedTuple):
@@ -81,6 +104,7 @@ class _About(NamedTuple):
     camera: Camera
     shape: tuple[float, ...]
     texture: tuple[float, ...]
+    detail: _Detail | None = None
 
 
 def save_image(image: UInt8[np.ndarray, "height width channels"], path: Path, scene: Scene) -> None:

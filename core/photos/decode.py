@@ -52,6 +52,20 @@ def read_rgba(path: Path) -> Image.Image:
             return _small_rgba(image)
 
 
+def read_mask(path: Path, size: tuple[int, int]) -> Image.Image:
+    """The opacity of an object, from an image that is white on it, or clear elsewhere, at a size.
+
+    Raises ``ValueError`` naming the file where it is no image, or all of it is object or none.
+    """
+    image = read_rgba(path)
+    alpha = image.getchannel("A")
+    mask = alpha if (np.asarray(alpha) < 255).any() else image.convert("L")
+    object_there = np.asarray(mask) > 127
+    if object_there.all() or not object_there.any():
+        raise ValueError(f"{path}: a mask is white on the object and black elsewhere; this has one of both only")
+    return mask.resize(size, Image.Resampling.BILINEAR)
+
+
 def upright_size(path: Path) -> tuple[int, int]:
     """(width, height) in px of a file's upright image. Raises ``ValueError`` naming the file for what is no image."""
     with reading(path, "an image"), open_image(path) as image:

@@ -16,6 +16,7 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import bounding_box, to_bytes
 from core.geometry.pose_files import read_pose
 from core.models.model import Model
+from core.models.photo_detail import SIDE
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
 from core.photos.ranking import ObjectImage, offset_from_expected
@@ -23,6 +24,8 @@ from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.sharpness import edge_softness, measure_blur
 from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
+DOUBTFUL_MASK = 0.5
+"""the confidence of a mask below which people are told"""
 _MAX_OFFSET = 0.02
 """focal lengths: an object that lies further from where it should was moved in its image"""
 
@@ -51,6 +54,11 @@ class Photo:
     """px, where the image tells; a given camera has its own"""
     blur: float = 0.0
     """px, standard deviation of what a pixel sees; 0 where it sees a point"""
+    fine: UInt8[Tensor, "high wide 4"] | None = None
+    """the same part of the image as finely as it was taken, up to :data:`core.models.photo_detail.SIDE` px: colours on
+    white and opacity, 0..255; None where no more is known"""
+    mask_confidence: float = 1.0
+    """the probability that the mask is the object, the whole of it and little else"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -91,10 +99,10 @@ def load_photo(
 ) -> Photo:
     """Read an image in any usual format, cut its object out and crop it for a model.
 
-    The object is separated from the background by the alpha channel, else by a plain background of any colour found
-    from the border. An image framed as the training images are stays as it is, since its size gives the distance; one
-    whose object has the right size but is off its place is moved; any other is cropped so that the object is
-    in the middle in the size usual in training. Where it reaches an edge of the image, what lies beyond is not known.
+    The object is cut out by :func:`core.photos.segmentation.cut_out`. An image framed as the training images are
+    stays as it is, since its size gives the distance; one whose object has the right size but is off its place is
+    moved; any other is cropped so that the object is in the middle in the size usual in training. Where it reaches an
+    edge of the image, what lies beyond is not known.
 
     Args:
         pose: a text file with the camera-to-world matrix of SRN (16 numbers); the image is then only resized.
@@ -224,7 +232,25 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
     pixels, opacity = _resampled_pixels(cut, box, size)
     mask, blur = opacity > 0.5, measure_blur(pixels)
     edge_error = math.hypot(cut.edge_error * size[1] / (box[3] - box[1]), edge_softness(opacity, blur))
-    return Photo(pixels, mask, opacity=opacity, edge_error=edge_error, blur=blur)
+    fine = _fine_pixels(cut, box, size) if max(box[2] - box[0], box[3] - box[1]) > max(size) else None
+    return Photo(
+        pixels,
+        mask,
+        opacity=opacity,
+        edge_error=edge_error,
+        blur=blur,
+        fine=fine,
+        mask_confidence=cut.confidence,
+    )
+
+
+def _fine_pixels(
+    cut: CutOut, box: tuple[float, float, float, float], size: tuple[int, int]
+) -> UInt8[Tensor, "high wide 4"]:
+    """The same part as a size of fewer px shows."""
+    scale = min(SIDE, math.ceil(max(box[2] - box[0], box[3] - box[1]))) / max(size)
+    pixels, opacity = _resampled_pixels(cut, box, (max(1, round(scale * size[0])), max(1, round(scale * size[1]))))
+    return torch.from_numpy(to_bytes(torch.cat((pixels, opacity[..., None]), -1)))
 
 
 def _resampled_pixels(

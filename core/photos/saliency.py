@@ -29,8 +29,8 @@ def predict_saliency(image: Image.Image) -> Float[np.ndarray, "height width"] | 
         if importlib.util.find_spec("rembg") is None:
             return None
         return _predict(colours.size, colours.tobytes())
-    except Exception:  # whatever ails it, a person can still point at the object
-        logging.getLogger(__name__).warning("the saliency network failed", exc_info=True)
+    except Exception as error:  # whatever ails it, a person can still point at the object
+        logging.getLogger(__name__).warning("objects are cut out without the saliency network: %s", error)
         return None
 
 
@@ -69,5 +69,8 @@ def _network_file() -> Path:
     if not any(place.is_file() for place in places):
         from rembg import new_session
 
-        new_session(_NETWORK)  # fetches it
+        try:
+            new_session(_NETWORK)  # fetches it
+        except Exception as error:
+            raise ValueError(f"{name} cannot be fetched; put it into {Path(home).expanduser()}") from error
     return next(place for place in places if place.is_file())

@@ -1,17 +1,21 @@
-"""Segmentation: the object by the alpha channel, a plain background, a saliency network, or what a person points at."""
+"""Segmentation: the object of an image, by the likeliest of several masks and by what a person points at."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 from PIL import Image
-from scipy.ndimage import binary_dilation, binary_erosion, label
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
 
+from core.geometry.pixels import bounding_box
+from core.photos.candidates import Candidate, Seen, guess
 from core.photos.decode import lens_focal
 from core.photos.frames import Box, fill, find_frame, is_sliver
-from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
-from core.photos.saliency import predict_saliency
+from core.photos.grabcut import grabcut
+from core.photos.mask_score import rank_candidates
+from core.photos.plain_background import NoBackgroundError
 
 MIN_SIDE = 8
 """px: an image with a shorter side than this shows nothing to fit."""
@@ -19,18 +23,16 @@ _MIN_OBJECT_PIXELS = 12
 """px of an object: with fewer it shows nothing to fit."""
 _MARGIN = 0.25
 """of a box: so much around it is used to learn the background's colours"""
-_GRAB_SIDE = 320
-"""px: the longer side at which GrabCut works, twice what a model sees"""
-_GRABCUT_ROUNDS = 4
-"""of GrabCut"""
-_AGREEMENT = 0.75
-"""intersection over union from which a plain background and the salient object are of one opinion"""
+_PIECE, _SPECK = 0.2, 0.01
+"""of the largest piece: pieces that are kept wherever they are, and those that are kept near it"""
+_NEAR = 0.1
+"""of its size"""
 _FAINT = 0.1
-"""opacity below which the saliency network sees background"""
-_UNDECIDED = 0.5
-"""of an object's area: photographs of objects leave 0.04 to 0.22 of it undecided, noise and bare landscapes over 7"""
-_NETWORK_ERROR = 0.006
-"""of the image's longer side: two pixels of the network's own image, by which its edges may be off"""
+"""Between this opacity and 1 less this, nothing is decided."""
+_SAME = 0.97
+"""intersection over union from which two masks are one"""
+_OTHERS = 2
+"""masks that are offered beside the best"""
 _THRESHOLD = 0.5
 """opacity from which a pixel belongs to the object"""
 _REACH = 2.0
@@ -51,7 +53,12 @@ class CutOut:
     edge_error: float = 0.0
     """px by which the edges may be off"""
     undecided: float = 0.0
-    """the share of the object's area where the saliency network saw neither object nor background"""
+    """the share of the object's area where what found it saw neither object nor background"""
+    found_by: str = ""
+    confidence: float = 1.0
+    """the probability that the mask is the object, the whole of it and little else"""
+    others: tuple["CutOut", ...] = ()
+    """the next masks, the likeliest first"""
     focal: float | None = None
     """px, where the image tells"""
 
@@ -75,8 +82,14 @@ class Hints:
     strokes: tuple[Stroke, ...] = ()
     threshold: float = _THRESHOLD
     """opacity, 0..1, from which a pixel belongs to an object that the alpha channel or the saliency network finds"""
+    points: tuple[tuple[float, float], ...] = ()
+    """shares of width and height: on each of them is the object, or a part of it"""
+    choice: int = 0
+    """which of the masks that are found: 0 is the likeliest"""
 
     def __post_init__(self) -> None:
+        if self.choice < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
+            raise ValueError("there is no such mask, or a point is outside the image")
         if not 0 < self.threshold < 1:
             raise ValueError("the threshold of a cut-out is between 0 and 1")
         if self.box is not None:
@@ -86,22 +99,21 @@ class Hints:
 
     @property
     def pointed(self) -> bool:
-        """Whether there is a box or a stroke."""
-        return self.box is not None or bool(self.strokes)
+        """Whether there is a box, a point or a stroke."""
+        return self.box is not None or bool(self.points) or bool(self.strokes)
 
     def __bool__(self) -> bool:
-        return self.pointed or self.threshold != _THRESHOLD
+        return self != Hints()
 
 
 def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     """The object of an RGBA image.
 
-    With hints by GrabCut (Rother et al. 2004, of OpenCV) from the box or, where there is none, from what would be
-    found without hints; strokes hold in any case. Without: by the alpha channel, else by a background that is plain
-    beyond doubt, else by a saliency network (:mod:`core.photos.saliency`), which must agree with a background that is
-    in doubt.
+    With a box by GrabCut (Rother et al. 2004, of OpenCV). Else by the alpha channel, or else by the likeliest of the
+    masks that several ways find (:mod:`core.photos.candidates`, :mod:`core.photos.mask_score`), of those at the points
+    where there are some; how sure that is, and which come next, it says too. Strokes correct any of these.
 
-    Raises ``ValueError`` where no object is found, :class:`NoBackgroundError` where hints could help.
+    Raises ``ValueError`` where there is nothing to be found: an image of one colour, or hints that leave nothing.
     """
     if min(image.size) < MIN_SIDE:
         raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
@@ -113,68 +125,59 @@ def _cut_out(image: Image.Image, hints: Hints | None) -> CutOut:
     colours, alpha = values[..., :3], values[..., 3:]
     if hints and hints.pointed:
         colours = colours * alpha + 1 - alpha
-        return _on_white(colours, _segment_with_hints(image, colours, hints), white=False)
-    return _segment_without_hints(image, colours, alpha, hints.threshold if hints else _THRESHOLD)
+        return _segment_with_hints(image, colours, hints)
+    return _segment_without_hints(image, colours, alpha, hints or Hints())
 
 
 def _segment_without_hints(
     image: Image.Image,
     colours: Float[np.ndarray, "height width 3"],
     alpha: Float[np.ndarray, "height width 1"],
-    threshold: float,
+    hints: Hints,
 ) -> CutOut:
     clear = alpha[..., 0] < 0.5
     if clear.any() and is_sliver(clear):
         colours = fill(colours, clear)
     elif clear.mean() > 0.001:
-        return _on_white(colours * alpha + 1 - alpha, alpha[..., 0], white=True, threshold=threshold)
+        opaque = Candidate("alpha channel", alpha[..., 0], white=True, certain=True)
+        return _on_white(colours * alpha + 1 - alpha, opaque, hints.threshold)
     if box := find_frame(colours):
-        return _within(box, image, colours, threshold)
-    plain = _plain_background(colours)
-    if plain and plain.certain:
-        return _on_white(colours, ~plain.mask, plain.white)
-    salient = predict_saliency(image)
-    if salient is None or not _is_sure(salient):
-        if plain is None:
-            raise NoBackgroundError
-        return _on_white(colours, ~plain.mask, plain.white)
-    if plain and _overlap(~plain.mask, salient > 0.5) > _AGREEMENT:
-        # Colours follow edges more closely than a network of 320 px does, but take shadows for the object.
-        near = binary_dilation(salient > _FAINT, iterations=max(1, round(_NETWORK_ERROR * max(image.size))))
-        return _on_white(colours, ~plain.mask & near, plain.white)
-    # Inside an object the network may be unsure what it sees, but not that there is something.
-    edge = _NETWORK_ERROR * max(image.size)
-    inside = binary_erosion(salient > 0.5, iterations=max(1, round(edge)))
-    opacity = np.where(inside, np.float32(1), salient)
-    cut = _on_white(colours, opacity, white=False, edge_error=edge, threshold=threshold)
-    return replace(cut, undecided=float(_undecided(salient).sum() / cut.mask.sum()))
+        return _within(box, image, colours, hints)
+    seen = Seen(image, colours)
+    if seen.background is not None and seen.background.mask.all():
+        raise ValueError("no object found: nothing differs from the background")
+    return _best(colours, rank_candidates(seen), hints)
 
 
-def _within(box: Box, image: Image.Image, colours: Float[np.ndarray, "height width 3"], threshold: float) -> CutOut:
+def _best(colours: Float[np.ndarray, "height width 3"], ranked: list[tuple[Candidate, float]], hints: Hints) -> CutOut:
+    """The chosen mask, and those that come next."""
+    cuts: list[CutOut] = []
+    for candidate, confidence in ranked:
+        with suppress(ValueError):  # the whole image, or next to nothing
+            cut = _on_white(colours, candidate, hints.threshold, confidence)
+            if all(_overlap(cut.mask, other.mask) < _SAME for other in cuts):
+                cuts.append(cut)
+        if len(cuts) > _OTHERS:
+            break
+    if not cuts:
+        cuts = [_on_white(colours, guess(colours.shape[:2], hints.points), confidence=0.0)]
+    chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
+    return replace(chosen, others=tuple(cuts))
+
+
+def _within(box: Box, image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints) -> CutOut:
     """The opacity of the object found in a part of the image; beyond is background."""
     part = colours[box.top : box.bottom, box.left : box.right]
-    found = _segment_without_hints(image.crop(box), part, np.ones((*part.shape[:2], 1), np.float32), threshold)
+    found = _segment_without_hints(image.crop(box), part, np.ones((*part.shape[:2], 1), np.float32), hints)
     height, width = colours.shape[:2]
     around = (box.top, height - box.bottom), (box.left, width - box.right)
-    pixels = np.pad(found.pixels, (*around, (0, 0)), constant_values=1)
-    mask, opacity = np.pad(found.mask, around), np.pad(found.opacity, around)
-    return replace(found, pixels=pixels, mask=mask, opacity=opacity, white=False)
 
+    def padded(cut: CutOut) -> CutOut:
+        pixels = np.pad(cut.pixels, (*around, (0, 0)), constant_values=1)
+        mask, opacity = np.pad(cut.mask, around), np.pad(cut.opacity, around)
+        return replace(cut, pixels=pixels, mask=mask, opacity=opacity, white=False)
 
-def _plain_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
-    try:
-        return find_background(colours)
-    except NoBackgroundError:
-        return None
-
-
-def _is_sure(salient: Float[np.ndarray, "height width"]) -> bool:
-    """Whether a saliency network sees an object: where there is none, most of what it gives is neither 0 nor 1."""
-    return bool(_undecided(salient).sum() < _UNDECIDED * (salient > 0.5).sum())
-
-
-def _undecided(salient: Float[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    return (salient > _FAINT) & (salient < 1 - _FAINT)
+    return replace(padded(found), others=tuple(map(padded, found.others)))
 
 
 def _overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "height width"]) -> float:
@@ -184,12 +187,13 @@ def _overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "hei
 
 def _on_white(
     pixels: Float[np.ndarray, "height width 3"],
-    opacity: Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"],
-    white: bool,
-    edge_error: float = 0.0,
+    found: Candidate,
     threshold: float = _THRESHOLD,
+    confidence: float = 1.0,
 ) -> CutOut:
-    mask = _without_specks(opacity > threshold)
+    """Raises ``ValueError`` where it is too small, :class:`NoBackgroundError` where it is the whole image."""
+    opacity, white = found.opacity, found.white
+    mask = _without_specks(opacity > threshold, far=found.certain)
     if mask.sum() < _MIN_OBJECT_PIXELS:
         hint = "a larger image, or a box closer around the object, may help"
         raise ValueError(f"no object found: fewer than {_MIN_OBJECT_PIXELS} px differ from the background; {hint}")
@@ -198,56 +202,43 @@ def _on_white(
     # On white, half-covered pixels around the object are right as they are; on a colour they are left out.
     near = binary_dilation(mask, iterations=2)
     on_white = np.where((near if white else _eroded(mask))[..., None], pixels, np.float32(1))
-    return CutOut(on_white, mask, white, np.where(near, opacity, 0).astype(np.float32), edge_error)
+    opacity = np.where(near, opacity, 0).astype(np.float32)
+    undecided = float(((opacity > _FAINT) & (opacity < 1 - _FAINT)).sum() / mask.sum())
+    return CutOut(on_white, mask, white, opacity, found.edge_error, undecided, found.found_by, confidence)
 
 
 # By what a person points at
 
 
-def _segment_with_hints(
-    image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints
-) -> Bool[np.ndarray, "height width"]:
-    """GrabCut from the box, or what is found without one; then once more where strokes correct it."""
-    height, width = colours.shape[:2]
-    window = _around(hints.box, width, height)
-    alone = Hints(threshold=hints.threshold)
-    mask = (
-        cut_out(image, alone).mask
-        if hints.box is None
-        else _grabcut(colours, _in_box(hints.box, (height, width)), window)
-    )
+def _segment_with_hints(image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints) -> CutOut:
+    """GrabCut from the box, what is at the points, or what is found without either; then where strokes correct it."""
+    window = _around(hints.box, *image.size)
+    if hints.box is not None:
+        mask = grabcut(colours, _in_box(hints.box, colours.shape[:2]), window)
+        found = _on_white(colours, Candidate("box", mask.astype(np.float32), certain=True))
+    elif hints.points:
+        found = _best(colours, _at_points(image, colours, hints.points), hints)
+    else:
+        found = cut_out(image, replace(hints, strokes=()))
     if not hints.strokes:
-        return mask
-    mask = _grabcut(colours, _corrected(mask, hints.strokes), window)
-    return _apply_strokes(mask, hints.strokes, True, False).astype(bool)
+        return found
+    mask = grabcut(colours, _corrected(found.mask, hints.strokes), window)
+    mask = _apply_strokes(mask, hints.strokes, True, False).astype(bool)
+    return _on_white(colours, Candidate("strokes", mask.astype(np.float32), certain=True))
 
 
-def _grabcut(
-    colours: Float[np.ndarray, "height width 3"],
-    labels: UInt8[np.ndarray, "height width"],
-    window: tuple[int, int, int, int],
-) -> Bool[np.ndarray, "height width"]:
-    """GrabCut within a window, at a size at which it is quick; the rest of the image is background."""
-    import cv2  # costs a fifth of a second, and few images need it
+def _at_points(
+    image: Image.Image, colours: Float[np.ndarray, "height width 3"], points: tuple[tuple[float, float], ...]
+) -> list[tuple[Candidate, float]]:
+    """The object at a point; of several, their union."""
+    first, *more = (rank_candidates(Seen(image, colours, point)) for point in points)
+    added = [ranked[0] for ranked in more if ranked]
 
-    left, top, right, bottom = window
-    part = np.ascontiguousarray((colours[top:bottom, left:right] * 255 + 0.5).astype(np.uint8))
-    scale = min(1.0, _GRAB_SIDE / max(part.shape[:2]))
-    size = max(1, round(part.shape[1] * scale)), max(1, round(part.shape[0] * scale))
-    small = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-    whole = np.ascontiguousarray(labels[top:bottom, left:right])
-    marks = cv2.resize(whole, size, interpolation=cv2.INTER_NEAREST)
-    if not np.isin(marks, (cv2.GC_FGD, cv2.GC_PR_FGD)).any():
-        raise ValueError("no object found: nothing is left of it")
-    if not np.isin(marks, (cv2.GC_BGD, cv2.GC_PR_BGD)).any():
-        raise NoBackgroundError("the box holds the whole image: leave some of the background outside")
-    cv2.setRNGSeed(0)
-    memory = np.zeros((1, 65)), np.zeros((1, 65))
-    decided, *_ = cv2.grabCut(small, marks, (0, 0, 1, 1), *memory, _GRABCUT_ROUNDS, cv2.GC_INIT_WITH_MASK)
-    found = np.isin(decided, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.float32)
-    mask = np.zeros(colours.shape[:2], dtype=bool)
-    mask[top:bottom, left:right] = cv2.resize(found, part.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0.5
-    return mask
+    def joined(candidate: Candidate, confidence: float) -> tuple[Candidate, float]:
+        opacity = np.max([candidate.opacity, *(other.opacity for other, _ in added)], axis=0)
+        return replace(candidate, opacity=opacity), min(confidence, *(sure for _, sure in added), 1.0)
+
+    return [joined(*one) for one in first]
 
 
 def _in_box(box: tuple[float, float, float, float], size: tuple[int, int]) -> UInt8[np.ndarray, "height width"]:
@@ -309,12 +300,20 @@ def _around(box: tuple[float, float, float, float] | None, width: int, height: i
 # Masks
 
 
-def _without_specks(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:
-    """The largest piece and those of at least a hundredth of it."""
+def _without_specks(mask: Bool[np.ndarray, "height width"], far: bool) -> Bool[np.ndarray, "height width"]:
+    """The largest piece, those of at least a fifth of it, and those of a hundredth near it, or ``far`` too."""
     pieces, count = label(mask, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
     areas[0] = 0
-    return (areas >= max(2, 0.01 * areas.max(initial=0)))[pieces]
+    kept = areas >= max(2, (_SPECK if far else _PIECE) * areas.max(initial=0))
+    smaller = (areas >= max(2, _SPECK * areas.max(initial=0))) & ~kept
+    if smaller.any():
+        largest = pieces == areas.argmax()
+        left, top, right, bottom = bounding_box(largest)
+        distance = distance_transform_edt(~largest)
+        near = minimum(distance, pieces, np.arange(count + 1)) < _NEAR * max(right - left, bottom - top)
+        kept |= smaller & near
+    return kept[pieces]
 
 
 def _eroded(mask: Bool[np.ndarray, "height width"]) -> Bool[np.ndarray, "height width"]:

@@ -18,10 +18,11 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, ray_points
-from core.models.cells import corners_of, divide
+from core.models.cells import corners_of, divide, unravelled
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
+from core.rendering.detail_maps import DetailMaps
 from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
@@ -67,6 +68,8 @@ class BakedField:
     """of the grid, along each axis of the box; the first and the last corners lie on the box's faces"""
     first: tuple[int, int, int] = (0, 0, 0)
     """the corner of the grid that the first texel is of"""
+    detail: DetailMaps | None = None
+    """what a photo adds to the colours: far finer than texels, so it is looked up for each pixel"""
 
     @property
     def step(self) -> float:
@@ -116,7 +119,7 @@ def _blocks(
         scale = 2 * model.extent_tensor / (CELLS * divisions)
     for part in corners.split(_BLOCK):
         with torch.inference_mode():
-            points = torch.stack(torch.unravel_index(part, (CELLS * divisions + 1,) * 3), -1) * scale
+            points = unravelled(part, CELLS * divisions + 1) * scale
             found.append(_Block(part, *folded.density(folded.first_layer(points - model.extent_tensor))))
         yield found[-1]
     size = sum(part.nbytes for block in found for part in block)
@@ -191,4 +194,5 @@ def render_baked(baked: BakedField, camera: Camera) -> Rendered:
         weights, left = compositing_weights(density, edges)
         depth = (weights * depths).sum(-1) / (1 - left).clamp_min(1e-6)
         parts.append((composite_on_white(weights, left, found[..., :3]), depth * (left < 1), 1 - left))
-    return Rendered(*(torch.cat(part) for part in zip(*parts, strict=True)))
+    rendered = Rendered(*(torch.cat(part) for part in zip(*parts, strict=True)))
+    return baked.detail.added(rendered, camera, extent) if baked.detail else rendered

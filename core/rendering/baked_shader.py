@@ -14,6 +14,8 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera, project
 from core.rendering.baked_field import LOGITS, MIN_LIGHT, BakedField
+from core.rendering.detail_maps import MIN_OPACITY
+from core.rendering.detail_shader import GLSL, DetailTextures, uniforms
 from core.rendering.occupancy import CELLS
 
 _VERTEX = """
@@ -35,8 +37,10 @@ uniform vec3 origin, right, up, backward, extent, first, sides;
 uniform vec2 middle;          // of the picture, px from the first pixel drawn
 uniform vec2 logits;          // least, most; over the logarithm of 2, as all exponents here
 uniform float focal, pace, cells, blocks, thickness, min_light;
+uniform float strength;       // of the photo's detail; 0 where there is none
 flat in vec2 reach;
 out vec4 colour;
+DETAIL
 void main() {
     vec2 pixel = (gl_FragCoord.xy - middle) / focal;
     vec3 along = normalize(right * pixel.x - up * pixel.y - backward);
@@ -50,7 +54,7 @@ void main() {
     vec3 ahead = vec3(greaterThan(along, vec3(0.0))), samples_per_block = 1.0 / (delta * blocks);
     float i = max(0.0, floor((reach.x - near) / pace)), count = ceil((far - near) / pace - 0.5);
     vec3 seen = vec3(0.0);
-    float light = 1.0;
+    float light = 1.0, middle_of_light = 0.0;
     while (i < count && light > min_light) {
         vec3 block = clamp(floor((base + i * delta) * blocks), 0.0, blocks - 1.0);
         float empty = float(texelFetch(distance, ivec3(block).zyx, 0).r);
@@ -63,12 +67,16 @@ void main() {
         float softplus = max(logit, 0.0) + log2(1.0 + exp2(-abs(logit)));
         float left = i < count ? light * exp2(-thickness * softplus) : light;
         seen += (light - left) * texel.rgb;
+        middle_of_light += (light - left) * (i + 0.5);
         light = left;
         i += 1.0;
     }
-    colour = vec4(seen, 1.0 - light);
+    float opacity = 1.0 - light;
+    if (strength > 0.0 && opacity > MIN_OPACITY)
+        seen += opacity * detail(origin + along * (near + pace * middle_of_light / opacity), along);
+    colour = vec4(clamp(seen, 0.0, opacity), opacity);
 }
-"""
+""".replace("DETAIL", GLSL).replace("MIN_OPACITY", str(MIN_OPACITY))
 
 
 class BakedShader:
@@ -79,6 +87,9 @@ class BakedShader:
         self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         for name, value in (("texels", 0), ("distance", 1), ("blocks", CELLS), ("min_light", MIN_LIGHT)):
             self._program[name] = value
+        self._detail = DetailTextures(context)
+        for unit, name in enumerate(self._detail.names, 2):
+            self._program[name] = unit
         self._program["logits"] = tuple(bound / math.log(2) for bound in LOGITS)
         self._texels: moderngl.Texture3D | None = None
         self._distance: moderngl.Texture3D | None = None
@@ -101,6 +112,7 @@ class BakedShader:
         if self._baked is None or self._baked.distance is not baked.distance:
             self._distance.write(np.ascontiguousarray(baked.distance))
             self._centres = _occupied_centres(baked)
+        self._detail.upload(baked.detail)
         self._baked = baked
 
     def draw(self, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)) -> None:
@@ -129,6 +141,11 @@ class BakedShader:
         program["pace"], program["thickness"] = baked.step, baked.density_scale * baked.step
         self._texels.use(0)
         self._distance.use(1)
+        program["strength"] = baked.detail.strength if baked.detail else 0.0
+        if baked.detail:
+            self._detail.use(2)
+            for name, value in uniforms(baked.detail, camera).items():
+                program[name] = value
         buffer = self._context.buffer(tiles.tobytes())
         array = self._context.vertex_array(program, [(buffer, "4f/i", "tile")])
         self._context.enable_only(moderngl.BLEND)
@@ -140,6 +157,7 @@ class BakedShader:
 
     def release(self) -> None:
         """Give the GL objects back."""
+        self._detail.release()
         for part in (self._texels, self._distance, self._program):
             if part is not None:
                 part.release()

@@ -16,6 +16,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.geometry.camera import Camera
+from core.models.cells import unravelled
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.baked_field import BakedField, cell_corners, cell_distances, colour_texels, logit_texels
@@ -25,9 +26,8 @@ from core.rendering.occupancy import CELLS
 _BLOCK = 8192
 """Corners evaluated at a time: what another job waits for."""
 _MIN_DENSITY = 0.5
-"""per scene unit: a cell with less at all of its corners takes less than a hundredth of the light, and is empty"""
-_MIN_OPACITY = 0.01
-"""of a texel whose neighbours need a colour"""
+"""per scene unit: a cell with less at all of its corners takes less than a hundredth of the light, and is empty; what
+has no neighbour with more needs no colour"""
 _BELOW = 6.0
 """optical depth: what lies deeper than that along all axes is seen by no camera"""
 _BEHIND = 12.0
@@ -74,14 +74,14 @@ class BakedObject:
         """
         density = torch.zeros(self._box.sides)
         corners = cell_corners(occupied, self._cells // CELLS).cpu()
-        places = torch.stack(torch.unravel_index(corners, (self._cells + 1,) * 3), -1) - self._first
+        places = unravelled(corners, self._cells + 1) - self._first
         for part in places.split(_BLOCK):
             density[part.unbind(-1)] = self._density(part)[0].cpu()
             yield
         self._logits = logit_texels(density, self._model.field.config.density_scale)
         thickness = density * (2 * max(self._model.extent) / self._cells)
         self._voxels = _VOXEL * functional.avg_pool3d(thickness[None], _VOXEL, ceil_mode=True)[0]
-        seen = _surface(thickness)
+        seen = _surface(density, thickness)
         self._shown = functional.max_pool3d(seen[None].float(), _VOXEL, ceil_mode=True)[0] > 0
         self._corners, features = seen.nonzero(), list[Tensor]()
         for part in self._corners.split(_BLOCK):
@@ -158,12 +158,12 @@ def mixed(first: BakedField, second: BakedField, share: float) -> BakedField:
     return replace(first, texels=texels.astype(np.uint8), distance=distance)
 
 
-def _surface(thickness: Float[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
+def _surface(density: Float[Tensor, "x y z"], thickness: Float[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
     """Which corners a camera may see: beside something, and not deep within, along an axis at least."""
     deep = torch.full_like(thickness, torch.inf)
     for axis in range(3):
         through = thickness.cumsum(axis)
         before, after = through - thickness, through.select(axis, -1).unsqueeze(axis) - through
         deep = torch.minimum(deep, torch.minimum(before, after))
-    near = functional.max_pool3d((thickness > _MIN_OPACITY)[None].float(), 3, 1, 1)[0] > 0
+    near = functional.max_pool3d((density > _MIN_DENSITY)[None].float(), 3, 1, 1)[0] > 0
     return near & (deep < _BELOW)

@@ -12,6 +12,7 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
+from core.rendering.detail_maps import DetailMaps
 from core.rendering.fast import is_cached, render_steps
 
 
@@ -44,6 +45,8 @@ class RenderJob:
     codes: Codes
     camera: Camera
     settings: RenderSettings = field(default_factory=RenderSettings)
+    detail: DetailMaps | None = None
+    """what a photo adds to the colours; :func:`core.detail.frames.render_progressively` finds it by the codes"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +96,10 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
     for at in range(max(cached, default=0), len(stages)):
         stage = stages[at]
         rendered = yield from render_steps(model, job.codes, *stage.arguments, supersampling=stage.supersampling)
+        if job.detail:
+            width, height = stage.arguments.camera.width, stage.arguments.camera.height
+            shown = stage.arguments.camera.resized(width // stage.supersampling, height // stage.supersampling)
+            rendered = job.detail.added(rendered, shown, model.extent_tensor)
         image = to_bytes(rendered.colour)
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began

@@ -21,7 +21,9 @@ class Kind(IntEnum):
     """what a shape shows from a camera: much memory, a fraction of a second"""
     SHAPE = 1
     """the occupied cells of a shape"""
-    BANK = 2
+    DETAIL = 2
+    """what a photo adds to colours"""
+    BANK = 3
     """the view bank of a model: many seconds"""
 
 

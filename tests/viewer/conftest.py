@@ -10,8 +10,8 @@ from imgui_bundle import imgui
 from imgui_bundle.immapp import testing
 from PIL import Image
 
+from core.detail.frames import render_progressively
 from core.models.model import Model
-from core.rendering.progressive import render_progressively
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
 from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_photo

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import endless_fit
@@ -266,6 +267,30 @@ def test_a_photo_whose_fit_was_interrupted_makes_one_object(
     autosave.restore()
     finish(session, lambda: not opened(session).fitting.running)
     assert opened(session).editor.objects.own == ["block"]
+
+
+def test_an_object_of_another_photo_of_the_same_name_stays(
+    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+) -> None:
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    opened(session).fitting.start(photo)
+    finish(session, lambda: not opened(session).fitting.running)
+    with Image.open(photo) as image:
+        red, green, blue, *rest = image.split()
+        Image.merge(image.mode, (blue, red, green, *rest)).save(photo)
+    session.jobs.backend = replace(backend, fit=endless_fit)
+    opened(session).fitting.start(photo)
+    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    clock.now += 10.0
+    autosave.tick()
+    (written,) = tmp_path.glob("session-*.codenerf")
+    written.rename(tmp_path / "session-999999999.codenerf")
+    opened(session).fitting.close()
+    session.tick()
+    session, autosave = begun(worker, backend, tmp_path, clock)
+    autosave.restore()
+    finish(session, lambda: not opened(session).fitting.running)
+    assert opened(session).editor.objects.own == ["block (2)", "block"]
 
 
 def test_a_session_that_ends_the_program_is_not_begun_with_again(

@@ -1,16 +1,22 @@
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from core.models.codes import CodeBook
 from core.models.model import Model
+from core.models.photo_detail import PhotoDetail
 from viewer.editor import Editor
+from viewer.services.user_objects import UserObjects
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.direction import Direction
+from viewer.values.objects import EditableObject
 from viewer.values.part import PARTS
+from viewer.values.project import Project
 from viewer.workspace import Workspace
 
 
@@ -183,3 +189,62 @@ def test_the_same_seed_samples_the_same(model: Model) -> None:
             editor.sample(part)
         sampled.append(editor.scene.codes)
     assert sampled[0] == sampled[1]
+
+
+def fitted(model: Model) -> EditableObject:
+    """An object with what its photo adds to its colours."""
+    codes, rgba = model.codes[1], np.full((20, 20, 4), 255, np.uint8)
+    rgba[5:15, 5:15, 1:3] = 0
+    camera = model.camera(0.5, 0.2).resized(20, 20)
+    detail = PhotoDetail.of(rgba, camera, codes.shape, codes.texture)
+    return EditableObject("fitted", replace(codes, detail=detail), True, 0.9)
+
+
+def test_the_photo_s_detail_is_an_edit_and_stays_with_the_texture(editor: Editor, model: Model) -> None:
+    one = fitted(model)
+    editor.add_and_show(one, editor.scene.camera)
+    before = editor.state
+    for strength in (0.8, 0.5, 7.0, 0.25):
+        editor.set_detail_strength(strength, gesture="photo detail")
+    editor.end_gesture()
+    detail = editor.scene.codes.detail
+    assert detail is not None and detail.strength == 0.25
+    editor.set_code("texture", editor.code("texture") + 0.1)
+    assert editor.scene.codes.detail is detail
+    editor.take("shape", "object 2")
+    assert editor.scene.codes.detail is detail
+    editor.take("texture", "object 2")
+    assert editor.scene.codes.detail is None
+    editor.take("texture", "fitted")
+    assert editor.scene.codes.detail == one.codes.detail
+    for _ in range(5):
+        editor.undo()
+    assert editor.state == before
+
+
+def test_an_object_without_a_photo_has_no_strength(editor: Editor) -> None:
+    before = editor.history
+    editor.set_detail_strength(0.5)
+    assert editor.history is before
+
+
+def test_the_photo_s_detail_comes_back_from_a_project(
+    editor: Editor, workspace: Workspace, model: Model, tmp_path: Path
+) -> None:
+    editor.add_and_show(fitted(model), editor.scene.camera)
+    editor.set_detail_strength(0.5)
+    saved = workspace.saved("blocks")
+    assert saved is not None
+    Project("blocks", (saved,)).save(tmp_path / "p.codenerf")
+    (again,) = Project.load(tmp_path / "p.codenerf").sessions
+    again.check(model)
+    assert again.history == saved.history
+    with zipfile.ZipFile(tmp_path / "p.codenerf") as file:
+        assert sum(name.startswith("photos/") for name in file.namelist()) == 1  # shared by all states
+
+
+def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) -> None:
+    one = fitted(model)
+    UserObjects(tmp_path).sync(model, [one])
+    (again,) = UserObjects(tmp_path).open(model)
+    assert again.codes == one.codes and again.codes.detail == one.codes.detail

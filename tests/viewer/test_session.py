@@ -262,6 +262,29 @@ def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
     assert opened(session).editor.history == before
 
 
+def test_a_person_may_insist_on_a_category(session: Session, photo: Path) -> None:
+    """Before the other model opens, and after it has made something else of the photo."""
+    models = {"chairs": opened(session).model, "cars": replace(random_model(1), category="cars")}
+    session.jobs.backend = replace(
+        session.jobs.backend,
+        load_model=models.__getitem__,
+        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
+    )
+    session.fit_photos(photo)
+    deliver(session, lambda: any(one.buttons for one in session.messages.all))
+    (note,) = (one for one in session.messages.all if one.buttons)
+    assert note.buttons[0].label == "Rebuild as chairs anyway"
+    while session.model_name != "cars":
+        session.tick()
+    finish(session, lambda: not session.fitting_runs)
+    note.buttons[0].press()
+    while session.model_name != "chairs":
+        session.tick()
+    finish(session, lambda: not session.fitting_runs)
+    assert opened(session).editor.objects.own == ["block"]
+    assert opened(session).fitting.history.sources[0].category == "chairs"
+
+
 def test_a_photo_of_nothing_known_is_fitted_unless_a_person_stops_it(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
     session.fit_photos(photo)

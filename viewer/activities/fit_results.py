@@ -66,5 +66,5 @@ class FitResults:
 
 
 def _is_same_photo(one: EditableObject, other: EditableObject) -> bool:
-    """Both were fitted to the photo of one name; a second object of it carries a number."""
-    return one.fitted and other.fitted and re.sub(r" \(\d+\)$", "", one.name) == other.name
+    """Both were fitted to one photo of one name; a second object of it carries a number."""
+    return one.photo == other.photo != "" and re.sub(r" \(\d+\)$", "", one.name) == other.name

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from core.fitting.category_check import describe_category, likeliest_category
 from core.fitting.fit import FitStep, Hypothesis
+from core.photos.photo import DOUBTFUL_MASK
 from core.photos.plain_background import NoBackgroundError
 from viewer.activities.candidates import Candidates
 from viewer.activities.fit_results import FitResults
@@ -224,15 +225,27 @@ class Fitting:
             self._check_category(value)
         elif isinstance(value, FittedPhoto):
             self.view.history = replace(self.history, photos=(*self.history.photos, value))
+            self._check_mask(value)
         else:
             if value.restart and not self.results.checking and self.history.last:
                 self._hand_over(self.history.last)
             self.candidates.update(value)
             self.view.add_step(value)
 
+    def _check_mask(self, fitted: FittedPhoto) -> None:
+        """Of an object that may not be cut out well; who pointed at it has seen it."""
+        if fitted.photo.mask_confidence >= DOUBTFUL_MASK or fitted.source.hints:
+            return
+        sources, index = self.history.sources, len(self.history.photos) - 1
+        point = Button("Point at it", lambda: self.no_background.emit(sources, index))
+        self._jobs.messages.notify(
+            f"{fitted.source.name}: is the object cut out well?", MessageKind.NOTE, buttons=(point,)
+        )
+
     def _check_category(self, guess: CategoryGuess) -> None:
         """A photo of another category is handed over; of one that nobody knows, a person decides."""
-        warning = describe_category(guess, self._editor.model.category)
+        here = self._editor.model.category
+        warning = "" if self.history.sources[0].category == here else describe_category(guess, here)
         likeliest = likeliest_category(guess)
         if warning and likeliest and guess[likeliest] > _SURE_CATEGORY:
             sources = self.history.sources
@@ -286,4 +299,5 @@ class Fitting:
         self._jobs.messages.notify(text, buttons=(show,) if waits else ())
 
     def _fitted(self, step: FitStep) -> EditableObject:
-        return EditableObject(self.history.name, step.codes, True, step.confidence)
+        photo = self.history.photo
+        return EditableObject(self.history.name, step.codes, True, step.confidence, photo.digest if photo else "")

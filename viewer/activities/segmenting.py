@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Bool, UInt8
 from PIL import Image
 
 from core.geometry.pixels import to_bytes
@@ -19,6 +19,8 @@ from viewer.values.fit_history import PhotoSource
 
 _SHOWN = 640
 """px: the longer side of what is shown"""
+_SMALL = 160
+"""px: that of the other masks"""
 _DIMMED = 0.25
 """what is left of the background's light"""
 
@@ -31,6 +33,8 @@ class Segmentation:
     found: CutOut
     shown: UInt8[np.ndarray, "height width 3"]
     """the photo with its background darkened"""
+    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()
+    """the next masks, shown small in the same way"""
     cropped: UInt8[np.ndarray, "size size 3"] | None = None
     """as it will be fitted; None until that is known"""
     crop: Crop | None = None
@@ -70,7 +74,7 @@ class Segmenting:
         self.hints, self.crop = source.hints or Hints(), source.crop or Crop()
 
         def read(image: Image.Image) -> None:
-            self._image, self.plain = image, _on_white(image)
+            self._image, self.plain = image, _on_white(image, _SHOWN)
             self._start()
 
         def ended(error: Exception | None) -> None:
@@ -96,6 +100,12 @@ class Segmenting:
         if hints != self.hints:
             self.hints = hints
             self._start()
+
+    def choose(self, number: int) -> None:
+        """Take one of the other masks that were found, the best of them being 0."""
+        chosen = self.hints.choice
+        self.begin_change()
+        self.set_hints(replace(self.hints, choice=number if number < chosen else number + 1, strokes=()))
 
     def undo(self) -> None:
         """Back to before the last box or stroke."""
@@ -143,9 +153,18 @@ class Segmenting:
 
 
 def _segment(image: Image.Image, hints: Hints) -> Segmentation:
-    found, shown = cut_out(image, hints), _on_white(image)
-    mask = np.asarray(Image.fromarray(found.mask).resize(shown.shape[1::-1]))
-    return Segmentation(hints, found, (shown * np.where(mask[..., None], 1, _DIMMED)).astype(np.uint8))
+    found, shown = cut_out(image, hints), _on_white(image, _SHOWN)
+    small = _on_white(image, _SMALL)
+    others = tuple(_dimmed(small, other.mask) for other in found.others)
+    return Segmentation(hints, found, _dimmed(shown, found.mask), others)
+
+
+def _dimmed(
+    shown: UInt8[np.ndarray, "height width 3"], mask: Bool[np.ndarray, "h w"]
+) -> UInt8[np.ndarray, "height width 3"]:
+    """With its background darkened."""
+    inside = np.asarray(Image.fromarray(mask).resize(shown.shape[1::-1]))
+    return (shown * np.where(inside[..., None], 1, _DIMMED)).astype(np.uint8)
 
 
 def _cropped(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
@@ -154,8 +173,8 @@ def _cropped(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
     return replace(result, cropped=pixels, crop=crop)
 
 
-def _on_white(image: Image.Image) -> UInt8[np.ndarray, "height width 3"]:
+def _on_white(image: Image.Image, side: int) -> UInt8[np.ndarray, "height width 3"]:
     """As it is shown."""
     small = image.copy()
-    small.thumbnail((_SHOWN, _SHOWN))
+    small.thumbnail((side, side))
     return np.asarray(Image.alpha_composite(Image.new("RGBA", small.size, "white"), small).convert("RGB"))

@@ -1,5 +1,8 @@
 """How long the frame on screen took, and what it was rendered with."""
 
+from collections.abc import Collection
+from statistics import median
+
 from imgui_bundle import hello_imgui, imgui
 
 from core.rendering.progressive import Frame
@@ -63,7 +66,13 @@ def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
         ("Kept", f"{CACHE.used / 2**20:.0f} of {CACHE.limit / 2**20:.0f} MB"),
         ("Device", device.type if device.type == "cpu" else str(device)),
         ("Window", f"{imgui.get_io().framerate:.0f} frames a second"),
+        ("Window's own time", _own_time(context.frame_times)),
     ]
+
+
+def _own_time(seconds: Collection[float]) -> str:
+    """Median and longest processor time of the window's thread in the last frames: what it takes besides rendering."""
+    return f"{1000 * median(seconds):.1f} ms a frame, longest of {len(seconds)} {1000 * max(seconds):.0f} ms"
 
 
 def _row(*cells: str) -> None:

@@ -11,7 +11,7 @@ from viewer.activities.fitting import Fitting
 from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.widgets.comparison import Comparison
-from viewer.widgets.controls import action_button, button, choose, flow, tooltip
+from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, labelled_slider, tooltip
 from viewer.widgets.fit_curve import FitCurve
 from viewer.widgets.text import heading
 from viewer.widgets.welcome import Samples
@@ -29,6 +29,8 @@ _RESUME_HELP = "Improve it from the step that is shown, for a third of the steps
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then continue from there:
 for a camera that was not found"""
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
+_DETAIL_HELP = """How much of the photo's own detail the object shows, such as lettering and lamps, in files too.
+It fades as the object is edited. A doubtful camera shows none."""
 _TALLEST = 1.0
 """height of the comparison, relative to the panel's width"""
 
@@ -63,6 +65,7 @@ class PhotoPanel(Panel):
             _draw_photos(fitting)
             self._comparison.draw_choice()
             self._comparison.draw(context, _TALLEST * imgui.get_content_region_avail().x)
+        _draw_strength(context)
         self._draw_details(context, fitting)
 
     def _draw_details(self, context: PanelContext, fitting: Fitting) -> None:
@@ -74,6 +77,19 @@ class PhotoPanel(Panel):
         if fitting.history.photo is not None:
             _draw_result(fitting)
             self._curve.draw(context)
+
+
+def _draw_strength(context: PanelContext) -> None:
+    """How much of the photo is on the object that is shown."""
+    detail = context.editor.scene.codes.detail
+    if detail is None:
+        return
+    shown = f"{detail.strength:.0%}"
+    changed, strength = labelled_slider("photo detail", "Photo detail", detail.strength, (0.0, 1.0), shown, (6, 3))
+    if changed:
+        context.editor.set_detail_strength(strength, "photo detail")
+    end_gesture(context)
+    tooltip(_DETAIL_HELP)
 
 
 def _draw_progress(fitting: Fitting) -> None:

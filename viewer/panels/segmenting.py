@@ -17,7 +17,7 @@ _MAX_ZOOM = 8.0
 """times: the largest zoom"""
 _TOOLS = ("Box", "Add", "Remove")
 _TIPS = (
-    "Drag a box around the whole object; everything outside is background",
+    "Click on the object (Shift: and on more of it), or drag a box around all of it",
     "Paint over what belongs to the object and was left out",
     "Paint over what does not belong to the object",
 )
@@ -70,6 +70,7 @@ class SegmentingDialog:
         imgui.begin_group()
         if imgui.begin_child("tools", (0, -imgui.get_frame_height_with_spacing())):
             self._draw_tools(segmenting)
+            _draw_others(context, segmenting)
             _draw_frame(context, segmenting)
         imgui.end_child()
         _draw_end(context, segmenting)  # in sight, however low the window is
@@ -95,6 +96,8 @@ class SegmentingDialog:
             left, top, right, bottom = segmenting.hints.box
             low, high = ImVec2(left * whole.x, top * whole.y), ImVec2(right * whole.x, bottom * whole.y)
             draw.add_rect(origin + low, origin + high, packed(WARM), thickness=2.0)
+        for x, y in segmenting.hints.points:
+            draw.add_circle(origin + ImVec2(x * whole.x, y * whole.y), 5.0, packed(WARM), thickness=2.0)
         if imgui.is_item_hovered() and self._tool != "Box":
             radius = self._brush * max(whole.x, whole.y)
             colour = context.palette.accent if self._tool == "Add" else context.palette.error
@@ -121,18 +124,21 @@ class SegmentingDialog:
         return corner - ImVec2(self._left * whole.x, self._top * whole.y), whole
 
     def _react(self, segmenting: Segmenting, corner: ImVec2, size: ImVec2) -> None:
-        """A drag over the photo makes a box or a stroke."""
+        """A drag over the photo makes a box or a stroke, a click a point."""
         mouse = imgui.get_mouse_pos() - corner
         at = min(1.0, max(0.0, mouse.x / size.x)), min(1.0, max(0.0, mouse.y / size.y))
         if imgui.is_item_activated():
             segmenting.begin_change()
             self._before, self._start, self._line = segmenting.hints, at, ()
+        if imgui.is_item_deactivated() and self._tool == "Box" and segmenting.hints == self._before:
+            points = (*self._before.points, at) if imgui.get_io().key_shift else (at,)
+            segmenting.set_hints(replace(self._before, box=None, points=points, choice=0, strokes=()))
         if not imgui.is_item_active():
             return
         if self._tool == "Box":
             (left, right), (top, bottom) = (sorted(pair) for pair in zip(self._start, at, strict=True))
             if min(right - left, bottom - top) > _LEAST:
-                segmenting.set_hints(replace(self._before, box=(left, top, right, bottom)))
+                segmenting.set_hints(replace(self._before, box=(left, top, right, bottom), points=()))
         elif not self._line or at != self._line[-1]:
             self._line = (*self._line, at)
             stroke = Stroke(self._line, self._brush, self._tool == "Add")
@@ -147,14 +153,14 @@ class SegmentingDialog:
             tooltip(text)
         self._brush = labelled_slider("brush", "Brush", self._brush, (0.005, 0.15), f"{self._brush:.1%}")[1]
         self._draw_threshold(segmenting)
-        if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last box or stroke back (Ctrl+Z)"):
+        if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last of these back (Ctrl+Z)"):
             segmenting.undo()
         if is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()
         imgui.same_line()
         if button(
             "Clear###clear hints",
-            "No box, no strokes, the usual edge: found automatically",
+            "No points, box or strokes, the usual edge: found automatically",
             enabled=bool(segmenting.hints),
         ):
             segmenting.begin_change()
@@ -174,6 +180,21 @@ class SegmentingDialog:
         if segmenting.result and segmenting.result.found.undecided:
             imgui.text_disabled(f"{100 * segmenting.result.found.undecided:.0f} % of it undecided")
             tooltip("Where the cut-out is neither sure of the object nor of the background. Paint over what is wrong")
+
+
+def _draw_others(context: PanelContext, segmenting: Segmenting) -> None:
+    """The next masks, each one click away."""
+    if context.images is None or not (segmenting.result and segmenting.result.others):
+        return
+    side = hello_imgui.em_size((_COLUMN - 3) / 2)
+    for number, shown in enumerate(segmenting.result.others):
+        if number:
+            imgui.same_line()
+        height, width = shown.shape[:2]
+        size = ImVec2(width, height) * (side / max(width, height))
+        if imgui.image_button(f"other {number}", context.images.texture(shown, context.palette), size):
+            segmenting.choose(number)
+        tooltip("Take this mask instead")
 
 
 def _draw_frame(context: PanelContext, segmenting: Segmenting) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from core.detail.frames import bake, render_progressively
 from core.export.mesh import export_mesh
 from core.export.video import write_video
 from core.fitting.category_check import guess_category
@@ -12,8 +13,8 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
 from core.photos.view_bank import build_view_bank
-from core.rendering.baked_field import BakedField, bake
-from core.rendering.progressive import Frame, RenderJob, render_progressively
+from core.rendering.baked_field import BakedField
+from core.rendering.progressive import Frame, RenderJob
 
 
 @dataclass(frozen=True)

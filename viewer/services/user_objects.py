@@ -94,7 +94,7 @@ def _file_name(name: str) -> str:
 
 def _write(path: Path, one: EditableObject, model: Model) -> None:
     scene = Scene(model.fingerprint, one.codes, orbit.home(model))
-    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence}
+    about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence, "photo": one.photo}
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path, partial(_read, model=model)) as written:
         written.write_text(json.dumps(about))
@@ -105,16 +105,19 @@ class _About(NamedTuple):
 
     name: str
     confidence: float | None = None
+    photo: str = ""
 
 
 def _read(path: Path, model: Model) -> EditableObject:
     with reading(path, "an object"):
         text = read_text(path)
         about = typed(_About, parse_json(text), name="object")
-        return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence)
+        return EditableObject(about.name, Scene.from_json(text, model).codes, True, about.confidence, about.photo)
 
 
 def _read_directions(path: Path) -> tuple[Direction, ...]:
     with reading(path, "directions"):
         stored = typed(tuple[tuple[str, tuple[float, ...], tuple[float, ...]], ...], read_json(path), name="directions")
-        return tuple(Direction(name, Codes(*map(torch.tensor, step))) for name, *step in stored)
+        return tuple(
+            Direction(name, Codes(torch.tensor(shape), torch.tensor(texture))) for name, shape, texture in stored
+        )

@@ -22,7 +22,8 @@ class Direction:
     def principal(cls, book: CodeBook, part: Part, index: int) -> "Direction":
         """One of the principal directions of the trained codes, named by its number."""
         space = book.shape_space if part == "shape" else book.texture_space
-        return cls(str(index + 1), replace(_zero(book), **{part: space.basis[index]}))
+        zero, way = _zero(book), space.basis[index]
+        return cls(str(index + 1), replace(zero, shape=way) if part == "shape" else replace(zero, texture=way))
 
     @classmethod
     def between(cls, name: str, book: CodeBook, ends: tuple[Codes, Codes], parts: Iterable[Part]) -> "Direction":
@@ -33,7 +34,8 @@ class Direction:
         first, second = ends
         spaces = {"shape": book.shape_space, "texture": book.texture_space}
         steps = {part: spaces[part].one_deviation(getattr(second, part) - getattr(first, part)) for part in parts}
-        found = cls(name, replace(_zero(book), **steps))
+        zero = _zero(book)
+        found = cls(name, Codes(steps.get("shape", zero.shape), steps.get("texture", zero.texture)))
         if not found.parts:
             raise ValueError(f"both have the same {' and '.join(parts)}")
         return found

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
+from core.models.photo_detail import PhotoDetail
 from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
@@ -29,7 +30,7 @@ class Parts:
 
     tensors: list[Tensor] = field(default_factory=list)
     photos: list[bytes] = field(default_factory=list)
-    """PNG files, the mask as opacity"""
+    """files, the mask as opacity: PNG, and what photos add to colours as it is kept"""
     timelines: list[Any] = field(default_factory=list)
     """as JSON"""
     left: int = _MAX_PHOTOS
@@ -55,6 +56,9 @@ def encode(value: Any, parts: Parts) -> Any:
     if isinstance(value, Photo):
         image = parts.number(value, parts.photos, lambda: encode_photo(value))
         return {"image": image} | {name: encode(getattr(value, name), parts) for name in _BESIDE_IMAGE}
+    if isinstance(value, PhotoDetail):
+        image = parts.number(value.image, parts.photos, lambda: value.image)
+        return _encode_fields(value, parts) | {"image": image}
     if isinstance(value, FittedPhoto):
         return {"source": encode(value.source, parts), "photo": encode(value.photo, parts)}
     if is_dataclass(value) or hasattr(value, "_fields"):
@@ -100,7 +104,7 @@ def decode_photo(file: bytes, most: int = _MAX_PHOTO, **beside: Any) -> Photo:
         return Photo(rgba[..., :3].float() / 255, rgba[..., 3] > 127, **beside)
 
 
-_BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur"
+_BESIDE_IMAGE = "camera", "cropped", "scaled", "unseen", "opacity", "edge_error", "focal", "blur", "mask_confidence"
 """Fields of a photo that a PNG cannot hold."""
 
 
@@ -110,6 +114,14 @@ def _decode_photo(about: Any, parts: Parts) -> Photo:
     photo = decode_photo(_part(parts.photos, about["image"]), min(_MAX_PHOTO, parts.left), **beside)
     parts.left -= 4 * photo.mask.numel()
     return photo
+
+
+def _decode_detail(about: Any, parts: Parts) -> PhotoDetail:
+    kinds = _kinds(PhotoDetail)
+    beside = {name: decode(kinds[name], about[name], parts) for name in kinds if name in about and name != "image"}
+    detail = PhotoDetail(_part(parts.photos, about["image"]), **beside)
+    detail.pixels()  # raises where it is damaged
+    return detail
 
 
 def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
@@ -136,6 +148,7 @@ def _part(stored: list, number: Any) -> Any:
 
 _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
     Photo: _decode_photo,
+    PhotoDetail: _decode_detail,
     FittedPhoto: _decode_fitted_photo,
     Timeline: _decode_timeline,
 }

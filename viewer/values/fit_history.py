@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,6 +33,8 @@ class PhotoSource(NamedTuple):
     hints: Hints | None = None
     """where the object is, where a person pointed it out"""
     crop: Crop | None = None
+    category: str = ""
+    """that a person says it shows; empty: the classifier decides"""
 
     @property
     def name(self) -> str:
@@ -51,6 +54,11 @@ class FittedPhoto:
     def of(cls, source: PhotoSource, photo: Photo) -> FittedPhoto:
         """With its pixels as bytes."""
         return cls(source, photo, to_bytes(photo.pixels))
+
+    @property
+    def digest(self) -> str:
+        """By which the photo is known again."""
+        return hashlib.sha256(self.pixels.tobytes()).hexdigest()[:16]
 
     def doubled_difference(self, render: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "height width 3"]:
         """Twice the absolute difference, at the photo's size; a render that is a preview is smaller."""

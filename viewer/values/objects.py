@@ -21,6 +21,8 @@ class EditableObject:
     """to a photo"""
     confidence: float | None = None
     """the probability that the camera of that photo is right, 0..1; None where that is not known"""
+    photo: str = ""
+    """digest of that photo's pixels; empty where that is not known"""
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:

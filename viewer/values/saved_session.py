@@ -50,7 +50,8 @@ class SavedSession:
         objects = [one.codes for one in self.objects]
         codes = [*(state.scene.codes for state in self.history.states), *objects, *keys, *steps]
         made_here = all(model.shares_codes_with(state.scene.model) for state in self.history.states)
-        if not made_here or any((one.shape.shape, one.texture.shape) != sizes for one in codes):
+        pairs = [one for each in codes for one in (each, each.detail) if one]
+        if not made_here or any((one.shape.shape, one.texture.shape) != sizes for one in pairs):
             raise ValueError(f"it was made with another model than this one of {model.category or 'unnamed things'}")
         known = {*ObjectLibrary(model).names, *(one.name for one in self.objects)}
         if any(not state.mix.names <= known for state in self.history.states):

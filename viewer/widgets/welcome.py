@@ -32,6 +32,8 @@ class Welcome:
 
     def __init__(self) -> None:
         self._samples = Samples()
+        nouns = " or ".join(f"a {singular(category)}" for category in shipped_models())
+        self._sentence = f"Drop a photo of {nouns}: it is rebuilt in 3-D."
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
@@ -62,11 +64,8 @@ class Welcome:
         imgui.pop_style_var()
         imgui.pop_style_color()
 
-    @staticmethod
-    def _draw_open(context: PanelContext, narrow: bool) -> None:
-        nouns = " or ".join(f"a {singular(category)}" for category in shipped_models())
-        sentence = f"Drop a photo of {nouns}: it is rebuilt in 3-D."
-        imgui.text_wrapped(sentence) if narrow else heading(context, sentence)
+    def _draw_open(self, context: PanelContext, narrow: bool) -> None:
+        imgui.text_wrapped(self._sentence) if narrow else heading(context, self._sentence)
         label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
         em = hello_imgui.em_size()
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))

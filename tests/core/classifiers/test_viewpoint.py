@@ -10,7 +10,7 @@ from core.classifiers.viewpoint import (
     predict_viewpoint,
     viewpoint_nll,
 )
-from tests.core.models.test_crops import square
+from tests.core.classifiers.test_crops import square
 
 
 def test_directions_are_nearest_to_themselves():

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,7 +84,8 @@ def test_exact_is_the_reference_and_close(file: str, tmp_path: Path):
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str, model: Model, tmp_path: Path):
-    words = ("--object", 0, "--morph-to", 1, "--distance", 2, "--frames", 4, "--size", 24, "--fps", 12, "--transparent")
+    about = "--object 0 --morph-to 1 --distance 2 --frames 4 --size 24 --fps 12 --transparent --exact"
+    words = about.split()
     run("turntable", "--model", file, *words, "--out", tmp_path / "t.frames")
     there = ("--object", 1, "--azimuth", 240, "--distance", 2, "--size", 24)
     run("render", "--model", file, *there, "--out", tmp_path / "there.png")
@@ -280,6 +282,21 @@ def test_a_low_confidence_is_said_in_words(margin, said, file, model, tmp_path, 
     assert found["uncertainty_deg"] == 1.5
 
 
+def test_that_several_photos_have_no_confidence_is_said(file, model, tmp_path, capsys, monkeypatch):
+    step = FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 2, model.codes[0])
+    drawing = Image.new("RGB", (64, 64), "white")
+    drawing.paste((200, 30, 30), (20, 14, 44, 52))
+    drawing.save(tmp_path / "a.png")
+    photo = Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
+    monkeypatch.setattr(fitting, "prepare_photo", lambda *_: photo)
+    monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
+    monkeypatch.setattr(fitting, "guess_category", lambda *_: {})
+    run("fit", tmp_path / "a.png", tmp_path / "a.png", "--model", file)
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["confidence"] is None
+    assert "of several photos together" in printed.err
+
+
 def test_a_box_is_in_pixels_of_the_upright_image(file, model, tmp_path, capsys, monkeypatch):
     exif = Image.Exif()
     exif[ExifTags.Base.Orientation] = 6
@@ -300,6 +317,57 @@ def test_a_box_is_in_pixels_of_the_upright_image(file, model, tmp_path, capsys, 
     assert "no inside within the image of 200x400 px" in printed
     assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in printed
     assert "1 images need as many boxes, got 2" in printed
+
+
+def test_a_point_or_a_mask_says_where_the_object_is(file, tmp_path, capsys, monkeypatch):
+    Image.new("RGB", (400, 200), "red").save(tmp_path / "a.png")
+    mask = Image.new("L", (40, 20))
+    mask.paste(255, (10, 5, 20, 15))
+    mask.save(tmp_path / "mask.png")
+    Image.new("L", (40, 20), 255).save(tmp_path / "white.png")
+    given = []
+
+    def cut(image, hints):
+        given.append((hints and hints.points, image.getchannel("A").getbbox(), image.getchannel("A").getextrema()))
+        raise ValueError("enough")
+
+    monkeypatch.setattr(fitting, "cut_out", cut)
+    words = "fit", tmp_path / "a.png", "--model", file
+    mask_words = "--mask", tmp_path / "mask.png"
+    for more in (
+        ("--point", "100,50"),
+        ("--point", "500,50"),
+        ("--point", "1"),
+        ("--point", "1,2", *mask_words),
+        mask_words,
+        ("--mask", tmp_path / "white.png"),
+        (*mask_words, tmp_path / "mask.png"),
+    ):
+        with pytest.raises(SystemExit):
+            run(*words, *more)
+    (points, whole, opaque), (none, box, both) = given
+    assert (points, whole, opaque) == (((0.25, 0.25),), (0, 0, 400, 200), (255, 255))
+    assert none is None
+    assert both == (0, 255)
+    np.testing.assert_allclose(box, (100, 50, 200, 150), atol=10)
+    printed = capsys.readouterr().err
+    assert "outside the image of 400x200 px" in printed
+    assert "a point is two numbers X,Y, not '1'" in printed
+    assert "white.png: a mask is white on the object and black elsewhere" in printed
+    assert "1 images need as many masks, got 2" in printed
+
+
+def test_a_doubtful_cut_out_is_said(file, model, tmp_path, capsys, monkeypatch):
+    """Nothing but noise: it is fitted all the same."""
+    monkeypatch.setitem(sys.modules, "rembg", None)
+    noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(tmp_path / "a.png")
+    pose = model.camera(np.radians(60), np.radians(20)).pose()
+    (tmp_path / "pose.txt").write_text(" ".join(str(float(number)) for number in pose.flatten()))
+    run("fit", tmp_path / "a.png", "--model", file, "--preset", "draft", "--pose", tmp_path / "pose.txt")
+    printed = capsys.readouterr()
+    assert "a.png: the cut-out is doubtful (0." in printed.err
+    assert "azimuth" in json.loads(printed.out)
 
 
 def test_what_is_kept_is_listed_and_cleared(tmp_path: Path, capsys, monkeypatch):

@@ -6,7 +6,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, with_neighbours
+from core.models.cells import contains, corner_points, corners_of, divide, max_of_corners, unravelled, with_neighbours
 
 _COUNT, _EXTENT = 12, torch.tensor([0.4, 0.2, 0.3])
 
@@ -57,3 +57,8 @@ def test_points_outside_the_box_count_to_the_cell_beside_them():
     cells = torch.zeros((1, _COUNT, _COUNT, _COUNT), dtype=torch.bool)
     cells[0, 0, 0, -1] = True
     assert contains(cells, torch.tensor([[[-9.0, -9.0, 9.0], [-9.0, -9.0, -9.0]]]), _EXTENT).tolist() == [[True, False]]
+
+
+def test_numbers_of_corners_are_where_the_corners_are() -> None:
+    index = torch.randint(0, 7**3, (50,), generator=torch.Generator().manual_seed(0))
+    assert torch.equal(unravelled(index, 7), torch.stack(torch.unravel_index(index, (7, 7, 7)), -1))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from core.photos import segmentation
+from core.photos import candidates
 from core.photos.decode import read_rgba
 from core.photos.plain_background import NoBackgroundError
 from core.photos.saliency import predict_saliency
@@ -45,10 +45,13 @@ def test_a_box_finds_the_object_on_busy_background():
     assert not cut.white
 
 
-def test_without_hints_and_without_a_network_busy_background_is_refused(monkeypatch: pytest.MonkeyPatch):
+def test_without_hints_and_without_a_network_the_middle_of_a_busy_image_is_taken(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "rembg", None)
-    with pytest.raises(NoBackgroundError, match="box"):
-        cut_out(busy())
+    cut = cut_out(busy())
+    assert cut.mask[120, 120]
+    assert cut.confidence < 0.9
+    with pytest.raises(ValueError, match="no object found"):
+        cut_out(Image.new("RGBA", (64, 64), "grey"))
 
 
 def test_strokes_add_and_remove_the_later_over_the_earlier():
@@ -74,6 +77,7 @@ def test_strokes_alone_correct_what_is_found_by_itself():
     pen = ImageDraw.Draw(image)
     pen.rectangle((40, 40, 100, 200), fill=(20, 40, 230))
     pen.rectangle((140, 40, 200, 200), fill=(230, 40, 20))
+    pen.rectangle((100, 110, 140, 116), fill=(90, 40, 120))
     assert cut_out(image).mask[120, 170]
     cut = cut_out(image, Hints(strokes=(Stroke(((0.7, 0.2), (0.7, 0.8)), 0.1, False),)))
     assert cut.mask[120, 70]
@@ -110,7 +114,10 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Callable[[np.ndarray], None]:
     """Makes the saliency network see an object in a given place."""
 
     def sees(mask: np.ndarray) -> None:
-        monkeypatch.setattr(segmentation, "predict_saliency", lambda image: mask.astype(np.float32))
+        def look(image: Image.Image) -> np.ndarray | None:
+            return mask.astype(np.float32) if image.size == mask.shape[::-1] else None
+
+        monkeypatch.setattr(candidates, "predict_saliency", look)
 
     return sees
 
@@ -122,21 +129,22 @@ def test_on_busy_background_the_network_decides(network: Callable[[np.ndarray], 
     assert not cut.white
 
 
-def test_the_threshold_says_how_much_of_a_soft_edge_belongs_to_the_object(network: Callable[[np.ndarray], None]):
+def test_the_threshold_says_how_much_of_a_soft_edge_belongs_to_the_object():
     """Outside of strokes too; a hard edge knows no threshold."""
     y, x = np.mgrid[0:240, 0:240] / 240
-    network(((0.22 - np.hypot(x - 0.5, y - 0.5)) / 0.04).clip(0, 1))
-    narrow, usual, wide = (cut_out(busy(), Hints(threshold=share)) for share in (0.9, 0.5, 0.1))
+    soft, hard = busy(), busy()
+    soft.putalpha(Image.fromarray((255 * ((0.22 - np.hypot(x - 0.5, y - 0.5)) / 0.04).clip(0, 1)).astype(np.uint8)))
+    narrow, usual, wide = (cut_out(soft, Hints(threshold=share)) for share in (0.9, 0.5, 0.1))
     assert narrow.mask.sum() < usual.mask.sum() < wide.mask.sum()
-    np.testing.assert_array_equal(usual.mask, cut_out(busy()).mask)
-    # The ring between nine tenths and one tenth: radii 0.184 and 0.216 around a disc of 0.2.
-    assert usual.undecided == pytest.approx((0.216**2 - 0.184**2) / 0.2**2, rel=0.1)
+    np.testing.assert_array_equal(usual.mask, cut_out(soft).mask)
+    # The ring between nine tenths and what is left of it near the mask, two pixels of 240 beyond a half.
+    assert usual.undecided == pytest.approx(((0.2 + 2 / 240) ** 2 - 0.184**2) / 0.2**2, rel=0.1)
     stroke = Stroke(((0.73, 0.73),), 0.02, True)
     apart = np.hypot(x - 0.73, y - 0.73) > 0.06
-    stroked = cut_out(busy(), Hints(strokes=(stroke,), threshold=0.9)).mask
+    stroked = cut_out(soft, Hints(strokes=(stroke,), threshold=0.9)).mask
     np.testing.assert_array_equal(stroked[apart], narrow.mask[apart])
-    network(disc())
-    assert cut_out(busy()).undecided == 0
+    hard.putalpha(Image.fromarray((255 * disc()).astype(np.uint8)))
+    assert cut_out(hard).undecided == 0
 
 
 @pytest.mark.parametrize("threshold", [0.0, 1.0, -1.0, float("nan")])
@@ -146,14 +154,55 @@ def test_a_threshold_without_two_sides_is_refused(threshold: float):
     assert Hints(threshold=0.3)
 
 
-def test_a_network_that_finds_nothing_is_reported(network: Callable[[np.ndarray], None]):
-    network(np.zeros((240, 240), bool))
-    with pytest.raises(NoBackgroundError):
-        cut_out(busy())
+def two_discs() -> tuple[Image.Image, np.ndarray, np.ndarray]:
+    """Two blue discs before noise, and their masks."""
+    y, x = np.mgrid[0:240, 0:240] / 240
+    one, other = np.hypot(x - 0.3, y - 0.5) < 0.15, np.hypot(x - 0.7, y - 0.5) < 0.15
+    values = np.random.default_rng(0).integers(90, 160, (240, 240, 3)).astype(np.uint8)
+    values[one | other] = (20, 40, 230)
+    return Image.fromarray(values).convert("RGBA"), one, other
+
+
+def test_what_is_not_sure_says_so_and_offers_others(network: Callable[[np.ndarray], None]):
+    """Two objects, and a network that is in doubt about both: one of them, the other one click away."""
+    image, one, other = two_discs()
+    network((one | other) * 0.6)
+    cut = cut_out(image)
+    masks = [cut.mask, *(each.mask for each in cut.others)]
+    assert len(masks) == 3
+    assert [each.confidence for each in (cut, *cut.others)] == sorted(c.confidence for c in (cut, *cut.others))[::-1]
+    for truth in (one, other):
+        assert max((mask & truth).sum() / (mask | truth).sum() for mask in masks) > 0.85
+    chosen = cut_out(image, Hints(choice=1))
+    np.testing.assert_array_equal(chosen.mask, masks[1])
+    assert len(chosen.others) == 2
+
+
+def test_a_point_says_which_of_two_objects(monkeypatch: pytest.MonkeyPatch):
+    def blue(image: Image.Image) -> np.ndarray:
+        return (np.asarray(image.convert("RGB"))[..., 2] > 200).astype(np.float32)
+
+    monkeypatch.setattr(candidates, "predict_saliency", blue)
+    image, one, other = two_discs()
+    for points, truth in (((0.3, 0.5),), one), (((0.7, 0.5),), other), (((0.3, 0.5), (0.7, 0.5)), one | other):
+        assert overlap(cut_out(image, Hints(points=points)), truth) > 0.8
+    with pytest.raises(ValueError, match="outside"):
+        Hints(points=((1.2, 0.5),))
+
+
+def test_specks_far_from_the_object_go_and_legs_stay(network: Callable[[np.ndarray], None]):
+    mask = np.zeros((240, 240), bool)
+    mask[60:120, 80:160] = mask[124:180, 84:90] = mask[20:40, 210:235] = True
+    values = np.asarray(busy()).copy()
+    values[mask, :3] = (250, 250, 250)
+    network(mask)
+    cut = cut_out(Image.fromarray(values))
+    assert cut.mask[150, 87]
+    assert not cut.mask[20:40, 210:235].any()
 
 
 def test_a_plain_background_beyond_doubt_runs_no_network(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(segmentation, "predict_saliency", lambda image: pytest.fail("the network was run"))
+    monkeypatch.setattr(candidates, "predict_saliency", lambda image: pytest.fail("the network was run"))
     image = np.where(disc()[..., None], (20, 40, 230), (200, 220, 200)).astype(np.uint8)
     assert overlap(cut_out(Image.fromarray(image).convert("RGBA")), disc()) > 0.98
 

@@ -10,7 +10,7 @@ from core.rendering.images import render_image
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
-from tests.core.models.test_ablations import build
+from tests.core.models.test_architecture_variants import build
 
 
 def entangled() -> Model:

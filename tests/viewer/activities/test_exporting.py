@@ -38,7 +38,7 @@ def test_a_turntable_is_written_with_progress(session: Session, workspace: Works
 
 
 def test_a_cancelled_turntable_leaves_no_file(session: Session, workspace: Workspace, tmp_path: Path) -> None:
-    workspace.exporting.share(tmp_path / "turn.mp4", ShareSettings(frames=5000, size=16))
+    workspace.exporting.share(tmp_path / "turn.mp4", ShareSettings(frames=700, size=16))
     while workspace.exporting.progress == 0:
         session.jobs.worker.deliver()
     assert workspace.exporting.remaining > 0

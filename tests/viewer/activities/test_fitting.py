@@ -1,15 +1,16 @@
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
+from core.photos.photo import Photo
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import CheckedFit, broken_fit, endless_fit, quick_fit
+from tests.viewer.stand_ins import CheckedFit, broken_fit, endless_fit, quick_fit, quick_photo
 from viewer.editor import Editor
 from viewer.services.messages import MessageKind
 from viewer.session import Session
@@ -221,20 +222,27 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, workspace: Workspa
     assert not fitting.running
 
 
-def test_photos_without_a_background_are_pointed_out_one_after_the_other(
-    session: Session, workspace: Workspace, tmp_path: Path
+def test_photos_that_may_be_cut_out_wrongly_are_pointed_out_one_after_the_other(
+    session: Session, workspace: Workspace, photo: Path
 ) -> None:
-    noise = np.random.default_rng(0)
-    for name in ("a", "b"):
-        Image.fromarray(noise.integers(0, 255, (64, 64, 3), np.uint8)).save(tmp_path / f"{name}.png")
-        workspace.fitting.start(tmp_path / f"{name}.png")
+    def doubted(path: Path, model: Model, *more: object) -> Photo:
+        return replace(quick_photo(path, model, *more), mask_confidence=0.2)
+
+    session.jobs.backend = replace(session.jobs.backend, load_photo=doubted)
+    for name in ("block a", "block b"):
+        shutil.copy(photo, photo.with_name(f"{name}.png"))
+        workspace.fitting.start(photo.with_name(f"{name}.png"))
     finish(session, lambda: not workspace.fitting.pending)
+    assert workspace.editor.objects.own == ["block b", "block a"]  # both were fitted
+    buttons = [one for message in session.messages.all for one in message.buttons if one.label == "Point at it"]
+    for button in buttons:
+        button.press()
     session.tick()
-    assert workspace.segmenting.sources[0].path.stem == "a"
+    assert workspace.segmenting.sources[0].path.stem == "block a"
     workspace.segmenting.close()
     session.tick()
     assert workspace.segmenting.active
-    assert workspace.segmenting.sources[0].path.stem == "b"
+    assert workspace.segmenting.sources[0].path.stem == "block b"
     workspace.segmenting.close()
     session.tick()
     assert not workspace.segmenting.active

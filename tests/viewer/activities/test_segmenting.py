@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from core.models.model import Model
-from core.photos import segmentation
+from core.photos import candidates
 from core.photos.photo import Crop
 from tests.conftest import make_view_bank
 from tests.core.tiny import tiny_model
@@ -69,7 +69,7 @@ def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
     Image.fromarray(noise).save(tmp_path / "street.png")
     mask = np.zeros((160, 240), np.float32)
     mask[40:120, 60:120] = 1.0
-    monkeypatch.setattr(segmentation, "predict_saliency", lambda image: mask)
+    monkeypatch.setattr(candidates, "predict_saliency", lambda image: mask if image.size == (240, 160) else None)
     tiny = tiny_model()
     backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)

@@ -16,5 +16,9 @@ def test_the_performance_panel_describes_the_frame_on_screen(
         assert sizes[-1] == workspace.viewport.frame.resolution
         assert list(seconds) == sorted(seconds)
         assert session.messages.errors == []
+        own = window.context.frame_times
+        assert own.maxlen == 120
+        window.wait(lambda: len(own) == own.maxlen)
+        assert all(seconds >= 0 for seconds in own)
 
     drive(act, real_backend)

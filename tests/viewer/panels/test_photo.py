@@ -13,6 +13,7 @@ from core.models.model import Model
 from core.photos.photo import Photo
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit, quick_frames, quick_photo
+from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
 
 
@@ -277,3 +278,20 @@ def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backe
         assert session.messages.errors == []
 
     drive(act, replace(backend, fit=broken_fit))
+
+
+def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, model: Model) -> None:
+    def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        assert not window.exists("Photo/##photo detail")
+        editor.add_and_show(fitted(model), editor.scene.camera)
+        window.show("Photo")
+        before = editor.state
+        assert window.exists("Photo/##photo detail")
+        window.drag("Photo/##photo detail", -60)
+        detail = editor.scene.codes.detail
+        assert detail is not None and detail.strength < 1
+        window.undo()
+        assert editor.state == before
+
+    drive(act)

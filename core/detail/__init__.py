@@ -1,0 +1,1 @@
+"""What is taken from the photo beyond the codes: made after a fit, added to every image of the object."""

@@ -1,0 +1,79 @@
+"""The photo of a fit as its camera sees it: at the size it was taken in, upright, the optical axis in the middle."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor
+
+from core.geometry.camera import Camera
+from core.geometry.pixels import bounding_box, to_bytes
+from core.models.codes import Codes
+from core.models.model import Model
+from core.models.photo_detail import PhotoDetail
+from core.photos.photo import Photo
+
+
+def photo_detail(
+    model: Model,
+    photo: Photo,
+    camera: Camera,
+    codes: Codes,
+    confidence: float = 1.0,
+    crop_transform: Float[Tensor, "4"] | None = None,
+) -> PhotoDetail:
+    """What a photo shows of the object that was fitted to it.
+
+    Args:
+        camera: the one found, or the photo's own.
+        crop_transform: how the photo shows what the camera sees, as :class:`core.fitting.hypotheses.Parameters` has
+            it; None: as it is.
+    """
+    rgba = photo_pixels(photo)
+    height, width = rgba.shape[:2]
+    if crop_transform is not None and bool(crop_transform[1:].any()):
+        _, roll, *shift = crop_transform.tolist()
+        focal = model.focal * height / model.image_size  # which shifts are measured in
+        rgba = _upright(rgba, roll, (shift[0] * focal, shift[1] * focal))
+    rgba, camera = _around_object(rgba, camera.resized(width, height))
+    shape, texture = (code.detach().cpu().clone() for code in (codes.shape, codes.texture))
+    return PhotoDetail.of(rgba, camera, shape, texture, confidence)
+
+
+def photo_pixels(photo: Photo) -> UInt8[np.ndarray, "height width 4"]:
+    """On white, with opacity: as finely as it was taken, or as it was fitted where no more is known."""
+    if photo.fine is not None:
+        return photo.fine.numpy()
+    opacity = photo.mask.float() if photo.opacity is None else photo.opacity
+    return to_bytes(torch.cat((photo.pixels, opacity[..., None]), -1))
+
+
+def _around_object(
+    rgba: UInt8[np.ndarray, "height width 4"], camera: Camera
+) -> tuple[UInt8[np.ndarray, "rows columns 4"], Camera]:
+    """The middle of an image, which holds the object, and the camera that sees just that."""
+    height, width = rgba.shape[:2]
+    opaque = rgba[..., 3] > 0
+    if not opaque.any():
+        return rgba, camera
+    left, top, right, bottom = bounding_box(opaque)
+    reach = 1.04 * max(width / 2 - left, right - width / 2), 1.04 * max(height / 2 - top, bottom - height / 2)
+    x, y = max(0, math.floor(width / 2 - max(reach))), max(0, math.floor(height / 2 - max(reach)))
+    return rgba[y : height - y, x : width - x], replace(camera, width=width - 2 * x, height=height - 2 * y)
+
+
+def _upright(
+    rgba: UInt8[np.ndarray, "height width 4"], roll: float, shift: tuple[float, float]
+) -> UInt8[np.ndarray, "height width 4"]:
+    """Turned back by a roll (rad, clockwise), and moved back by a shift (px); beyond the image is white."""
+    import cv2  # loaded only where there is a photo
+
+    height, width = rgba.shape[:2]
+    cos, sin = math.cos(roll), math.sin(roll)
+    back = np.array([[cos, -sin], [sin, cos]])  # from a place in the upright image to that in the photo
+    middle = np.array([width, height]) / 2 - 0.5  # of pixels whose first is at 0
+    matrix = np.column_stack((back, middle + shift - back @ middle))
+    flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+    return cv2.warpAffine(rgba, matrix, (width, height), None, flags, cv2.BORDER_CONSTANT, (255, 255, 255, 0))

@@ -1,0 +1,177 @@
+"""On a tiny model: a photo is its render with a stripe that no code knows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from core.detail.frames import bake, render_frame, render_progressively, render_reference
+from core.detail.maps import FADED, detail_maps, paint_weight, shown_share, surface_normals
+from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
+from core.geometry.rays import Rays, camera_rays
+from core.metrics import psnr
+from core.models.codes import Codes
+from core.models.model import Model
+from core.models.photo_detail import PhotoDetail
+from core.rendering import progressive
+from core.rendering.baked_field import render_baked
+from core.rendering.detail_maps import DetailMaps
+from core.rendering.fast import clear_cache
+from core.rendering.offscreen import OffscreenPictures
+from core.rendering.progressive import RenderJob, RenderSettings
+from core.rendering.reference import Rendered, render_exact
+from core.streams import run_to_end
+from tests.conftest import no_opengl
+
+SIZE = 192
+
+
+def striped(model: Model, camera: Camera, confidence: float = 1.0) -> Codes:
+    """Codes whose photo has a dark stripe across the object."""
+    seen = render_exact(model, model.codes[0], camera, 96)
+    colour = seen.colour.clamp(0, 1).clone()
+    rows = slice(int(0.50 * SIZE), int(0.54 * SIZE))
+    colour[rows] = torch.lerp(colour[rows], torch.tensor([0.1, 0.1, 0.6]), seen.opacity[rows, :, None])
+    rgba = to_bytes(torch.cat((colour, seen.opacity[..., None]), -1))
+    codes = model.codes[0]
+    return replace(codes, detail=PhotoDetail.of(rgba, camera, codes.shape, codes.texture, confidence))
+
+
+@pytest.fixture(scope="module")
+def camera(tiny: Model) -> Camera:
+    return tiny.camera(1.1, 0.3).resized(SIZE, SIZE)
+
+
+@pytest.fixture(scope="module")
+def codes(tiny: Model, camera: Camera) -> Codes:
+    return striped(tiny, camera)
+
+
+def test_the_photos_own_view_becomes_the_photo(tiny: Model, codes: Codes, camera: Camera) -> None:
+    assert codes.detail is not None
+    photo = codes.detail.pixels()[..., :3] / 255
+    plain, shown = (render_frame(tiny, one, camera).image / 255 for one in (replace(codes, detail=None), codes))
+    assert psnr(shown, photo) > psnr(plain, photo) + 4
+
+
+def test_opacity_and_depth_stay_bit_for_bit(tiny: Model, codes: Codes) -> None:
+    beside = tiny.camera(1.5, 0.5).resized(72, 96)
+    plain, shown = (render_frame(tiny, one, beside) for one in (replace(codes, detail=None), codes))
+    assert (plain.image != shown.image).any()
+    assert np.array_equal(plain.opacity, shown.opacity) and np.array_equal(plain.depth, shown.depth)
+
+
+def test_the_stripe_turns_with_the_surface(tiny: Model, codes: Codes) -> None:
+    """From 30 degrees beside the photo, the places that the stripe darkens are those that it is painted on."""
+    beside = tiny.camera(1.1 + 0.5, 0.3).resized(SIZE, SIZE)
+    plain, shown = (render_reference(tiny, one, beside) for one in (replace(codes, detail=None), codes))
+    darker = (plain.colour - shown.colour)[..., 0] > 0.1
+    assert darker.sum() > 60, (plain.colour - shown.colour)[..., 0].max()
+    rays = camera_rays(beside, tiny.extent_tensor)
+    points = (rays.origins + rays.directions * shown.depth[..., None])[darker]
+    assert codes.detail is not None
+    rows = codes.detail.camera.project(points)[:, 1] / codes.detail.camera.height
+    assert float(((rows - 0.52 + 0.02).abs() < 0.05).float().mean()) > 0.8
+
+
+@pytest.mark.parametrize("confidence, share", [(0.3, 0.0), (0.5, 0.0), (0.6, 0.5), (0.9, 1.0)])
+def test_a_doubtful_camera_shows_none(tiny: Model, codes: Codes, confidence: float, share: float) -> None:
+    assert codes.detail is not None
+    doubtful = replace(codes, detail=replace(codes.detail, confidence=confidence))
+    assert shown_share(tiny, doubtful) == pytest.approx(share)
+    assert (run_to_end(detail_maps(tiny, doubtful)) is None) == (share == 0)
+
+
+@pytest.mark.parametrize("part", ["shape", "texture"])
+def test_edits_fade_it(tiny: Model, codes: Codes, part: str) -> None:
+    space = tiny.codes.shape_space if part == "shape" else tiny.codes.texture_space
+    way = space.one_deviation(torch.tensor([1.0, 0.5]))
+    unit = way / float(space.distance(way, torch.zeros(2)))
+    shares = []
+    for distance in (0.0, FADED / 2, FADED, 2 * FADED):
+        edited = getattr(codes, part) + distance * unit
+        moved = replace(codes, shape=edited) if part == "shape" else replace(codes, texture=edited)
+        shares.append(shown_share(tiny, moved))
+    assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)
+
+
+def test_without_a_photo_every_frame_is_as_it_was(tiny: Model) -> None:
+    job = RenderJob(tiny.codes[1], tiny.camera(0.2, 0.3), RenderSettings(divisors=(2, 1)))
+    frames = []
+    for stream in (render_progressively, progressive.render_progressively):
+        clear_cache()
+        frames.append(list(filter(None, stream(tiny, job))))
+    one, other = frames
+    assert all(np.array_equal(a.image, b.image) for a, b in zip(one, other, strict=True))
+
+
+def test_every_stage_shows_it(tiny: Model, codes: Codes, camera: Camera) -> None:
+    settings = RenderSettings(divisors=(2, 1), supersampling=2)
+    frames = []
+    for one in (codes, replace(codes, detail=None)):
+        clear_cache()
+        frames.append(list(filter(None, render_progressively(tiny, RenderJob(one, camera, settings)))))
+    assert len(frames[0]) == 3
+    assert all((a.image != b.image).any() for a, b in zip(*frames, strict=True))
+
+
+def test_what_opengl_draws_is_what_the_processor_looks_up(tiny: Model, codes: Codes) -> None:
+    *_, baked = filter(None, bake(tiny, codes))
+    beside = tiny.camera(1.4, 0.4).resized(96, 96)
+    try:
+        pictures = OffscreenPictures(96)
+    except RuntimeError as error:
+        no_opengl(error)
+    with pictures:
+        drawn, bare = (pictures.draw(one, beside) / 255 for one in (baked, replace(baked, detail=None)))
+    looked_up = render_baked(baked, beside).colour.numpy()
+    added = np.abs(drawn - bare).mean()
+    assert added > 0.001
+    assert np.abs(drawn - looked_up).mean() < added / 4
+
+
+def test_a_ball_has_the_normals_of_a_ball() -> None:
+    camera = Camera(0.4, 0.3, 2.0, 500.0, 256, 256)
+    rays, rendered = ball(camera)
+    points = rays.origins + rays.directions * rendered.depth[..., None]
+    normals = surface_normals(rays.origins, rays.directions, rendered)
+    inside = points.norm(dim=-1) < 0.401
+    cosine = (normals * points / 0.4).sum(-1)
+    middle = inside & (-(normals * rays.directions).sum(-1) > 0.6)
+    assert float(cosine[middle].min()) > 0.98
+
+
+def ball(camera: Camera, radius: float = 0.4) -> tuple[Rays, Rendered]:
+    rays = camera_rays(camera, torch.full((3,), 0.5))
+    along = -(rays.origins * rays.directions).sum(-1)
+    under = radius**2 - (rays.origins.square().sum(-1) - along**2)
+    hit = under > 0
+    depth = torch.where(hit, along - under.clamp_min(0).sqrt(), 0.0)
+    return rays, Rendered(torch.where(hit[..., None], 0.5, 1.0).expand(*hit.shape, 3), depth, hit.float())
+
+
+def test_no_step_shows_where_it_fades_out() -> None:
+    """On a grey ball whose photo is lighter by 40 of 255: neighbouring pixels differ by 4 of 255 at most."""
+    source = Camera(0.4, 0.3, 2.0, 300.0, 256, 256)
+    rays, seen = ball(source)
+    normals = surface_normals(rays.origins, rays.directions, seen)
+    weight = paint_weight(seen.opacity, seen)
+    fine = torch.cat((0.16 * weight.expand(3, -1, -1), weight[None]))
+    surface = torch.cat((normals, seen.depth[..., None]), -1).movedim(-1, 0)
+    maps = DetailMaps(source, (fine,), 0.6 * fine[:3], surface)
+    for turn in (0.0, 0.5, 1.2, 2.0):
+        view = Camera(0.4 + turn, 0.5, 2.0, 600.0, 512, 512)
+        rays, plain = ball(view)
+        added = maps.added(plain, view, torch.full((3,), 0.5)).colour[..., 0] - plain.colour[..., 0]
+        # Beside the outline neighbouring pixels are far apart on the ball.
+        points = rays.origins + rays.directions * plain.depth[..., None]
+        flat = -(points / 0.4 * rays.directions).sum(-1) > 0.4
+        inside = (plain.opacity > 0) & flat
+        steps = [
+            (added[:, 1:] - added[:, :-1]).abs()[inside[:, 1:] & inside[:, :-1]].max(),
+            (added[1:] - added[:-1]).abs()[inside[1:] & inside[:-1]].max(),
+        ]
+        assert float(added[inside].max()) > (0.1 if turn < 1 else 0.01)
+        assert float(max(steps)) < 4 / 255

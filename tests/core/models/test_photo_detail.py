@@ -1,0 +1,78 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from core.geometry.camera import Camera
+from core.models.codes import Codes
+from core.models.model import Model
+from core.models.photo_detail import MAX_BYTES, PhotoDetail
+from core.models.scene import Scene, open_scene, save_image
+
+CAMERA = Camera(0.5, 0.2, 1.3, 60.0, 40, 30)
+
+
+def some_detail(model: Model) -> PhotoDetail:
+    rgba = np.full((30, 40, 4), 255, np.uint8)
+    rgba[10:20, 10:30] = 200, 30, 40, 255
+    rgba[:5, :, 3] = 0
+    mean = model.codes.mean
+    return PhotoDetail.of(rgba, CAMERA, mean.shape, mean.texture, 0.75)
+
+
+def test_pixels_come_back_nearly(model: Model) -> None:
+    pixels = some_detail(model).pixels()
+    assert pixels.shape == (30, 40, 4)
+    np.testing.assert_allclose(pixels[13:17, 14:26, :3].mean((0, 1)), (200, 30, 40), atol=12)
+    assert (pixels[:4, :, 3] == 0).all() and (pixels[6:, :, 3] == 255).all()
+
+
+def test_the_noisiest_photo_is_small() -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (1024, 1024, 4), np.uint8)
+    noise[..., 3] = 255
+    camera = CAMERA.resized(1024, 1024)
+    assert len(PhotoDetail.of(noise, camera, torch.zeros(2), torch.zeros(2)).image) <= MAX_BYTES
+
+
+def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
+    codes = replace(model.codes.mean, detail=replace(some_detail(model), strength=0.4))
+    scene = Scene(model.fingerprint, codes, CAMERA)
+    scene.save(tmp_path / "s.json")
+    assert Scene.load(tmp_path / "s.json", model) == scene
+    save_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "p.png", scene)
+    assert open_scene(tmp_path / "p.png", model).codes.detail == codes.detail
+    assert replace(codes, detail=None) != codes
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"image": "no base64!"},
+        {"image": "aGVsbG8="},
+        {"strength": 2},
+        {"confidence": "sure"},
+        {"shape": [1.0]},
+        {"camera": {"azimuth": 0, "elevation": 0, "distance": 1.3, "focal": 60, "width": 41, "height": 30}},
+    ],
+)
+def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, change: dict) -> None:
+    codes = replace(model.codes.mean, detail=some_detail(model))
+    about = json.loads(Scene(model.fingerprint, codes, CAMERA).to_json())
+    about["detail"] |= change
+    (tmp_path / "s.json").write_text(json.dumps(about))
+    with pytest.raises(ValueError) as raised:
+        Scene.load(tmp_path / "s.json", model)
+    assert "\n" not in str(raised.value)
+
+
+def test_it_goes_with_the_texture(model: Model) -> None:
+    plain, fitted = model.codes[0], replace(model.codes[1], detail=some_detail(model))
+    assert plain.taking("texture", fitted).detail is fitted.detail
+    assert plain.taking("shape", fitted).detail is None
+    assert fitted.taking("texture", plain).detail is None
+    assert fitted.mixed(plain, 1.0, 0.4).detail is fitted.detail
+    assert fitted.mixed(plain, 0.0, 1.0).detail is None
+    assert isinstance(fitted.mixed(plain, 0.0, 1.0), Codes)
