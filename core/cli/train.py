@@ -38,8 +38,6 @@ _VALIDATION_STRIDE = 20
 _VALIDATION_ANGLE = math.radians(15)
 """A predicted direction within this of the true one is counted as right."""
 _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
-_DEFAULT_SIZES = {"train": 256, "validation": 128, "test": 128}
-"""px; the paper's images are 128 px"""
 
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:
@@ -47,8 +45,7 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
-    size = chosen.size or _DEFAULT_SIZES[chosen.split]
-    rendered = render_meshes(*where, views, size, chosen.variants, _light(chosen))
+    rendered = render_meshes(*where, views, chosen.size, chosen.variants, _light(chosen), chosen.point_sampled)
     run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
 
 
@@ -57,8 +54,7 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.category, chosen.out, chosen.split
-    size = chosen.size or _DEFAULT_SIZES[chosen.split]
-    rendered = render_procedural(objects, *where, views, size, _light(chosen))
+    rendered = render_procedural(objects, *where, views, chosen.size, _light(chosen), chosen.point_sampled)
     run_with_progress(rendered, len(objects), "object")
 
 
@@ -70,9 +66,7 @@ def dataset_pairs(chosen: argparse.Namespace) -> None:
     """``dataset pairs``: trained and untrained pairs of procedural shapes and
     textures, for ``evaluate --disentanglement``."""
     objects = disentanglement_pairs(chosen.category, chosen.count, chosen.tables)
-    rendered = render_procedural(
-        objects, chosen.category, chosen.out, "test", chosen.views, chosen.size or _DEFAULT_SIZES["test"]
-    )
+    rendered = render_procedural(objects, chosen.category, chosen.out, "test", chosen.views, chosen.size)
     run_with_progress(rendered, len(objects), "object")
 
 
@@ -82,6 +76,7 @@ def train(chosen: argparse.Namespace) -> None:
     recipe = RECIPES[chosen.recipe]
     initial = load_model(chosen.init) if chosen.init else None
     settings = replace(recipe, field=_field_config(chosen, recipe.field, initial), steps=chosen.steps, seed=chosen.seed)
+    settings = replace(settings, shares=tuple(chosen.shares))
     training, held_out = hold_out(read_dataset(chosen.datasets))
     if initial:
         known = all(views.name in initial.codes.index for views in training.objects)

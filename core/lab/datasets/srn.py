@@ -64,6 +64,8 @@ class Dataset:
     """px, at image_size"""
     point_sampled: bool = False
     """a pixel holds what the ray through its centre meets; else the mean over its square"""
+    counts: tuple[int, ...] = ()
+    """objects of each folder that it was read from, in their order"""
 
 
 class _Identity(NamedTuple):
@@ -126,15 +128,16 @@ def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
     several = [folders] if isinstance(folders, str | Path) else list(folders)
     objects: list[ObjectViews] = []
     categories: set[str] = set()
-    point_sampled = True
+    counts, point_sampled = list[int](), True
     for folder in map(Path, several):
         manifest, found = _read_folder(folder)
         objects += found
+        counts.append(len(found))
         categories |= {manifest.category} - {""}
         point_sampled &= manifest.point_sampled
     _check_consistent(objects, categories)
     camera = objects[0].cameras[0]
-    return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal, point_sampled)
+    return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal, point_sampled, tuple(counts))
 
 
 def write_object(folder: Path | str, views: ObjectViews) -> None:

@@ -1,5 +1,6 @@
 """Training pixels as rays, and the visual hulls that say where along a ray an object can be."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -40,11 +41,32 @@ class RayBatch(NamedTuple):
     """0 off the object, 1 across its border, 2 on it; a point-sampled image has no pixel across it"""
 
 
+class _Group(NamedTuple):
+    """The pixels of some objects, from which a share of every batch is sampled."""
+
+    share: float
+    pixels: tuple[int, int]
+    """first and one past the last, in :class:`RayDataset`'s columns"""
+    edges: tuple[int, int]
+    """the same in its edges"""
+
+
 class RayDataset:
-    """All training pixels on and around the objects, or all pixels (``whole_image``), on one device."""
+    """All training pixels on and around the objects, or all pixels (``whole_image``), on one device.
+
+    Args:
+        shares: of the rays of a batch, for each folder of the dataset; none: as many as its pixels.
+
+    Raises ``ValueError`` for shares that are not positive or not one for each folder.
+    """
 
     def __init__(
-        self, dataset: Dataset, extent: tuple[float, float, float], device: torch.device, whole_image: bool
+        self,
+        dataset: Dataset,
+        extent: tuple[float, float, float],
+        device: torch.device,
+        whole_image: bool,
+        shares: tuple[float, ...] = (),
     ) -> None:
         objects = dataset.objects
         cameras = [camera for views in objects for camera in views.cameras]
@@ -67,19 +89,40 @@ class RayDataset:
             self.hulls = torch.ones(len(objects), *[_HULL_RESOLUTION] * 3, dtype=torch.bool, device=device)
         else:
             self.hulls = torch.stack([visual_hull(views, extent, _HULL_RESOLUTION) for views in objects]).to(device)
-        self._edge_fraction = 0.0 if whole_image or not len(self.edges) else _EDGE_FRACTION
+        self._edge_fraction = 0.0 if whole_image else _EDGE_FRACTION
+        self._groups = self._group(shares, dataset.counts if shares else (len(objects),))
+
+    def _group(self, shares: tuple[float, ...], counts: tuple[int, ...]) -> list[_Group]:
+        """One group for each folder, with its share of a batch; one of all pixels where there are no shares."""
+        shares = shares or (1.0,)
+        if len(shares) != len(counts) or min(shares) <= 0:
+            raise ValueError(f"{len(counts)} datasets need as many positive shares, got {shares}")
+        ends = torch.tensor([0, *counts]).cumsum(0).to(self.owner)
+        pixels = torch.searchsorted(self.view, torch.searchsorted(self.owner, ends).to(self.view))
+        edges = torch.searchsorted(self.edges, pixels.to(self.edges))
+        spans = (list(pairwise(column.tolist())) for column in (pixels, edges))
+        return [_Group(share / sum(shares), *span) for share, *span in zip(shares, *spans, strict=True)]
 
     def sample(self, count: int, generator: torch.Generator) -> RayBatch:
         """Rays through random pixels."""
-        device = self.view.device
-        index = torch.randint(len(self.view), (count,), generator=generator, device=device)
-        on_edge = round(self._edge_fraction * count)
-        if on_edge:
-            index[:on_edge] = self.edges[torch.randint(len(self.edges), (on_edge,), generator=generator, device=device)]
+        ends = np.cumsum([group.share for group in self._groups]) * count
+        counts = np.diff(np.rint(ends), prepend=0).astype(int)
+        parts = [self._choose(group, n, generator) for group, n in zip(self._groups, counts.tolist(), strict=True)]
+        index = torch.cat(parts)
         view, pixel = self.view[index].long(), self.pixel[index].long()
         azimuth, elevation, distance = self.angles[view].unbind(-1)
         rays = cast_rays(self.centres[pixel], azimuth, elevation, distance, self.focal, self.size, self.extent)
         return RayBatch(rays, self.owner[view], self.colours[index].float() / 255, self.mask_class[index])
+
+    def _choose(self, group: _Group, count: int, generator: torch.Generator) -> Int[Tensor, "count"]:
+        """Random pixels of a group; of those at borders of masks, more than come by chance."""
+        device = self.view.device
+        index = torch.randint(*group.pixels, (count,), generator=generator, device=device)
+        on_edge = round(self._edge_fraction * count) if group.edges[0] < group.edges[1] else 0
+        if on_edge:
+            chosen = torch.randint(*group.edges, (on_edge,), generator=generator, device=device)
+            index[:on_edge] = self.edges[chosen].long()
+        return index
 
     def inside_hull(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Bool[Tensor, "*batch"]:
         """Whether each point lies in its object's hull."""

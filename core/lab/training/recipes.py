@@ -41,6 +41,8 @@ class TrainSettings:
     """of the squared error of the opacity against the mask, off the mask's border"""
     ema_decay: float = 0.999
     """of the moving average of the weights, per step"""
+    shares: tuple[float, ...] = ()
+    """of the rays, for each folder of the dataset; none: as many as its pixels"""
     seed: int = 0
 
     @property

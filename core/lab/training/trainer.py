@@ -73,7 +73,7 @@ class Trainer:
         torch.manual_seed(settings.seed)
         self.category, self._imaging = dataset.category, _imaging(dataset)
         self.extent = shared_extent(dataset.objects)
-        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image)
+        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image, settings.shares)
         self.entries, shapes, textures = _build_entries(dataset)
         config = settings.field
         self.field = build_field(config).to(self.device)
@@ -305,7 +305,7 @@ def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
     rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
     some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
     held = tuple(part(views, slice(-1, None)) for views in some)
-    return replace(dataset, objects=rest), replace(dataset, objects=held)
+    return replace(dataset, objects=rest), replace(dataset, objects=held, counts=())
 
 
 def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
