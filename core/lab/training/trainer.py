@@ -21,6 +21,7 @@ from core.lab.training.recipes import TrainSettings
 from core.lab.training.visual_hull import shared_extent
 from core.metrics import psnr, psnr_from_mse
 from core.models.architecture_variants import build_field
+from core.models.code_map import CodeMap
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
@@ -87,6 +88,8 @@ class Trainer:
         self.step, self.seconds = 0, 0.0
         self.extends: tuple[str, ...] = ()
         """as :attr:`core.models.model.Model.extends`"""
+        self._former: CodeBook | None = None
+        """of the model that it started from"""
 
     def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
         """The optimisers of network and codes, and the peak learning rate of each of their parameter groups."""
@@ -126,6 +129,7 @@ class Trainer:
                     self.shapes[entry.shape], self.textures[entry.texture] = codes.shape, codes.texture
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
         self.extends = (model.fingerprint, *model.extends)
+        self._former = model.codes if known.keys() & {entry.name for entry in self.entries} else None
 
     def steps(self) -> Iterator[TrainStep]:
         """Train to the end of the schedule, yielding each step; to stop, take no more values.
@@ -153,8 +157,17 @@ class Trainer:
         for parameter, value in zip(averaged.parameters(), layers, strict=True):
             parameter.data.copy_(value)
         book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
-        metres = category_sizes(self.category).metres
-        return Model(averaged, book, self.extent, self.category, *self._imaging, extends=self.extends, metres=metres)
+        code_map = CodeMap.fitted(self._former, book) if self._former else None
+        return Model(
+            averaged,
+            book,
+            self.extent,
+            self.category,
+            *self._imaging,
+            extends=self.extends,
+            metres=category_sizes(self.category).metres,
+            code_map=code_map,
+        )
 
     def save_state(self, path: Path) -> None:
         """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""
