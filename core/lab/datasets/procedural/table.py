@@ -93,10 +93,11 @@ def render_procedural(
     views: int,
     size: int,
     light: Callable[[str], Light] = daylight,
+    point_sampled: bool = False,
 ) -> Iterator[str]:
     """Renders objects into the dataset ``out``, by :func:`core.lab.datasets.render_objects.render_objects`."""
     tasks = [RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects]
-    yield from render_objects(tasks, out, category, split, views, size, light)
+    yield from render_objects(tasks, out, category, split, views, size, light, point_sampled)
 
 
 def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:
