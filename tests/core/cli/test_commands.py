@@ -17,7 +17,7 @@ from core.__main__ import main
 from core.classifiers.category import CategoryClassifier
 from core.cli import fit as fitting
 from core.fitting import fit as fits
-from core.fitting.fit import PRESETS, FitStep, RunnerUp
+from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
 from core.lab.benchmarks import ablations, robustness
 from core.lab.datasets.srn import read_dataset, write_manifest, write_object
 from core.models.library import load_model
@@ -26,6 +26,11 @@ from core.models.scene import Scene
 from core.photos.photo import Photo
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PRESETS, "normal", FitSettings(steps=40, rays=96, samples=20))
 
 
 @pytest.fixture(autouse=True)
@@ -118,6 +123,7 @@ def evaluated(report: str) -> list[str]:
     return [one["name"] for one in json.loads(Path(report).read_text())["objects"]]
 
 
+@pytest.mark.usefixtures("quick")
 def test_evaluate_prints_the_table_and_writes_a_report(capsys: pytest.CaptureFixture[str]):
     write_stools()
     words = "evaluate d --model m.safetensors"
@@ -133,6 +139,7 @@ def test_evaluate_prints_the_table_and_writes_a_report(capsys: pytest.CaptureFix
     assert "boats" in refused(capsys, f"{words} --input-views 0,1")
 
 
+@pytest.mark.usefixtures("quick")
 def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys: pytest.CaptureFixture[str]):
     """Object 1 of three shows nothing, and of the last a file is broken."""
     write_stools()
@@ -245,7 +252,7 @@ def test_bench_measures_fits_and_draws_their_charts(capsys, monkeypatch):
     run(f"bench ablations {words}")
     assert "| full |" in capsys.readouterr().out
     assert {path.name for path in Path("charts").iterdir()} == {
-        *(f"{name}.{kind}" for name in ("ablations", "fit", "robustness") for kind in ("csv", "md", "png")),
+        *(f"{name}.{kind}" for name in ("ablations", "fit", "robustness") for kind in ("csv", "md", "png"))
     }
 
 

@@ -25,20 +25,14 @@ from core.runtime.reading import (
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (
-            RuntimeError("Failed to decode frame 0:\nplanes"),
-            "unreadable (Failed to decode frame 0: planes)",
-        ),
+        (RuntimeError("Failed to decode frame 0:\nplanes"), "unreadable (Failed to decode frame 0: planes)"),
         (EOFError(), "unreadable (EOFError)"),
         (lzma.LZMAError("Corrupt input data"), "unreadable (Corrupt input data)"),
         (RecursionError("maximum recursion depth"), "unreadable (nested too deeply)"),
         (Image.DecompressionBombError("900 px"), "unreadable (900 px)"),
         (NotImplementedError("Unknown pixel format"), "unreadable (Unknown pixel format)"),
         (struct.error("unpack requires 4 bytes"), "unreadable (unpack requires 4 bytes)"),
-        (
-            pickle.UnpicklingError("do those steps only if you trust"),
-            "unreadable (it holds something",
-        ),
+        (pickle.UnpicklingError("do those steps only if you trust"), "unreadable (it holds something"),
         (KeyError("camera"), "unreadable ('camera')"),
         (MemoryError(), "too large for this machine's memory"),
         (PermissionError(13, "Permission denied"), "cannot read"),

@@ -17,13 +17,13 @@ SIDE, LABEL = 160, 18
 QUICK = FitSettings(hypotheses=4, steps=12, rays=64, samples=16, max_restarts=0)
 
 
-@pytest.fixture
-def fitted(tiny: Model, monkeypatch: pytest.MonkeyPatch) -> list[FittedPhoto]:
+@pytest.fixture(scope="module")
+def fitted(tiny: Model) -> list[FittedPhoto]:
     """Two stools, seen from two sides."""
-    monkeypatch.setitem(figures.PRESETS, "normal", replace(PRESETS["normal"], **vars(QUICK)))
     photos = [photo_of(tiny, tiny.codes[index], tiny.camera(0.5 + index, 0.4)) for index in (0, 3)]
-    photos = [replace(photo, camera=None) for photo in photos]
-    return [fit_photo(tiny, photo) for photo in photos]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(figures.PRESETS, "normal", replace(PRESETS["normal"], **vars(QUICK)))
+        return [fit_photo(tiny, photo) for photo in photos]
 
 
 def cell(path: Path, row: int, column: int) -> np.ndarray:

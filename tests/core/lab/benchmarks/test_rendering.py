@@ -17,8 +17,7 @@ ABOUT = {"machine": "a machine", "views": "2"}
 
 @pytest.fixture(scope="module")
 def rows() -> Iterator[list[RenderRow]]:
-    patch = pytest.MonkeyPatch()
-    with patch.context() as changed:
+    with pytest.MonkeyPatch.context() as changed:
         for name, value in (
             ("TURNS", 2),
             ("NAIVE_TURNS", 1),

@@ -10,13 +10,7 @@ from core.lab.benchmarks import robustness
 from core.lab.benchmarks.charts import draw
 from core.lab.benchmarks.csv_files import Results, append_record, read_results
 from core.lab.benchmarks.held_out_views import HeldOutView, training_object_views
-from core.lab.benchmarks.robustness import (
-    RobustnessTrial,
-    measure_robustness,
-    name_camera,
-    rough_rates,
-    success_rates,
-)
+from core.lab.benchmarks.robustness import RobustnessTrial, measure_robustness, name_camera, rough_rates, success_rates
 from core.lab.benchmarks.stressors import STRESSORS, Stressor
 from core.lab.benchmarks.tables import robustness_table
 from core.models.model import Model
@@ -49,20 +43,18 @@ def found(tiny: Model) -> list[RobustnessTrial]:
     some |= {name: STRESSORS[name]._replace(levels=(0.0,)) for name in ("random pixels", "another category")}
     some["initial error"] = STRESSORS["initial error"]._replace(levels=(90.0,))
     some["hidden"] = Stressor("", (1.0,), lambda image, *_: np.ones_like(image[..., :3]))
-    patch = pytest.MonkeyPatch()
-    with patch.context() as changed:
+    with pytest.MonkeyPatch.context() as changed:
         changed.setattr(robustness, "STRESSORS", some)
         changed.setattr(robustness, "PRESETS", QUICK)
         return list(measure_robustness(tiny, (view(),)))
 
 
 def test_every_level_is_tried_and_a_refused_image_is_a_failure_with_its_reason(found: list[RobustnessTrial]):
-    trials = found
-    assert len({trial.key for trial in trials}) == len(trials) == 12
-    assert trials[0].outcome in ("correct", "near")
-    assert trials[0].size_error == pytest.approx(0, abs=0.3)
-    assert all("no object" in trial.outcome for trial in trials if trial.stressor == "hidden")
-    assert all(trial.rotation is not None for trial in trials if trial.stressor in ("none", "elevation"))
+    assert len({trial.key for trial in found}) == len(found) == 12
+    assert found[0].outcome in ("correct", "near")
+    assert found[0].size_error == pytest.approx(0, abs=0.3)
+    assert all("no object" in trial.outcome for trial in found if trial.stressor == "hidden")
+    assert all(trial.rotation is not None for trial in found if trial.stressor in ("none", "elevation"))
 
 
 def test_where_there_is_no_object_it_must_be_refused_or_doubted(found: list[RobustnessTrial]):

@@ -79,11 +79,20 @@ def test_scores_are_kept_with_their_model_and_tests(tmp_path: Path, monkeypatch:
     assert list(stream(entries[1:3]))  # other tests are measured anew
 
 
-def test_a_model_of_other_objects_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_variant_is_trained_once_anew_at_another_size_and_never_taken_for_one_of_other_objects(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     folders, entries, given = train_nothing(tmp_path, monkeypatch)
     settings = replace(RECIPES["default"], steps=20)
-    tiny_model().save(tmp_path / "kept-20.safetensors")
-    (kept,) = run_to_end(train_variants(folders, [Variant("kept", settings, entries)], tmp_path))
-    assert kept.model.fingerprint == tiny_model().fingerprint and not given
+
+    def trained(settings: TrainSettings, entries: Sequence[ObjectEntry]) -> Model:
+        (one,) = run_to_end(train_variants(folders, [Variant("kept", settings, entries)], tmp_path))
+        assert one.path == tmp_path / "kept-20.safetensors"
+        return one.model
+
+    first = trained(settings, entries)
+    assert trained(settings, entries).fingerprint == first.fingerprint and len(given) == 1
     with pytest.raises(ValueError, match=r"kept-20\.safetensors was trained on other objects"):
-        run_to_end(train_variants(folders, [Variant("kept", settings, entries[1:])], tmp_path))
+        trained(settings, entries[1:])
+    trained(replace(settings, field=replace(settings.field, width=8)), entries)
+    assert len(given) == 2

@@ -5,6 +5,7 @@ import torch
 
 from core.classifiers.category import CategoryClassifier, predict_category
 from core.classifiers.crops import SIDE
+from core.lab.training import category
 from core.lab.training.category import category_accuracy, random_distractors, train_category
 from core.lab.training.viewpoint import ViewpointDataset
 
@@ -26,7 +27,8 @@ def test_distractors_are_images_that_show_something():
     assert float(found.max()) <= 1 + 1e-4
 
 
-def test_it_learns_to_tell_categories_apart_and_is_read_back(tmp_path: Path):
+def test_it_learns_to_tell_categories_apart_and_is_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(category, "BATCH_SIZE", 48)
     torch.manual_seed(0)
     classifier, datasets = CategoryClassifier(("posts", "planks")), (bars(True), bars(False))
     *_, last = train_category(classifier, datasets, 60)

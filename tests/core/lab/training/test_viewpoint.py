@@ -6,6 +6,7 @@ import torch
 from core.classifiers.crops import SIDE
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.lab.datasets.srn import Dataset
+from core.lab.training import viewpoint
 from core.lab.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import tiny_model
@@ -26,7 +27,8 @@ def test_every_image_comes_with_its_direction(seen: ViewpointDataset):
     assert seen.azimuth[:5].tolist() == pytest.approx([0.7 + 1.3 * turn for turn in range(5)])
 
 
-def test_it_learns_from_which_direction_an_image_is(seen: ViewpointDataset):
+def test_it_learns_from_which_direction_an_image_is(seen: ViewpointDataset, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(viewpoint, "BATCH_SIZE", 32)  # of twenty images
     torch.manual_seed(0)
     glance = ViewpointClassifier()
     steps = list(train_viewpoint(glance, seen, 100))
