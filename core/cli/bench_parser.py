@@ -33,15 +33,21 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
     robustness.add_argument(
         "--part", type=part, default=(1, 1), metavar="K/N", help="every Nth fit, from the Kth: for N processes at once"
     )
+    detail = add_command(kinds, "detail", "measure.bench_detail", "what a photo's detail adds to other views")
+    detail.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders of held-out objects")
+    detail.add_argument("--renderer", default="own", metavar="NAME", help="which has drawn the images")
+    detail.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
+    detail.add_argument("--input-view", type=int, default=3, metavar="I", help="which")
+    detail.add_argument("--view-stride", type=count, default=2, metavar="N", help="only every Nth other view")
     for kind in (fitting, ablations, robustness):
         kind.add_argument(
             "--dataset", type=Path, nargs="+", metavar="D", help="SRN folders; else the model's training objects"
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    for kind in (rendering, fitting, ablations, robustness):
+    for kind in (rendering, fitting, ablations, robustness, detail):
         add_model(kind)
-    for kind in (rendering, fitting, ablations, robustness, *_add_training(kinds), redraw, guard):
+    for kind in (rendering, fitting, ablations, robustness, detail, *_add_training(kinds), redraw, guard):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )

@@ -19,6 +19,7 @@ from core.lab.benchmarks import (
     fits,
     gate,
     model_sizes,
+    photo_detail,
     recipe,
     rendering,
     rendering_charts,
@@ -149,6 +150,25 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
     for trial in tqdm(trials, unit="fit", disable=None):
         append_record(path, about, trial)
     print(charts.draw(chosen.out, "robustness"), flush=True)
+
+
+def bench_detail(chosen: argparse.Namespace) -> None:
+    """``bench detail``: what photos add to other views, and its cost; goes on where an earlier run stopped."""
+    drawing.prepare(chosen.out)
+    path, cost = chosen.out / "photo_detail.csv", chosen.out / "frame_cost.csv"
+    model = load_model(chosen.model, chosen.device)
+    wait_for_view_bank(model)
+    entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
+    about = {"machine": describe_machine(model.device)}
+    if model.category not in {row.category for row in read_records(cost, photo_detail.FrameCost)}:
+        for row in _said(photo_detail.measure_cost(model)):
+            append_record(cost, about, row)
+    done = {row.key for row in read_records(path, photo_detail.DetailView)}
+    rows = photo_detail.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
+    for view in _said(rows):
+        append_record(path, about, view)
+    for name in ("photo_detail", "frame_cost"):
+        print(charts.draw(chosen.out, name), flush=True)
 
 
 def bench_model_size(chosen: argparse.Namespace) -> None:

@@ -17,6 +17,7 @@ from core.lab.benchmarks.csv_files import Results, read_csv, read_results, write
 from core.lab.benchmarks.drawing import DPI
 from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.model_sizes import ModelSize
+from core.lab.benchmarks.photo_detail import DetailView, FrameCost
 from core.lab.benchmarks.recipe import RecipeScore
 from core.lab.benchmarks.robustness import RobustnessTrial
 from core.lab.benchmarks.scaling import ScalingPoint
@@ -82,6 +83,8 @@ CHARTS = {
     "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
     "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
+    "photo_detail": Chart(_rows_of(DetailView), tables.photo_detail_table, fit_charts.photo_detail_chart),
+    "frame_cost": Chart(_rows_of(FrameCost), tables.frame_cost_table),
     "model_sizes": Chart(_rows_of(ModelSize), tables.model_sizes_table, training_charts.model_sizes_chart),
     "scaling": Chart(_rows_of(ScalingPoint), tables.scaling_table, training_charts.scaling_chart),
     "architectures": Chart(_rows_of(Architecture), tables.architectures_table),

@@ -6,6 +6,7 @@ from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.drawing import around, differences_figure, draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.fits import FitTrial, summarise_presets
+from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, others
 from core.lab.benchmarks.robustness import SUCCESS_DEGREES, RobustnessTrial, success_rates
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.evaluation.statistics import Mean
@@ -93,3 +94,38 @@ def _stressor_panel(axes: "Axes", name: str, rates: dict[float, dict[str, Mean]]
     axes.set_xlabel(STRESSORS[name].unit if name in STRESSORS else "", fontsize=8)
     axes.grid(alpha=0.3, axis="y")
     axes.set_axisbelow(True)
+
+
+def photo_detail_chart(found: Results[DetailView]) -> "Figure":
+    """The gain of other views against their angle from the photo, a panel per category and camera."""
+    places = sorted({(row.category, row.camera) for row in found.rows})
+    figure, panels = new_figure(len(places), width=3.8)
+    for axes, place in zip(panels, places, strict=True):
+        rows = [row for row in others(found.rows) if (row.category, row.camera) == place]
+        for number, renderer in enumerate(dict.fromkeys(row.renderer for row in rows)):
+            own = [row for row in rows if row.renderer == renderer]
+            for what, style in (("full", "o-"), ("direct", "s:")):
+                bins = {middle: [row for row in own if abs(row.angle - middle) <= _BIN / 2] for middle in _MIDDLES}
+                gains = {middle: gain_by_object(each, what) for middle, each in bins.items() if each}
+                label = f"{renderer}{'' if what == 'full' else ', not mirrored'}"
+                values = list(gains.values())
+                axes.errorbar(
+                    list(gains),
+                    [one.mean for one in values],
+                    around(values) if what == "full" else None,
+                    fmt=style,
+                    color=f"C{number}",
+                    capsize=2,
+                    label=label,
+                )
+        axes.axhline(0.0, color="black", linewidth=0.8)
+        axes.set(title=f"{place[0]}, camera {place[1]}", xlabel="degrees from the photo", ylabel="gain (dB)")
+        axes.grid(alpha=0.3)
+        axes.legend(fontsize=7)
+    figure.suptitle(found.about["machine"], fontsize=9)
+    return figure
+
+
+_BIN = 30.0
+"""degrees"""
+_MIDDLES = tuple(_BIN * (number + 0.5) for number in range(6))

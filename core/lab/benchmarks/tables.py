@@ -10,6 +10,7 @@ from typing import Any
 from core.fitting.confidence import auroc
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
+from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.recipe import RecipeScore
 from core.lab.benchmarks.rendering import Interaction, RenderRow, median_turns
 from core.lab.benchmarks.robustness import (
@@ -21,7 +22,7 @@ from core.lab.benchmarks.robustness import (
     success_rates,
 )
 from core.lab.benchmarks.stressors import STRESSORS
-from core.lab.evaluation.statistics import Mean, format_difference, format_share
+from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
 
 _SURE = 0.9
 """A wrong camera of more confidence misleads."""
@@ -207,6 +208,51 @@ def _misleads(trial: RobustnessTrial) -> bool:
 def _size_error(trials: Sequence[RobustnessTrial]) -> str:
     sizes = [abs(trial.size_error) for trial in trials if trial.size_error is not None]
     return f"{100 * statistics.median(sizes):.1f} %" if sizes else ""
+
+
+def photo_detail_table(found: Results[DetailView]) -> str:
+    """A line per category, renderer and camera: other views, and the photo itself."""
+    groups: dict[tuple[str, str, str], list[DetailView]] = {}
+    for row in found.rows:
+        groups.setdefault(row.key[:3], []).append(row)
+    columns: list[Column] = [
+        ("category", lambda rows: rows[0].category, "{}"),
+        ("drawn by", lambda rows: rows[0].renderer, "{}"),
+        ("camera", lambda rows: rows[0].camera, "{}"),
+        ("objects", lambda rows: len({row.name for row in rows}), "{}"),
+        ("other views (dB)", lambda rows: statistics.mean(row.plain for row in others(rows)), "{:.1f}"),
+        ("with detail", lambda rows: gain_by_object(others(rows)), format_difference),
+        ("worst object", lambda rows: min(object_gains(others(rows))), "{:+.2f}"),
+        ("not mirrored", lambda rows: gain_by_object(others(rows), "direct"), format_difference),
+        ("within 45°", lambda rows: gain_by_object([row for row in others(rows) if row.angle < 45]), format_difference),
+        ("the photo itself (dB)", lambda rows: _photo_itself(rows, "plain"), "{:.1f}"),
+        ("with detail", lambda rows: _photo_itself(rows, "full"), "{:.1f}"),
+        ("bound", lambda rows: _photo_itself(rows, "bound"), "{:.1f}"),
+        ("35 dB", lambda rows: share_within([-row.full for row in _right(rows)], -35.0), format_share),
+    ]
+    what = "with 95 % intervals over objects; the photo itself: of cameras within 10°; bound: the photo's own colours."
+    return _text(f"{found.about['machine']}; {what}", markdown_table(columns, groups.values()))
+
+
+def _right(rows: Sequence[DetailView]) -> list[DetailView]:
+    """The photos themselves whose camera is right."""
+    return [row for row in rows if row.bound is not None and row.rotation <= SUCCESS_DEGREES]
+
+
+def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
+    return statistics.mean([getattr(row, what) for row in _right(rows)] or [float("nan")])
+
+
+frame_cost_table = Table(
+    "{machine}; milliseconds of the processor for a finished frame, the fastest of three.",
+    [
+        ("category", "category", "{}"),
+        ("size (px)", "size", "{}"),
+        ("render", "render", "{:.1f}"),
+        ("detail in addition", "detail", "{:.1f}"),
+        ("ratio", lambda one: 1 + one.detail / one.render, "{:.2f}"),
+    ],
+)
 
 
 # Trained models

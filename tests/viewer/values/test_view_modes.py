@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -50,6 +52,19 @@ def test_opacity_and_samples_fill_the_image(ball: Frame) -> None:
         assert (seen.opacity == 1).all()
         assert seen.image[32, 32].sum() > seen.image[0, 0].sum() + 200
     assert in_mode(ball, CAMERA, "colour") is ball
+
+
+def test_a_source_has_its_tint(ball: Frame) -> None:
+    there = ball.opacity > 0.5
+    tints = []
+    for photo, mirrored in ((1.0, 0.0), (0.0, 1.0), (0.0, 0.0)):
+        sources = ball.opacity[..., None] * np.array([photo, mirrored], np.float32)
+        image = in_mode(replace(ball, sources=sources), CAMERA, "source").image
+        assert (image[ball.opacity == 0] == 255).all()
+        tints.append(image[there].mean(0))
+    green, blue, grey = tints
+    assert green.argmax() == 1 and blue.argmax() == 2 and np.ptp(grey) < 2
+    np.testing.assert_array_equal(in_mode(ball, CAMERA, "source").image[there].mean(0), grey)
 
 
 @pytest.mark.parametrize("mode", MODES)

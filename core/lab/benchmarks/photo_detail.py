@@ -1,0 +1,193 @@
+"""The value of a photo's detail: other views against their angle from the photo, with it, without, without mirroring.
+
+An object is fitted to one view, its camera known or searched for; the others are rendered from their true cameras. The
+view that was fitted is compared at the fitted camera, also with the bound: the photo itself wherever the render, whose
+opacity detail never changes, is not empty.
+"""
+
+import statistics
+import time
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional
+
+from core.detail.maps import detail_maps
+from core.fitting.fit import FitJob, fit
+from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
+from core.lab.datasets.srn import ObjectEntry
+from core.lab.evaluation.protocol import as_photo
+from core.lab.evaluation.statistics import Mean, mean_of
+from core.metrics import psnr, rotation_error
+from core.models.codes import Codes
+from core.models.model import Model
+from core.models.photo_detail import PhotoDetail, PhotoView
+from core.rendering.detail_maps import MIN_OPACITY, DetailMaps
+from core.rendering.images import render_image
+from core.streams import run_to_end
+
+CAMERAS = "known", "found"
+SIZES = 256, 1024
+"""px of the frames whose cost is measured"""
+_REPEATS = 3
+"""of which the fastest counts"""
+
+
+@dataclass(frozen=True)
+class DetailView:
+    """One view of a fitted object."""
+
+    category: str
+    renderer: str
+    """which has drawn the images"""
+    camera: str
+    """one of :data:`CAMERAS`"""
+    name: str
+    """of the object"""
+    view: int
+    angle: float
+    """degrees from the photo; 0 for the photo itself"""
+    rotation: float
+    """degrees, error of the camera"""
+    confidence: float | None
+    plain: float
+    """dB, without detail"""
+    direct: float
+    """dB, without mirroring"""
+    full: float
+    """dB"""
+    bound: float | None = None
+    """dB of the photo where the render is not empty, for the photo itself"""
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """Of all views of a fit."""
+        return self.category, self.renderer, self.camera, self.name
+
+
+@dataclass(frozen=True)
+class FrameCost:
+    """Milliseconds of the processor for a finished frame, the fastest of a few."""
+
+    category: str
+    size: int
+    """px"""
+    render: float
+    detail: float
+    """in addition"""
+
+
+def others(rows: Iterable[DetailView]) -> list[DetailView]:
+    """The views that were not fitted."""
+    return [row for row in rows if row.bound is None]
+
+
+def object_gains(rows: Sequence[DetailView], what: str = "full") -> list[float]:
+    """dB over the render without detail, the mean of each object's views."""
+    gains: dict[str, list[float]] = {}
+    for row in rows:
+        gains.setdefault(row.name, []).append(getattr(row, what) - row.plain)
+    return [statistics.mean(each) for each in gains.values()]
+
+
+def gain_by_object(rows: Sequence[DetailView], what: str = "full") -> Mean:
+    """The mean of these with its interval over objects."""
+    return mean_of(object_gains(rows, what))
+
+
+def measure_detail(
+    model: Model,
+    entries: Sequence[ObjectEntry],
+    renderer: str,
+    input_view: int,
+    stride: int,
+    done: Collection[tuple[str, str, str, str]] = (),
+) -> Iterator[DetailView]:
+    """Yields a row per view, those of a fit together.
+
+    Args:
+        stride: over the other views.
+        done: keys of fits that are left out.
+    """
+    for entry in entries:
+        for camera in CAMERAS:
+            if (model.category, renderer, camera, entry.name) in done:
+                continue
+            views = entry.read()
+            *_, last = fit(model, FitJob((as_photo(views, input_view, camera == "known"),)))
+            truth, bare = views.cameras[input_view], replace(last.codes, detail=None)
+            maps = run_to_end(detail_maps(model, last.codes))
+            detail = last.codes.detail
+            assert detail is not None
+            row = DetailView(
+                *(model.category, renderer, camera, entry.name, input_view, 0.0),
+                *(rotation_error(last.cameras[0], truth), last.confidence, 0.0, 0.0, 0.0),
+            )
+            rows = [_input_row(model, bare, maps, detail.views[0], last.cameras[0], row)]
+            for view in range(0, len(views.cameras), stride):
+                if view == input_view:
+                    continue
+                seen, image = views.cameras[view], torch.from_numpy(views.images[view]).float() / 255
+                plain, direct, full = _scores(model, bare, maps, seen, image)
+                rows.append(
+                    replace(row, view=view, angle=rotation_error(seen, truth), plain=plain, direct=direct, full=full)
+                )
+            yield from rows
+
+
+def _scores(
+    model: Model, codes: Codes, maps: DetailMaps | None, camera: Camera, image: Float[Tensor, "h w 3"]
+) -> tuple[float, float, float]:
+    """PSNR without detail, without mirroring and with all of it."""
+    rendered = render_image(model, codes, camera)
+    plain = psnr(rendered.colour.clamp(0, 1).cpu(), image)
+    if maps is None:
+        return plain, plain, plain
+    unmirrored = tuple(replace(one, mirrored=torch.zeros_like(one.mirrored)) for one in maps.photos)
+    full, direct = (
+        psnr(one.added(rendered, camera, model.extent_tensor)[0].colour.cpu(), image)
+        for one in (maps, replace(maps, photos=unmirrored))
+    )
+    return plain, direct, full
+
+
+def _input_row(
+    model: Model, codes: Codes, maps: DetailMaps | None, photo: PhotoView, camera: Camera, row: DetailView
+) -> DetailView:
+    """The photo itself, at its fitted camera and the size of the model's images."""
+    size, wide = model.image_size, round(photo.camera.focal / camera.focal * camera.height)
+    rgba = torch.from_numpy(photo.pixels()).float().movedim(-1, 0) / 255
+    beside, below = (wide - photo.camera.width) // 2, (wide - photo.camera.height) // 2
+    white = functional.pad(rgba[:3], (beside, beside, below, below), value=1.0)
+    image = functional.adaptive_avg_pool2d(white, (size, size)).movedim(0, -1)
+    seen = replace(photo.camera, width=wide, height=wide).resized(size, size)
+    rendered = render_image(model, codes, seen)
+    left = 1 - rendered.opacity[..., None].cpu()
+    bound = torch.where(left < 1 - MIN_OPACITY, torch.maximum(image, left), rendered.colour.clamp(0, 1).cpu())
+    plain, direct, full = _scores(model, codes, maps, seen, image)
+    return replace(row, bound=psnr(bound, image), plain=plain, direct=direct, full=full)
+
+
+def measure_cost(model: Model) -> Iterator[FrameCost]:
+    """Yields a row per size, of an object whose photo is its render."""
+    codes, camera = model.codes[0], model.camera(0.8, 0.3)
+    source = camera.resized(SIZES[-1] // 2, SIZES[-1] // 2)
+    rendered = render_image(model, codes, source)
+    rgba = to_bytes(torch.cat((rendered.colour.clamp(0, 1), rendered.opacity[..., None]), -1))
+    detail = PhotoDetail((PhotoView.of(rgba, source),), codes.shape.cpu(), codes.texture.cpu())
+    maps = run_to_end(detail_maps(model, replace(codes, detail=detail)))
+    assert maps is not None
+    for size in SIZES:
+        seen, rendering, adding = camera.resized(size, size), list[float](), list[float]()
+        for _ in range(_REPEATS):
+            began = time.process_time()
+            rendered = render_image(model, codes, seen)
+            middle = time.process_time()
+            maps.added(rendered, seen, model.extent_tensor)
+            rendering.append(middle - began)
+            adding.append(time.process_time() - middle)
+        yield FrameCost(model.category, size, 1000 * min(rendering), 1000 * min(adding))
