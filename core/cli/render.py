@@ -57,9 +57,9 @@ def turntable(chosen: argparse.Namespace) -> None:
 
 def mesh(chosen: argparse.Namespace) -> None:
     """``mesh``: an object as triangles."""
-    model, codes, _ = _load_selection(chosen)
-    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture)
-    shares = export_mesh(model, codes, chosen.out, settings)
+    model, codes, camera = _load_selection(chosen)
+    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture, chosen.triangles)
+    shares = export_mesh(model, codes, chosen.out, settings, camera if chosen.scene else None)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:
             bar.update(share - bar.n)
