@@ -15,7 +15,7 @@ from viewer.context import Panel, PanelContext
 from viewer.panels import all_panels, help, menu, messages, running_fit
 from viewer.panels.segmenting import SegmentingDialog
 from viewer.panels.share import ShareDialog
-from viewer.screen import theme, window
+from viewer.screen import fonts, theme, window
 from viewer.screen.baked_canvas import BakedCanvas, is_fast
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, is_there
@@ -202,7 +202,7 @@ class App:
         return None
 
     def _load_fonts(self) -> None:
-        self.context.bold = theme.load_fonts()[1]
+        self.context.bold = fonts.load_fonts()[1]
 
     def _opened(self) -> None:
         self._gl = moderngl.get_context()

@@ -127,10 +127,11 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         metavar="PX",
         help="glb: colours in an image about so wide, not in vertices",
     )
+    command.add_argument("--triangles", type=count, default=0, metavar="N", help="at the most, by quadric error")
     command.add_argument(
         "--metres", type=float, metavar="M", help="the longest side; it stands on the ground (else in scene units)"
     )
-    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj")
+    command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
 
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:

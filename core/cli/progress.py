@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from tqdm import tqdm
 
 from core.models.model import Model
-from core.photos.view_bank import build_view_bank
 
 
 def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
@@ -18,6 +17,8 @@ def run_with_progress(stream: Iterator[object], total: int, unit: str) -> None:
 
 def wait_for_view_bank(model: Model) -> None:
     """Make the model's view bank under a progress bar; where it is kept from before, at once."""
+    from core.photos.view_bank import build_view_bank  # with what photos need: films do not
+
     with tqdm(desc="view bank", total=1.0, bar_format="{desc} {percentage:.0f} %", leave=False, disable=None) as bar:
         for share in build_view_bank(model):
             bar.update(share - bar.n)

@@ -12,7 +12,6 @@ from core.detail.frames import render_frame, render_reference
 from core.export import keyframes as timeline
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
-from core.export.mesh import MeshSettings, export_mesh
 from core.export.video import WHITE, VideoSettings, write_video
 from core.geometry.camera import Camera
 from core.models.codes import Codes
@@ -57,9 +56,11 @@ def turntable(chosen: argparse.Namespace) -> None:
 
 def mesh(chosen: argparse.Namespace) -> None:
     """``mesh``: an object as triangles."""
-    model, codes, _ = _load_selection(chosen)
-    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture)
-    shares = export_mesh(model, codes, chosen.out, settings)
+    from core.export.mesh import MeshSettings, export_mesh  # and scipy: a tenth of what films and images import
+
+    model, codes, camera = _load_selection(chosen)
+    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture, chosen.triangles)
+    shares = export_mesh(model, codes, chosen.out, settings, camera if chosen.scene else None)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:
             bar.update(share - bar.n)

@@ -1,10 +1,14 @@
-"""Writes one coloured mesh as binary glTF 2.0. Its light is in its colours, so its material is unlit."""
+"""One coloured mesh as binary glTF 2.0. Its light is in its colours, so its material is unlit; a camera beside it."""
 
 import json
+import math
 import struct
 
 import numpy as np
+import torch
 from jaxtyping import Float, Int
+
+from core.geometry.camera import WORLD_FROM_GLTF, Camera
 
 _FLOAT, _UINT, _USHORT = 5126, 5125, 5123
 _VERTICES, _INDICES = 34962, 34963
@@ -31,10 +35,36 @@ def glb(
         faces.astype("<u4").tobytes(),
     )
     about = _about([len(blob) for blob in blobs], vertices.astype("<f4"), faces.size)
+    body = b"".join(blobs)  # each is a multiple of 4 bytes long
+    return _file(about, struct.pack("<II", len(body), 0x004E4942) + body)
+
+
+def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> bytes:
+    """A .glb file with a camera as a node of its scene.
+
+    Args:
+        origin: in the world, scene units: what the file's origin is.
+        scale: what a scene unit is in the file.
+    """
+    (length,) = struct.unpack("<I", file[12:16])
+    about = json.loads(file[20 : 20 + length])
+    rotation, place = (part.numpy() for part in camera.world_to_camera(torch.device("cpu")))
+    matrix = np.eye(4)
+    # A row of either is an axis of the camera: right, up, backward, as glTF has them too.
+    matrix[:3, :3], matrix[:3, 3] = (rotation @ WORLD_FROM_GLTF).T, scale * (place - origin) @ WORLD_FROM_GLTF
+    lens = {"yfov": 2 * math.atan(camera.height / (2 * camera.focal)), "aspectRatio": camera.width / camera.height}
+    lens |= {"znear": 0.01 * scale * camera.distance, "zfar": 100 * scale * camera.distance}
+    about["cameras"] = [{"type": "perspective", "perspective": lens}]
+    about["nodes"].append({"name": "camera", "camera": 0, "matrix": matrix.T.ravel().tolist()})
+    about["scenes"][0]["nodes"].append(len(about["nodes"]) - 1)
+    return _file(about, file[20 + length :])
+
+
+def _file(about: dict, rest: bytes) -> bytes:
+    """The JSON part and what follows it as a file."""
     text = json.dumps(about).encode()
     text += b" " * (-len(text) % 4)
-    body = b"".join(blobs)  # each is a multiple of 4 bytes long
-    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(body), 0x004E4942) + body
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + rest
     return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
 
 

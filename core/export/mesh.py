@@ -1,28 +1,27 @@
-"""An object as a coloured triangle mesh (.glb, .ply or .obj): where its density is that of a surface.
+"""An object as a coloured triangle mesh: where its density is that of a surface.
 
 The density is evaluated on a grid, slab by slab and only in cells that can hold a part of the object, so memory is
 bounded by a slab. Slabs are cut into triangles by marching cubes and welded at the planes they share.
 """
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from core.detail.maps import detail_maps
-from core.export.glb import glb
+from core.export.glb import place_camera
+from core.export.mesh_formats import FORMATS, TEXTURED, Mesh
 from core.export.normals import face_normals, vertex_normals
-from core.export.texture import TexturedMesh, textured
-from core.geometry.camera import WORLD_FROM_GLTF
-from core.geometry.pixels import to_bytes
+from core.export.texture import TRIANGLES, TexturedMesh, textured
+from core.geometry.camera import WORLD_FROM_GLTF, Camera
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
@@ -36,6 +35,8 @@ MAX_RESOLUTION = 1024
 """cells along the longest side: a cell is then a thousandth of the object"""
 RESOLUTIONS = (96, 128, 192, 256, 384)
 """cells along the longest side, tried one after another where none is given; the first only to be compared with"""
+MIN_TRIANGLES = 100
+"""fewer show no chair"""
 TOLERANCE = 0.001
 """scene units: the largest distance of a mesh without a given resolution from the surface, but for a thirtieth of it"""
 _MAX_OFF_SURFACE = 1 / 30
@@ -61,57 +62,6 @@ _GRID_SHARE = 0.6
 """of the time that the grid takes; the rest is the colours'"""
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """A closed surface. Its triangles are counter-clockwise seen from outside."""
-
-    vertices: Float[np.ndarray, "vertices 3"]
-    """world, scene units"""
-    normals: Float[np.ndarray, "vertices 3"]
-    """unit length, outward"""
-    colours: Float[np.ndarray, "vertices 3"]
-    """sRGB, 0..1"""
-    faces: Int[np.ndarray, "faces 3"]
-
-    def save(self, path: Path) -> None:
-        """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
-        FORMATS[path.suffix.lower()](self, path)
-
-
-def _write_glb(mesh: Mesh, path: Path) -> None:
-    """glTF axes: y up, front +z."""
-    vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
-    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces))
-
-
-def _write_ply(mesh: Mesh, path: Path) -> None:
-    _trimesh(mesh).export(path, vertex_normal=True)
-
-
-def _write_obj(mesh: Mesh, path: Path) -> None:
-    """The axes of glTF, which readers expect of this format too."""
-    turned = replace(mesh, vertices=mesh.vertices @ WORLD_FROM_GLTF, normals=mesh.normals @ WORLD_FROM_GLTF)
-    _trimesh(turned).export(path)
-
-
-def _trimesh(mesh: Mesh) -> Any:
-    """The mesh in the world's axes as trimesh has it."""
-    import trimesh  # the window lists the formats long before it needs the library
-
-    colours = to_bytes(mesh.colours)
-    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
-    whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
-    return whole
-
-
-FORMATS: dict[str, Callable[[Mesh, Path], None]] = {".glb": _write_glb, ".ply": _write_ply, ".obj": _write_obj}
-"""The writer of each format, by the name's ending."""
-
-
-TEXTURED = (".glb",)
-"""Formats that can hold a texture."""
-
-
 @dataclass(frozen=True)
 class MeshSettings:
     """How a mesh is written. Raises ``ValueError`` for values out of range."""
@@ -122,18 +72,22 @@ class MeshSettings:
     """the object's longest side, in m: it stands on the ground; None: in scene units, its middle at the origin"""
     texture: int = 0
     """px, about the width of the image that holds the colours (glb alone); 0: the vertices have them"""
+    triangles: int = 0
+    """at the most; 0: as many as the grid gives, with a texture :data:`~core.export.texture.TRIANGLES`"""
 
     def __post_init__(self) -> None:
         if self.metres is not None and not 0 < self.metres < 1e6:
             raise ValueError(f"an object is more than 0 m long, got {self.metres:g}")
         if self.texture and not 16 <= self.texture <= 8192:
             raise ValueError(f"a texture has 16 to 8192 px, got {self.texture}")
+        if self.triangles and self.triangles < MIN_TRIANGLES:
+            raise ValueError(f"a mesh has {MIN_TRIANGLES} triangles or more, got {self.triangles}")
 
 
 def export_mesh(
-    model: Model, codes: Codes, path: Path, settings: MeshSettings | None = None
+    model: Model, codes: Codes, path: Path, settings: MeshSettings | None = None, camera: Camera | None = None
 ) -> Generator[float, None, None]:
-    """Write an object's mesh to ``path``.
+    """Write an object's mesh to ``path``, and in a .glb the camera that sees it.
 
     Yields the share that is done, many times and 1.0 at the end; nothing is left at ``path`` unless the mesh is whole:
     to cancel, close the generator. Raises ``ValueError`` as :func:`extract_mesh` does, and for a name of another
@@ -146,25 +100,31 @@ def export_mesh(
         raise ValueError(f"{path.name}: only {', '.join(TEXTURED)} holds a texture")
     with atomic_file(path) as unfinished:
         end = _MESH_SHARE if settings.texture else 1.0
-        mesh = yield from subprogress(extract_mesh(model, codes, settings.resolution), 0.0, end)
+        most = settings.triangles or (TRIANGLES if settings.texture else 0)
+        mesh = yield from subprogress(extract_mesh(model, codes, settings.resolution, most), 0.0, end)
         detail = run_to_end(detail_maps(model, codes))
+        origin, scale = _placing(mesh.vertices, settings.metres)
         if settings.texture:
             found = yield from subprogress(_textured(model, codes, mesh, settings.texture, detail), end, 1.0)
-            vertices = _placed(found.vertices, settings.metres) @ WORLD_FROM_GLTF
+            vertices = (scale * (found.vertices - origin)).astype(np.float32) @ WORLD_FROM_GLTF
             unfinished.write_bytes(replace(found, vertices=vertices, normals=found.normals @ WORLD_FROM_GLTF).glb())
         else:
             colours = _with_detail(mesh.colours, mesh.vertices, mesh.normals, detail)
-            replace(mesh, vertices=_placed(mesh.vertices, settings.metres), colours=colours).save(unfinished)
+            vertices = (scale * (mesh.vertices - origin)).astype(np.float32)
+            replace(mesh, vertices=vertices, colours=colours).save(unfinished)
+        if camera and suffix == ".glb":
+            unfinished.write_bytes(place_camera(unfinished.read_bytes(), camera, origin, scale))
     yield 1.0
 
 
-def _placed(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> Float[np.ndarray, "vertices 3"]:
-    """On the ground (z = 0) around the origin, the longest side so many m; as they are without."""
+def _placing(vertices: Float[np.ndarray, "vertices 3"], metres: float | None) -> tuple[Float[np.ndarray, "3"], float]:
+    """Which point becomes the origin, and what a scene unit becomes: the object on the ground (z = 0), its longest
+    side so many m; as it is without.
+    """
     if metres is None:
-        return vertices
+        return np.zeros(3, np.float32), 1.0
     low, high = vertices.min(0), vertices.max(0)
-    below = np.array([*(low + high)[:2] / 2, low[2]])
-    return ((vertices - below) * (metres / (high - low).max())).astype(np.float32)
+    return np.array([*(low + high)[:2] / 2, low[2]]), float(metres / (high - low).max())
 
 
 def _textured(
@@ -195,7 +155,9 @@ def _with_detail(
         return (colours + detail.at(points, -outward)[0].cpu().numpy()).clip(0, 1)
 
 
-def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> Generator[float, None, Mesh]:
+def extract_mesh(
+    model: Model, codes: Codes, resolution: int | None = None, triangles: int = 0
+) -> Generator[float, None, Mesh]:
     """The surface of an object; yields the share that is done.
 
     Pieces smaller than a twentieth of the object's diagonal are left out, and so are walls of hollows that nothing
@@ -204,6 +166,7 @@ def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> G
     Args:
         resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose
             surface is as large as the one before and lies where it belongs to within :data:`TOLERANCE`, else the last.
+        triangles: at the most, by quadric error; 0: all. The surface stays closed but for rare places.
     """
     if resolution is not None and not 8 <= resolution <= MAX_RESOLUTION:
         raise ValueError(f"a mesh has a resolution of 8 to {MAX_RESOLUTION}, got {resolution}")
@@ -227,9 +190,22 @@ def extract_mesh(model: Model, codes: Codes, resolution: int | None = None) -> G
             break
     if found is None:
         raise ValueError("the object has no surface: it is nowhere dense enough")
+    if 0 < triangles < len(faces):
+        vertices, faces = _simplified(vertices, faces, triangles)
+        of_faces = face_normals(vertices, faces)
     normals = vertex_normals(len(vertices), faces, of_faces)
     colours = yield from subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
     return Mesh(vertices, normals, colours, faces)
+
+
+def _simplified(vertices: np.ndarray, faces: np.ndarray, triangles: int) -> tuple[np.ndarray, np.ndarray]:
+    """At most so many triangles, by quadric error."""
+    import fast_simplification
+
+    points, corners = fast_simplification.simplify(
+        vertices.astype(np.float32), faces.astype(np.int32), target_count=triangles
+    )
+    return points, corners.astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)

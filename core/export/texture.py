@@ -1,4 +1,4 @@
-"""A mesh with its colours in an image: few triangles, unwrapped by xatlas, each texel coloured by the field itself."""
+"""A mesh with its colours in an image: unwrapped by xatlas, each texel coloured by the field itself."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from core.geometry.pixels import to_bytes
 from core.streams import subprogress
 
 TRIANGLES = 8000
-"""at the most: details are in the image"""
+"""that a surface needs at the most: details are in the image"""
 _PADDING = 4
 """px between the pieces of the atlas"""
 _SHARE = 0.1
@@ -59,13 +59,12 @@ def textured(
 
     Raises ``ValueError`` where the library that unwraps surfaces is missing.
     """
-    fewer, corners = _simplified(vertices, faces)
     yield 0.0
-    kept, corners, uv, (width, height) = _unwrapped(fewer, corners, pixels)
+    kept, corners, uv, (width, height) = _unwrapped(vertices, faces, pixels)
     yield _SHARE
-    places = fewer[kept].astype(np.float32)
+    places = vertices[kept].astype(np.float32)
     faces = kept[corners]  # vertices on both sides of a seam share the normal of the one that they were
-    normals = vertex_normals(len(fewer), faces, face_normals(fewer, faces))[kept]
+    normals = vertex_normals(len(vertices), faces, face_normals(vertices, faces))[kept]
     covered, triangle, weights = _texels(uv * (width, height), corners, (width, height))
     texels = [(weights[..., None] * array[corners[triangle]]).sum(1).astype(np.float32) for array in (places, normals)]
     texels[1] /= np.maximum(np.linalg.norm(texels[1], axis=1, keepdims=True), 1e-9)
@@ -78,15 +77,6 @@ def _without_light(tree: dict[str, Any]) -> None:
     tree["extensionsUsed"] = [*tree.get("extensionsUsed", ()), "KHR_materials_unlit"]
     for material in tree["materials"]:
         material["extensions"] = {"KHR_materials_unlit": {}}
-
-
-def _simplified(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """At most :data:`TRIANGLES` triangles, by quadric error."""
-    import fast_simplification
-
-    if len(faces) <= TRIANGLES:
-        return vertices, faces
-    return fast_simplification.simplify(vertices.astype(np.float32), faces.astype(np.int32), target_count=TRIANGLES)
 
 
 def _unwrapped(

@@ -1,12 +1,10 @@
-"""Colours, spacing and font, dark and light."""
+"""Colours and spacing, dark and light."""
 
 from dataclasses import dataclass
 
-from imgui_bundle import ImVec2, ImVec4, hello_imgui, imgui, implot
+from imgui_bundle import ImVec2, ImVec4, imgui, implot
 
 Colour = tuple[float, float, float]
-FONT, BOLD = "fonts/Roboto/Roboto-Regular.ttf", "fonts/Roboto/Roboto-Bold.ttf"
-"""Come with imgui-bundle; their figures are all of one width."""
 SIZE = 16.0
 """px of the text, before it is scaled to screen and preferences"""
 HEADING, SMALL = 1.15, 0.84
@@ -146,8 +144,3 @@ def set_spacing() -> None:
     style.tab_bar_border_size, style.docking_separator_size = 0, 3
     style.window_menu_button_position = imgui.Dir.none
     style.separator_text_border_size = 1
-
-
-def load_fonts() -> list[imgui.ImFont]:
-    """The font of the text, with the icons that buttons carry, and a bold one for headings."""
-    return [hello_imgui.load_font_ttf_with_font_awesome_icons(font, SIZE) for font in (FONT, BOLD)]

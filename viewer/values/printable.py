@@ -1,6 +1,8 @@
 """Text as the window can draw it."""
 
 _CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
+_JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))
+"""between the parts of an emoji, and how it looks: no glyphs, and not needed by those that there are"""
 
 
 def printable(text: object) -> str:
@@ -11,5 +13,7 @@ def printable(text: object) -> str:
     Example:
         >>> printable("bad_\\udcff.png")
         'bad_?.png'
+        >>> printable("\u2764\ufe0f")
+        '\u2764'
     """
-    return str(text).encode("utf-8", "replace").decode().translate(_CONTROLS)
+    return str(text).encode("utf-8", "replace").decode().translate(_CONTROLS | _JOINERS)

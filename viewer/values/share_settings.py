@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from core.export import video
 from core.export.framing import filling_frame
 from core.export.keyframes import Timeline, View, turntable
-from core.export.mesh import FORMATS, MAX_RESOLUTION, TEXTURED, MeshSettings
+from core.export.mesh import MAX_RESOLUTION, MeshSettings
+from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.video import WHITE, Rgb, VideoSettings
 from core.models.model import Model
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
@@ -43,11 +44,13 @@ class ShareSettings:
     blue: int = 255
     """0..255, the colour of that background"""
     exact: bool = False
-    """every frame of a video by the network; else drawn from a baked copy"""
+    """every pixel of a picture or a video by the network; else drawn from a baked copy"""
     cells: int = 0
     """of a mesh along the object; 0: as many as its detail needs"""
     texture: int = 1024
     """px, of the image with the colours of a mesh; 0: its vertices have them"""
+    triangles: int = 0
+    """of a mesh at the most; 0: as many as its detail needs"""
     metres: float = 0.0
     """the longest side of a mesh; 0: as usual for the model's objects"""
 
@@ -64,7 +67,7 @@ class ShareSettings:
         if self.cells and not 8 <= self.cells <= MAX_RESOLUTION:
             raise ValueError(f"a mesh has 8 to {MAX_RESOLUTION} cells, got {self.cells}")
         VideoSettings(self.size, self.rate, self.quality)
-        MeshSettings(None, self.metres or 1.0, self.texture)
+        MeshSettings(None, self.metres or 1.0, self.texture, self.triangles)
 
     @property
     def suffix(self) -> str:
@@ -97,7 +100,7 @@ class ShareSettings:
             usual: the longest side of an object of the model (:attr:`core.models.model.Model.metres`).
         """
         texture = self.texture if self.mesh in TEXTURED else 0
-        return MeshSettings(self.cells or None, self.metres or usual, texture)
+        return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
     def on_view(self, colour: Rgb) -> "ShareSettings":
         """With the view's background as the colour, where that was chosen."""

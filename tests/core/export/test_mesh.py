@@ -1,7 +1,10 @@
 import copy
+import json
+import zipfile
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -10,7 +13,8 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from core.export import mesh as module
-from core.export.mesh import TOLERANCE, Mesh, MeshSettings, export_mesh, extract_mesh
+from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
+from core.export.mesh_formats import Mesh
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
@@ -95,7 +99,7 @@ def test_the_mesh_is_where_the_render_shows_the_object(tiny: Model):
     assert np.median(np.abs(found.colours[facing] - shown)) < 0.08
 
 
-@pytest.mark.parametrize("suffix", module.FORMATS)
+@pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj"])
 def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_path: Path):
     path = tmp_path / f"stool{suffix}"
     shares = list(export_mesh(tiny, tiny.codes[0], path, MeshSettings(32)))
@@ -114,6 +118,67 @@ def test_files_hold_the_mesh_in_their_own_axes(suffix: str, tiny: Model, tmp_pat
     else:
         colours = read.visual.vertex_colors[:, :3] / 255
     np.testing.assert_allclose(colours, found.colours, atol=3e-3)
+
+
+def read_3mf(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices, triangles and the colours of the triangles' corners, and that the package is whole."""
+    space, names = "http://schemas.microsoft.com/3dmanufacturing", ("v1", "v2", "v3", "p1", "p2", "p3")
+    with zipfile.ZipFile(path) as file:
+        assert sorted(file.namelist()) == ["3D/3dmodel.model", "[Content_Types].xml", "_rels/.rels"]
+        ElementTree.fromstring(file.read("_rels/.rels"))
+        root = ElementTree.fromstring(file.read("3D/3dmodel.model"))
+    assert root.get("unit") == "millimeter"
+    core, paint = (f"{{{space}/{part}/2015/02}}" for part in ("core", "material"))
+    of = [[one.get(name) for name in names] for one in root.iter(f"{core}triangle")]
+    corners = np.array(of, int)
+    rgb = [[int(one.get("color", "")[at : at + 2], 16) for at in (1, 3, 5)] for one in root.iter(f"{paint}color")]
+    vertices = [[float(one.get(axis, "")) for axis in "xyz"] for one in root.iter(f"{core}vertex")]
+    return np.array(vertices), corners[:, :3], np.array(rgb)[corners[:, 3:]] / 255
+
+
+def test_files_for_printers_are_closed_and_in_millimetres(tiny: Model, tmp_path: Path):
+    for name in ("stool.stl", "stool.3mf"):
+        list(export_mesh(tiny, tiny.codes[0], tmp_path / name, MeshSettings(32, metres=0.5)))
+    read = trimesh.load_mesh(tmp_path / "stool.stl")
+    assert read.is_watertight and read.volume > 0
+    assert (read.extents.max(), read.bounds[0, 2]) == pytest.approx((500, 0), abs=1e-2)
+    vertices, faces, colours = read_3mf(tmp_path / "stool.3mf")
+    printed = trimesh.Trimesh(vertices, faces, process=False)
+    assert printed.is_watertight and printed.volume == pytest.approx(read.volume, rel=1e-3)
+    found = run_to_end(extract_mesh(tiny, tiny.codes[0], 32))
+    np.testing.assert_allclose(colours, found.colours[found.faces], atol=3e-3)
+
+
+@pytest.mark.parametrize("texture", [0, 64])
+def test_a_mesh_has_no_more_triangles_than_wanted(texture: int, tiny: Model, tmp_path: Path):
+    full = run_to_end(extract_mesh(tiny, tiny.codes[0], 48))
+    list(export_mesh(tiny, tiny.codes[0], tmp_path / "stool.glb", MeshSettings(48, texture=texture, triangles=1500)))
+    (read,) = trimesh.load_scene(tmp_path / "stool.glb").geometry.values()
+    assert 1000 < len(read.faces) <= 1500 < len(full.faces) / 2
+    assert read.area == pytest.approx(solid(full).area, rel=0.05)
+    np.testing.assert_allclose(read.bounds, np.sort(solid(full).bounds @ WORLD_FROM_GLTF, 0), atol=0.02)
+
+
+@pytest.mark.parametrize("settings", [MeshSettings(32, metres=0.9), MeshSettings(32, texture=64), MeshSettings(32)])
+def test_the_camera_of_a_glb_sees_the_object_where_the_photo_does(settings: MeshSettings, tiny: Model, tmp_path: Path):
+    path, camera = tmp_path / "stool.glb", tiny.camera(0.7, 0.4).resized(96, 64)
+    list(export_mesh(tiny, tiny.codes[0], path, settings, camera))
+    written = path.read_bytes()
+    about = json.loads(written[20 : 20 + int.from_bytes(written[12:16], "little")])
+    (node,) = (one for one in about["nodes"] if "camera" in one)
+    assert about["nodes"].index(node) in about["scenes"][about["scene"]]["nodes"]
+    lens = about["cameras"][node["camera"]]["perspective"]
+    scene = trimesh.load_scene(path, process=False)
+    points = scene.to_geometry().vertices
+    local = np.c_[points, np.ones(len(points))] @ np.linalg.inv(np.reshape(node["matrix"], (4, 4)).T).T
+    share = local[:, :2] / -local[:, 2:3] / np.tan(lens["yfov"] / 2)  # of half the image's height, y up
+    seen = np.c_[48 + 32 * share[:, 0], 32 - 32 * share[:, 1]]
+    kept = MeshSettings(32, texture=settings.texture)
+    list(export_mesh(tiny, tiny.codes[0], tmp_path / "plain.glb", kept))
+    world = trimesh.load_scene(tmp_path / "plain.glb", process=False).to_geometry().vertices @ WORLD_FROM_GLTF.T
+    expected = camera.project(torch.from_numpy(world).float()).numpy()
+    np.testing.assert_allclose(seen, expected, atol=0.02)
+    assert lens["aspectRatio"] == pytest.approx(96 / 64)
 
 
 @pytest.mark.parametrize("name", ["stool.glb", "stool.ply"])
@@ -151,7 +216,7 @@ def test_a_cancelled_mesh_leaves_nothing_and_keeps_what_was_there(tiny: Model, t
 
 def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
     codes: Codes = model.codes[0]
-    for name, says in (("a.stl", "glb"), ("gone/a.glb", "cannot write")):
+    for name, says in (("a.fbx", "glb"), ("gone/a.glb", "cannot write")):
         with pytest.raises(ValueError, match=says):
             list(export_mesh(model, codes, tmp_path / name, MeshSettings(16)))
     for resolution in (7, 5000):
@@ -159,7 +224,7 @@ def test_what_has_no_mesh_is_refused(ball, model: Model, tmp_path: Path):
             list(export_mesh(model, codes, tmp_path / "a.glb", MeshSettings(resolution)))
     with pytest.raises(ValueError, match="holds a texture"):
         list(export_mesh(model, codes, tmp_path / "a.ply", MeshSettings(16, texture=64)))
-    for wrong in ({"metres": 0.0}, {"texture": 4}):
+    for wrong in ({"metres": 0.0}, {"texture": 4}, {"triangles": 3}):
         with pytest.raises(ValueError, match="got"):
             MeshSettings(**wrong)
     ball(((0.0, 0.0, 0.0), -1.0))

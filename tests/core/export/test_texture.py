@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from core.export import texture as module
 from core.export.texture import TexturedMesh, textured
-from core.streams import run_to_end
 
 
 def by_place(places: np.ndarray, normals: np.ndarray) -> Generator[float, None, np.ndarray]:
@@ -60,11 +58,3 @@ def test_the_file_is_unlit_and_comes_back_with_its_image(ball: tuple[TexturedMes
     np.testing.assert_allclose(read.visual.uv, found.uv, atol=1e-6)
     image = np.asarray(read.visual.material.baseColorTexture.convert("RGB"))
     np.testing.assert_array_equal(image, found.image)
-
-
-def test_a_large_mesh_has_fewer_triangles_and_its_form(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(module, "TRIANGLES", 500)
-    whole = trimesh.creation.icosphere(4)
-    found = run_to_end(textured(whole.vertices, whole.faces, by_place, 64))
-    assert 300 < len(found.faces) <= 500
-    assert np.abs(np.linalg.norm(found.vertices, axis=1) - 1).max() < 0.03

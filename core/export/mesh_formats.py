@@ -1,0 +1,106 @@
+"""Files of meshes: .glb, .ply, .obj, and .stl and .3mf for printers."""
+
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from core.export.glb import glb
+from core.geometry.camera import WORLD_FROM_GLTF
+from core.geometry.pixels import to_bytes
+
+_MILLIMETRES = 1000
+"""in a metre: what programs for printers take as the unit"""
+_3MF = "http://schemas.microsoft.com/3dmanufacturing"
+_PACKAGE = "http://schemas.openxmlformats.org/package/2006"
+_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
+_3MF_PARTS = {
+    "[Content_Types].xml": f"""{_HEAD}<Types xmlns="{_PACKAGE}/content-types">
+<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
+<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>""",
+    "_rels/.rels": f"""{_HEAD}<Relationships xmlns="{_PACKAGE}/relationships">
+<Relationship Id="rel0" Target="/3D/3dmodel.model" Type="{_3MF}/2013/01/3dmodel"/></Relationships>""",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A closed surface. Its triangles are counter-clockwise seen from outside."""
+
+    vertices: Float[np.ndarray, "vertices 3"]
+    """world, scene units or m"""
+    normals: Float[np.ndarray, "vertices 3"]
+    """unit length, outward"""
+    colours: Float[np.ndarray, "vertices 3"]
+    """sRGB, 0..1"""
+    faces: Int[np.ndarray, "faces 3"]
+
+    def save(self, path: Path) -> None:
+        """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
+        FORMATS[path.suffix.lower()](self, path)
+
+
+def _write_glb(mesh: Mesh, path: Path) -> None:
+    """glTF axes: y up, front +z."""
+    vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
+    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces))
+
+
+def _write_ply(mesh: Mesh, path: Path) -> None:
+    _trimesh(mesh).export(path, vertex_normal=True)
+
+
+def _write_obj(mesh: Mesh, path: Path) -> None:
+    """The axes of glTF, which readers expect of this format too."""
+    turned = replace(mesh, vertices=mesh.vertices @ WORLD_FROM_GLTF, normals=mesh.normals @ WORLD_FROM_GLTF)
+    _trimesh(turned).export(path)
+
+
+def _write_stl(mesh: Mesh, path: Path) -> None:
+    """z up, in mm, without colours."""
+    _trimesh(replace(mesh, vertices=_MILLIMETRES * mesh.vertices)).export(path)
+
+
+def _write_3mf(mesh: Mesh, path: Path) -> None:
+    """z up, in mm, a colour at each vertex (the extension *Materials and Properties*)."""
+    found, of_vertices = np.unique(to_bytes(mesh.colours), axis=0, return_inverse=True)
+    colours = "".join(f'<m:color color="#{red:02X}{green:02X}{blue:02X}FF"/>' for red, green, blue in found.tolist())
+    places = (_MILLIMETRES * mesh.vertices).tolist()
+    vertices = "".join(f'<vertex x="{x:.5f}" y="{y:.5f}" z="{z:.5f}"/>' for x, y, z in places)
+    corners = zip(mesh.faces.tolist(), of_vertices.reshape(-1)[mesh.faces].tolist(), strict=True)
+    triangles = "".join(
+        f'<triangle v1="{a}" v2="{b}" v3="{c}" pid="1" p1="{p}" p2="{q}" p3="{r}"/>' for (a, b, c), (p, q, r) in corners
+    )
+    model = f"""{_HEAD}<model unit="millimeter" xmlns="{_3MF}/core/2015/02" xmlns:m="{_3MF}/material/2015/02">
+<resources><m:colorgroup id="1">{colours}</m:colorgroup><object id="2" type="model"><mesh>
+<vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh></object></resources>
+<build><item objectid="2"/></build></model>"""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, text in (*_3MF_PARTS.items(), ("3D/3dmodel.model", model)):
+            file.writestr(name, text)
+
+
+def _trimesh(mesh: Mesh) -> Any:
+    """The mesh in the world's axes as trimesh has it."""
+    import trimesh  # the window lists the formats long before it needs the library
+
+    colours = to_bytes(mesh.colours)
+    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_normals=mesh.normals, process=False)
+    whole.visual = trimesh.visual.ColorVisuals(whole, vertex_colors=colours)
+    return whole
+
+
+FORMATS: dict[str, Callable[[Mesh, Path], None]] = {
+    ".glb": _write_glb,
+    ".ply": _write_ply,
+    ".obj": _write_obj,
+    ".stl": _write_stl,
+    ".3mf": _write_3mf,
+}
+"""The writer of each format, by the name's ending."""
+TEXTURED = (".glb",)
+"""Formats that can hold a texture."""

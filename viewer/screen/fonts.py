@@ -1,0 +1,49 @@
+"""The fonts of the window: text with icons, and what names may hold beside Latin, Greek and Cyrillic."""
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+import imgui_bundle
+from imgui_bundle import hello_imgui, imgui
+
+from viewer.screen.theme import SIZE
+
+_TEXT, _BOLD = "fonts/Roboto/Roboto-Regular.ttf", "fonts/Roboto/Roboto-Bold.ttf"
+"""assets of imgui_bundle; their figures are all of one width, and they have Greek and Cyrillic too"""
+_EMOJI = Path(imgui_bundle.__file__).parent / "demos_assets/fonts/NotoEmoji-Regular.ttf"
+_PACKAGE, _PACKAGED = "cvttf_NotoSansCJK_Regular", "NotoSansCJKtc-Regular.otf"
+"""of the extra ``cjk``"""
+SYSTEM = (
+    "/usr/share/fonts/opentype/noto/NotoSansCJK-Regular.ttc",
+    "/usr/share/fonts/google-noto-cjk/NotoSansCJK-Regular.ttc",
+    "/usr/share/fonts/noto-cjk/NotoSansCJK-Regular.ttc",
+    "/usr/share/fonts/truetype/droid/DroidSansFallbackFull.ttf",
+    "/usr/share/fonts/truetype/wqy/wqy-microhei.ttc",
+    "/System/Library/Fonts/Hiragino Sans GB.ttc",
+    "/System/Library/Fonts/Supplemental/Arial Unicode.ttf",
+    "C:/Windows/Fonts/msyh.ttc",
+    "C:/Windows/Fonts/YuGothM.ttc",
+    "C:/Windows/Fonts/malgun.ttf",
+)
+"""fonts of systems with Chinese, Japanese or Korean, the widest first"""
+
+
+def load_fonts() -> list[imgui.ImFont]:
+    """The font of the text and a bold one for headings; glyphs are made as they are first drawn."""
+    beside = hello_imgui.FontLoadingParams()
+    beside.inside_assets, beside.merge_to_last_font = False, True
+    fonts = []
+    for name in (_TEXT, _BOLD):
+        fonts.append(hello_imgui.load_font_ttf_with_font_awesome_icons(name, SIZE))
+        # Headings are words of the program: a font of many megabytes is held once.
+        for path in fallbacks() if name == _TEXT else ():
+            hello_imgui.load_font(str(path), SIZE, beside)
+    return fonts
+
+
+def fallbacks(system: Sequence[str] = SYSTEM) -> list[Path]:
+    """Files of fonts for what the text's own has not: emoji, then Chinese, Japanese and Korean where there is any."""
+    spec = find_spec(_PACKAGE)
+    packaged = [Path(place) / _PACKAGED for place in (spec.submodule_search_locations or () if spec else ())]
+    return [_EMOJI, *[path for path in (*packaged, *map(Path, system)) if path.is_file()][:1]]
