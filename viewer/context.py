@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from core.models.scene import embedded_scene
@@ -45,6 +46,7 @@ class PanelContext:
     files: FileDialog
     preferences: Preferences = field(default_factory=Preferences)
     help_open: bool = False
+    help_search: str = ""
     share_open: bool = False
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
@@ -59,6 +61,8 @@ class PanelContext:
     """the object that is dragged to a slot"""
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
     """two corners of the view on screen"""
+    overlay: np.ndarray | None = None
+    """RGBA, square: what a panel shows over the object in the next frame, as the scene's camera sees it"""
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     autosave: Autosave | None = None
@@ -262,6 +266,8 @@ class Panel:
     """View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)"""
     folded = False
     """not shown until it is chosen in the menu Panels"""
+    bare = False
+    """its subject needs no words: it has no tab, unless another panel is beside it"""
     needs_model = True
     """drawn only while a model is open"""
 
