@@ -104,7 +104,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Lock", "keeps shape or texture from being changed"),
         Gesture("Drag in the pad", "across: shape from A to B; upwards: texture"),
     ),
-    "Shape × texture grid": (Gesture("Click", "make a pair current; at the border: take the object out"),),
+    "Grid": (Gesture("Click", "make a pair current; at the border: take the object out"),),
     "Sliders": (
         Action(
             *("sample_all", "Random", "R", "a random shape and texture; what is locked stays"),
@@ -211,7 +211,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             checked=lambda c: c.preferences.dark,
         ),
         Action(
-            *("smooth", "Smooth the finished render", "", "without visible pixels; a preview shows its own"),
+            *("smooth", "Smooth the picture", "", "without visible pixels, in previews too"),
             lambda c: c.set_preference(smooth=not c.preferences.smooth),
             _always,
             checked=lambda c: c.preferences.smooth,
@@ -221,7 +221,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         ),
         Gesture("Esc", "close what is on top: a menu, a dialog, the help"),
         Action(
-            *("help", "Keys and mouse", "F1, ?", "this help"),
+            *("help", "Keys and mouse", "F1, ?", "this help; type what you look for, Enter does it"),
             lambda c: setattr(c, "help_open", not c.help_open),
             _always,
             checked=lambda c: c.help_open,
@@ -232,6 +232,13 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
 """By where it works; the order is that of the help."""
 
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
+
+
+def find_actions(search: str) -> list[Action]:
+    """Those whose words or tooltips hold what is searched for, the likeliest first; none for nothing."""
+    wanted = search.strip().lower()
+    found = [one for one in ACTIONS.values() if wanted and wanted in f"{one.words} {one.tooltip}".lower()]
+    return sorted(found, key=lambda one: (one.words.lower() != wanted, not one.words.lower().startswith(wanted)))
 
 
 def run_keys(context: PanelContext, in_view: bool = False) -> None:

@@ -31,8 +31,10 @@ _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
 touches anything meanwhile."""
 _TOUCHED = 0.7
 """s for which a touch counts."""
-_INSPECTOR, _LIBRARY, _STRIP, _DRAWER = 390.0, 232.0, 142.0, 250.0
-"""px of a 96 ppi screen: width of the inspector and of the library, height of the strip and of the drawer"""
+_INSPECTOR, _LIBRARY = (270.0, 0.3, 540.0), (195.0, 0.18, 330.0)
+"""px of a 96 ppi screen at the least, share of the window's width, and px at the most"""
+_STRIP, _DRAWER = 66.0, 250.0
+"""px of a 96 ppi screen: height of the strip and of the drawer"""
 
 
 class App:
@@ -136,13 +138,12 @@ class App:
             width, height: of the window, px of a 96 ppi screen.
         """
         dirs = imgui.Dir
-        right, strip = min(_INSPECTOR, 0.4 * width), min(_STRIP, 0.25 * height)
-        left = min(_LIBRARY, 0.22 * width)
+        right, left = (max(least, min(share * width, most)) for least, share, most in (_INSPECTOR, _LIBRARY))
         return [
             hello_imgui.DockingSplit("MainDockSpace", "Right", dirs.right, right / width),
             hello_imgui.DockingSplit("MainDockSpace", "Left", dirs.left, left / (width - right)),
-            hello_imgui.DockingSplit("MainDockSpace", "Strip", dirs.down, strip / height),
-            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, min(_DRAWER / (height - strip), 0.45)),
+            hello_imgui.DockingSplit("MainDockSpace", "Strip", dirs.down, _STRIP / height),
+            hello_imgui.DockingSplit("MainDockSpace", "Drawer", dirs.down, min(_DRAWER / (height - _STRIP), 0.45)),
         ]
 
     def _dockable(self, panel: Panel) -> hello_imgui.DockableWindow:
@@ -150,13 +151,13 @@ class App:
         place = "MainDockSpace" if view else panel.dock
         window = hello_imgui.DockableWindow(panel.title, place, lambda: self._draw_panel(panel))
         window.can_be_closed, window.is_visible = not view, not panel.folded
-        if view:  # the one panel whose subject needs no words
+        if panel.bare:
             window.call_begin_end = False
-            window.gui_function = lambda: self._draw_view(panel)
+            window.gui_function = lambda: self._draw_bare(panel)
         return window
 
-    def _draw_view(self, panel: Panel) -> None:
-        """The view has no tab, and never scrolls: what lies over it must not change its size."""
+    def _draw_bare(self, panel: Panel) -> None:
+        """Without a tab; and it never scrolls: what lies over the view must not change its size."""
         bare = imgui.WindowClass()
         bare.dock_node_flags_override_set = imgui.DockNodeFlags_.auto_hide_tab_bar
         imgui.set_next_window_class(bare)

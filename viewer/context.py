@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from core.models.scene import embedded_scene
@@ -46,6 +47,7 @@ class PanelContext:
     files: FileDialog
     preferences: Preferences = field(default_factory=Preferences)
     help_open: bool = False
+    help_search: str = ""
     share_open: bool = False
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
@@ -62,6 +64,8 @@ class PanelContext:
     """two corners of the view on screen"""
     frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))
     """s of the window thread's own processor time, of the last frames"""
+    overlay: np.ndarray | None = None
+    """RGBA, square: what a panel shows over the object in the next frame, as the scene's camera sees it"""
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     autosave: Autosave | None = None
@@ -265,6 +269,8 @@ class Panel:
     """View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)"""
     folded = False
     """not shown until it is chosen in the menu Panels"""
+    bare = False
+    """its subject needs no words: it has no tab, unless another panel is beside it"""
     needs_model = True
     """drawn only while a model is open"""
 

@@ -3,6 +3,7 @@
 import torch
 
 from core.models.model import Model
+from core.photos.direction_words import Words
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
@@ -17,6 +18,7 @@ from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
+from viewer.values.part import Part
 from viewer.values.saved_session import SavedSession
 from viewer.values.view_request import ViewSettings
 
@@ -44,6 +46,8 @@ class Workspace:
         """names of objects that were there from the beginning"""
         self._kept = self.editor.objects.version
         self._prepared = 0.0
+        self._words: Words = {}
+        """of the principal directions, once they are measured"""
         self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
         """photos whose object is to be pointed out after the one that is"""
         self._prompting: tuple[PhotoSource, ...] = ()
@@ -60,8 +64,17 @@ class Workspace:
     def start(self) -> None:
         """Render the first image, and make what fits wait for."""
         self.viewport.render()
-        view_bank = self._jobs.backend.view_bank
+        view_bank, words = self._jobs.backend.view_bank, self._jobs.backend.direction_words
+        self._jobs.submit(Job("words", lambda: words(self.model), self._name_directions, share=_VIEW_BANK_SHARE))
         self._jobs.submit(Job("view bank", lambda: view_bank(self.model), self._prepare, share=_VIEW_BANK_SHARE))
+
+    def word(self, part: Part, index: int) -> str:
+        """What more of a principal direction makes of the object, such as *wider*; empty where that is not known."""
+        words = self._words.get(part, ())
+        return words[index] if index < len(words) else ""
+
+    def _name_directions(self, words: Words) -> None:
+        self._words = words
 
     def _prepare(self, share: float) -> None:
         self._prepared = share
@@ -76,6 +89,7 @@ class Workspace:
         self.viewport.tick()
         self.player.tick()
         self.thumbnails.tick()
+        self.fitting.tick()
         if self._awaiting_box and not self.segmenting.active:
             first, *others = self._awaiting_box
             self._awaiting_box, self._prompting = tuple(others), first[0]
@@ -88,7 +102,7 @@ class Workspace:
         for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
             part.close()
         self.exporting.cancel()
-        self._jobs.cancel("view bank")
+        self._jobs.cancel("view bank", "words")
 
     def saved(self, name: str) -> SavedSession | None:
         """All that was made, under the name of the model; None if nothing was."""
@@ -129,7 +143,7 @@ class Workspace:
         """Give an added object another name, wherever it is mentioned."""
         new = self.editor.rename(name, to)
         self.grid.rename(name, new)
-        self.fitting.results.rename(name, new)
+        self.fitting.rename(name, new)
 
     def remove(self, name: str) -> None:
         """Take an added object out of all lists; what is shown stays."""

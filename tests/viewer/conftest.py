@@ -48,6 +48,7 @@ def backend(model: Model) -> Backend:
         lambda model: iter(()),
         pace=quick_pace,
         guess_category=no_guess,
+        direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
 
 
@@ -139,6 +140,8 @@ def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFacto
         session = Session(Worker(), backend, seed=0)
         session.view = replace(session.view, quality=Quality(32, 96))
         app = App(session, size, folder, headless=True, native_dialogs=False)
+        if folder is None:  # else a fast machine would draw other pictures than a slow one
+            app.context.set_preference(turning="off")
 
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict

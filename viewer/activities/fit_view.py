@@ -27,12 +27,14 @@ class FitView:
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self.history = FitHistory()
+        self.from_runner_up = False
+        """shown from the runner-up's camera"""
         self._rendered_at, self._steps_since = 0.0, 0
         """s on the monotonic clock, and steps, since the last render"""
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which has not begun or is over."""
-        self.history = history
+        self.history, self.from_runner_up = history, False
         self._rendered_at, self._steps_since = 0.0, 0
 
     def close(self) -> None:
@@ -42,15 +44,25 @@ class FitView:
 
     @property
     def camera(self) -> Camera:
-        """The photo's camera in the step shown, at the size of the model's images. Only once there are steps."""
-        assert self.history.step is not None, "nothing found yet"
-        return self.camera_of(self.history.step)
+        """The photo's camera in the step and viewpoint shown, at the size of the model's images. Only once there are
+        steps.
+        """
+        step = self.history.step
+        assert step is not None, "nothing found yet"
+        return self.camera_of(self._seen(step))
 
-    @property
-    def other_camera(self) -> Camera | None:
-        """The runner-up's camera, mostly from the object's other side, at the same size; None where there is none."""
-        other = self.history.step and self.history.step.runner_up
-        return self.camera_of(other) if other else None
+    def _seen(self, step: FitStep) -> FitStep | RunnerUp:
+        """The cameras of the viewpoint that is shown."""
+        return step.runner_up if self.from_runner_up and step.runner_up else step
+
+    def show_viewpoint(self, runner_up: bool) -> None:
+        """See the object, and its render, from where the photo was found to be taken, or from the runner-up's camera,
+        mostly on the object's other side.
+        """
+        if step := self.history.step:
+            self.from_runner_up = runner_up
+            self._editor.set_camera(self.camera)
+            self._render(step, _FINISHED)
 
     def camera_of(self, found: FitStep | RunnerUp) -> Camera:
         """The camera of the photo that is shown, at the size of the model's images."""
@@ -86,7 +98,7 @@ class FitView:
 
     def finish(self) -> None:
         """Show the newest step, finished."""
-        self.history = replace(self.history, selected=None)
+        self.history, self.from_runner_up = replace(self.history, selected=None), False
         if self.history.last:
             self._render(self.history.last, _FINISHED)
 
@@ -99,7 +111,7 @@ class FitView:
         """A step from the photo's camera; as wide as the view while that follows the fit from there."""
         self._rendered_at, self._steps_since = time.monotonic(), 0
         index, view, fills = self.history.photo_index, self._viewport.settings, self._fills_view
-        camera = step.cameras[index]
+        camera = self._seen(step).cameras[index]
         layout = (*view.panel, camera.height, view.pan) if fills else (camera.width, camera.height, camera.height)
         crop = orbit.fit_to_panel(camera, *layout)
         job = RenderJob(step.codes, crop.camera, settings)

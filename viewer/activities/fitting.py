@@ -22,6 +22,8 @@ from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Ready, match_poses
 from viewer.values.objects import EditableObject
 
+_FITS = 8
+"""which are kept"""
 _SURE_CATEGORY = 0.8
 """Probability from which a photo is fitted with the model of the category that it shows, whichever is open."""
 
@@ -42,6 +44,8 @@ class Fitting:
         """emitted with photos, and which of them has an object that was not found automatically"""
         self.other_category = Signal[tuple[PhotoSource, ...], str]()
         """emitted with photos that show another category, whose fit is withdrawn"""
+        self._shown_fit, self._fits = "", dict[str, FitHistory]()
+        """the object whose fit is shown, and the last fits of this run by the names of their objects"""
         self._before = self.history, self.candidates.tiles
         """what was there before the last fit began"""
 
@@ -68,11 +72,22 @@ class Fitting:
         self.queue = ()
         self._drop()
 
+    def tick(self) -> None:
+        """Once a frame: show how the object that is A was found, if it was in this run."""
+        name, texture = self._editor.state.mix.a
+        if self.running or name != texture or name == self._shown_fit or name not in self._fits:
+            return
+        self._shown_fit = name
+        self.view.show(self._fits[name])
+        self.candidates.reset()
+        self.view.finish()
+
     def restore(self, history: FitHistory, pending: tuple[FitRequest, ...]) -> None:
         """Bring back the last fit, unless there is one already, and go on with what is not over."""
         if not self.history.sources:
             self.view.show(history)
             self.view.finish()
+            self._keep_fit(history.name)
         self.queue = (*self.queue, *(request._replace(restored=True) for request in pending))
         self._next()
 
@@ -170,6 +185,17 @@ class Fitting:
         """Show the fit on its way, from the photo's camera; its result becomes current."""
         if self.can_follow:
             self._viewport.follow()
+
+    def rename(self, name: str, to: str) -> None:
+        """A result has another name."""
+        self.results.rename(name, to)
+        self._fits = {to if one == name else one: fit for one, fit in self._fits.items()}
+        self._shown_fit = to if self._shown_fit == name else self._shown_fit
+
+    def _keep_fit(self, name: str) -> None:
+        self._fits[name], self._shown_fit = self.history, name
+        while len(self._fits) > _FITS:
+            del self._fits[next(iter(self._fits))]
 
     def keep(self) -> None:
         """Add the step that is shown to the objects."""
@@ -278,12 +304,14 @@ class Fitting:
         if last is None:
             self._jobs.messages.notify(f"{how} before there was a result", MessageKind.NOTE)
         elif checking:
+            self._keep_fit(checking.name)
             better = self.results.improve(checking, self._fitted(last), self.view.camera_of(last))
-            verdict = f"a better one was found, {last.psnr:.1f} dB" if better else "the first result stays"
+            verdict = "a better one was found" if better else "the first result stays"
             self._tell(f"{checking.name} was checked from other sides: {verdict}", checking)
         else:
             found = self._add(last)
-            self._tell(f"{how} in {last.seconds:.0f} s: {found.name}, {last.psnr:.1f} dB", found)
+            self._keep_fit(found.name)
+            self._tell(f"{how} in {last.seconds:.0f} s: {found.name}", found)
         self.request = self.results.checking = None
         self._viewport.unfollow()
 
@@ -291,7 +319,7 @@ class Fitting:
         """The first search has a result: it can be used while the second one checks it."""
         found = self.results.checking = self._add(first)
         self._viewport.unfollow()
-        self._tell(f"{found.name} can be used: {first.psnr:.1f} dB; it is being checked from other sides", found)
+        self._tell(f"{found.name} can be used; it is being checked from other sides", found)
 
     def _add(self, step: FitStep) -> Ready:
         restored = self.request is not None and self.request.restored

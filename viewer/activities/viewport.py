@@ -61,6 +61,8 @@ class Viewport:
         """s on the monotonic clock, when the baked object was turned last"""
         self._last_render: float | None = None
         """s on the monotonic clock, when the image was finished that has fewer pixels than the view"""
+        self._sharpens: tuple[float, float] = 0.0, 0.0
+        """s on the monotonic clock, when the image of all pixels was begun, and s that it is likely to take"""
         self._live: View | None = None
         """the newest object of the fit, from the photo's camera at the model's size"""
         self._followed_since: Scene | None = None
@@ -103,11 +105,19 @@ class Viewport:
         self.change(pan=(0.0, 0.0))
         self._editor.set_camera(orbit.home(self._editor.model))
 
+    @property
+    def sharpened(self) -> float | None:
+        """How far the image of all pixels is (0..1), by the time of a smaller one; None unless it is under way."""
+        begun, seconds = self._sharpens
+        if not begun or self.sharp or not self._jobs.busy("view"):
+            return None
+        return min(0.95, (time.monotonic() - begun) / max(0.1, seconds))
+
     def render(self) -> None:
         """Render the scene, in place of a render under way; not while the timeline plays or a fit is followed."""
         if self.source != "scene":
             return
-        self._last_render, self.sharp = None, False
+        self._last_render, self.sharp, self._sharpens = None, False, (0.0, 0.0)
         request = self.request
         if self.is_baked(request.codes):
             self._jobs.cancel("view")
@@ -131,6 +141,8 @@ class Viewport:
         rests = self._last_render is not None and now - self._last_render >= _FULL_RESOLUTION_DELAY
         if rests and not self._jobs.busy("fit"):
             self._last_render = None
+            pixels = (request.full / request.preview) ** 2
+            self._sharpens = now, pixels * (self.times[-1][1] if self.times else 0.0) / _FULL_RESOLUTION_SHARE
             self._submit(request, request.full, continues=True)
 
     # Baked by core, drawn by OpenGL

@@ -15,16 +15,15 @@ from viewer.widgets.controls import button, draw_progress, tooltip
 _SIZE, _SAMPLES = 96, 64
 """px of a pair's thumbnail, and intervals along the box"""
 _ADD = icons_fontawesome_4.ICON_FA_PLUS
-_INVITATION = (
-    'Every shape in every texture. Drop objects on the square, or choose "Add to the grid" from an object\'s menu; '
-    "a click on the square adds A and B."
-)
+_INVITATION = "Every shape in every texture. Or drop objects on the square; a click on it adds A and B."
+_FILL = 3
+"""objects that fill an empty grid"""
 
 
 class GridPanel(Panel):
     """Chosen objects along both borders, and every pair of them; a click makes a pair current."""
 
-    title = "Shape × texture grid"
+    title = "Grid"
     dock = "Right"
     folded = True
 
@@ -48,6 +47,9 @@ class GridPanel(Panel):
                 _draw_cell(context, f"pair {number + 1} {column + 1}", pair, side)
         imgui.pop_style_var()
         if not grid.names:
+            label = f"Fill with {_FILL} x {_FILL} of the library###fill"
+            if button(label, "The forms that differ most", colour=context.palette.accent):
+                grid.add(*[*context.editor.objects.families][:_FILL])
             imgui.text_wrapped(_INVITATION)
 
     def _draw_buttons(self, context: PanelContext) -> None:

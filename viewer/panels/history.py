@@ -1,4 +1,4 @@
-"""Every state that undo remembers, as thumbnails in a row; a click brings one back."""
+"""Every edit that undo remembers, as thumbnails in a row; a click brings one back."""
 
 from imgui_bundle import ImVec2, hello_imgui, imgui
 
@@ -6,9 +6,13 @@ from core.rendering.progressive import Frame
 from viewer.activities.thumbnails import SIZE
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import packed
-from viewer.values.history import State
+from viewer.values.history import History, State
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
+from viewer.widgets.text import caption
+
+_WORD = 4.0
+"""em, of the panel's name at the left"""
 
 
 class HistoryPanel(Panel):
@@ -16,45 +20,58 @@ class HistoryPanel(Panel):
 
     title = "History"
     dock = "Strip"
+    bare = True
 
     def __init__(self) -> None:
         self._shown = -1
         """the state that was last scrolled to"""
+        self._history: History | None = None
+        self._edits: tuple[tuple[int, str], ...] = ()
+        """of that history"""
 
     def draw(self, context: PanelContext) -> None:
         """The row, which scrolls to what is shown."""
         history = context.editor.history
+        if history is not self._history:
+            self._history, self._edits = history, history.edits
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
-        side = max(2 * em, min(object_tiles.THUMBNAIL * em, room.y - imgui.get_style().scrollbar_size))
-        if imgui.begin_child("row", (0, 0), 0, imgui.WindowFlags_.horizontal_scrollbar):
+        caption(context, "History")
+        imgui.same_line(_WORD * em)
+        side = max(2 * em, min(object_tiles.THUMBNAIL * em, room.y))
+        flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.horizontal_scrollbar
+        if imgui.begin_child("row", (0, 0), 0, flags):
             imgui.push_style_var(imgui.StyleVar_.item_spacing, (0.3 * em, 0.3 * em))
-            for index, state in enumerate(history.states):
-                if index:
+            first = 0
+            for number, (last, words) in enumerate(self._edits):
+                if number:
                     imgui.same_line()
-                self._draw_state(context, index, state, side)
+                self._draw_edit(context, number, range(first, last + 1), words, side)
+                first = last + 1
             imgui.pop_style_var()
+            if imgui.is_window_hovered() and (wheel := imgui.get_io().mouse_wheel):
+                imgui.set_scroll_x(imgui.get_scroll_x() - wheel * side)
         imgui.end_child()
 
-    def _draw_state(self, context: PanelContext, index: int, state: State, side: float) -> None:
+    def _draw_edit(self, context: PanelContext, number: int, states: range, words: str, side: float) -> None:
+        """One tile for an edit and the moves of the camera after it; a click goes to the last of them."""
         history = context.editor.history
-        now, corner = len(history.past), imgui.get_cursor_screen_pos()
+        now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
-        elif imgui.invisible_button(f"state {index + 1}", (side, side)):
-            context.editor.go_to(index)
-        if index == now and self._shown != now:
+        elif imgui.invisible_button(f"state {number + 1}", (side, side)) and not shown:
+            context.editor.go_to(states[-1])
+        if shown and self._shown != now:
             imgui.set_scroll_here_x()
             self._shown = now
-        tooltip(_label(index - now))
-        object_tiles.paint_frame(
-            context, _thumbnail(context, state, index == now and bool(history.gesture)), corner, side
-        )
-        if index > now:
+        tooltip(words[:1].upper() + words[1:] if shown else f"Click to go back to: {words}")
+        state = history.now if shown else history.states[states[-1]]
+        object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), corner, side)
+        if states[0] > now:
             pale = packed(context.palette.panel, 0.55)
             imgui.get_window_draw_list().add_rect_filled(
                 corner, corner + ImVec2(side, side), pale, object_tiles.rounding()
             )
-        if index == now:
+        if shown:
             object_tiles.outline(corner, side, context.palette.accent)
 
 
@@ -63,10 +80,3 @@ def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | Non
     scene, now = state.scene, state is context.editor.state
     camera = scene.camera.resized(SIZE, SIZE)
     return None if moving else context.thumbnails.get(scene.codes, camera, soon=now)
-
-
-def _label(steps: int) -> str:
-    if steps == 0:
-        return "What is shown"
-    count = f"{abs(steps)} step{'s' if abs(steps) > 1 else ''}"
-    return f"Click to go {count} {'back' if steps < 0 else 'forward'}"

@@ -10,8 +10,9 @@ from viewer.values.variety import family, readable
 from viewer.widgets import object_tiles, user_objects
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption, heading, paint_caption, small_height
+from viewer.widgets.welcome import Samples
 
-_MINE = "What you rebuild from photos comes here."
+_MINE = "What you rebuild from photos comes here. Try one:"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
 _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
 
@@ -24,6 +25,7 @@ class LibraryPanel(Panel):
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
+        self._samples = Samples()
         self._unfolded = set[str]()
         """the objects whose variants are shown"""
 
@@ -40,7 +42,11 @@ class LibraryPanel(Panel):
     def _draw_objects(self, context: PanelContext, library: ObjectLibrary) -> None:
         if imgui.begin_child("objects"):
             heading(context, "Mine")
-            self._draw_tiles(context, library.own) if library.own else caption(context, _MINE)
+            if library.own:
+                self._draw_tiles(context, library.own)
+            else:
+                caption(context, _MINE)
+                self._samples.draw(context)
             imgui.spacing()
             heading(context, context.editor.model.category.capitalize() or "Objects")
             self._draw_tiles(context, self._listed(library.families))
@@ -139,7 +145,7 @@ def _draw_menu(context: PanelContext, name: str) -> None:
         editor.set_b(name)
     if imgui.menu_item_simple("Add to the grid"):
         context.grid.add(name)
-        context.focus = "Shape × texture grid"
+        context.focus = "Grid"
 
 
 def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:

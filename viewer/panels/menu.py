@@ -18,16 +18,8 @@ _SWITCH_HELP = "What you have made stays with its model, and comes back with it"
 
 def draw(context: PanelContext) -> None:
     """Menus, the switch between the models, and at the right what is under way."""
-    project = ("new_project", "open_scene", _draw_recent, _draw_earlier, None, "save_project", "save_project_as")
-    _menu(
-        context,
-        "File",
-        ("fit_image", "paste", _draw_samples, None, *project, None, "save_scene", "share", None, "quit"),
-    )
-    _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
-    _menu(context, "View", ("dark", "smooth", None, "larger_text", "smaller_text"))
-    _menu(context, "Panels", (_draw_panels, None, "reset_layout"))
-    _menu(context, "Help", ("help",))
+    for title, entries in MENUS.items():
+        _menu(context, title, entries)
     _draw_models(context)
     _draw_status(context)
 
@@ -129,3 +121,17 @@ def _draw_status(context: PanelContext) -> None:
     if imgui.get_content_region_avail().x > width:  # else it would lie over the switch
         imgui.same_line(imgui.get_window_width() - width)
         imgui.text_disabled(text)
+
+
+MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
+    "File": (
+        *("fit_image", "paste", _draw_samples, None),
+        *("new_project", "open_scene", _draw_recent, _draw_earlier, None, "save_project", "save_project_as", None),
+        *("save_scene", "share", None, "quit"),
+    ),
+    "Edit": ("undo", "redo", None, "copy_camera", "paste_camera"),
+    "View": ("dark", "smooth", None, "reset_view", "follow", None, "larger_text", "smaller_text"),
+    "Panels": (_draw_panels, None, "reset_layout"),
+    "Help": ("help",),
+}
+"""Actions by their ids, sub-menus, and lines (None); what has no key has its place here."""

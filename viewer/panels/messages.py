@@ -1,4 +1,4 @@
-"""Messages, in the corner of the view. Not a docked panel: it is there when needed."""
+"""Messages, below the view and its object. Not a docked panel: it is there when needed."""
 
 import textwrap
 
@@ -8,10 +8,8 @@ from viewer.context import PanelContext
 from viewer.services.messages import Message, MessageKind
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
-_WIDTH, _BESIDE = 24, 6
-"""em: the longest line, what is beside it"""
-_SMALL, _NARROW, _BADGE = 16, 40, 2.4
-"""em: a view that has no room for messages, nor for message and badge side by side; the height of the badge"""
+_WIDTH, _BESIDE, _SMALL = 34, 6, 16
+"""em: the longest line, what is beside it, and a view that has no room for messages"""
 
 _ICONS = {
     MessageKind.DONE: icons_fontawesome_4.ICON_FA_CHECK,
@@ -27,35 +25,38 @@ def draw(context: PanelContext) -> None:
     due = context.session.messages.shown
     if not due:
         return
-    em = hello_imgui.em_size()
     low, high = _room(context)
-    up = 0.7 + (_BADGE if high.x - low.x < _NARROW * em else 0.0)
-    imgui.set_next_window_pos(high - ImVec2(0.7 * em, up * em), imgui.Cond_.always, (1, 1))
-    imgui.set_next_window_bg_alpha(0.94)
+    edge = 0.5 * hello_imgui.em_size()
+    imgui.set_next_window_pos(high - ImVec2(edge, edge), imgui.Cond_.always, (1, 1))
+    imgui.set_next_window_bg_alpha(0.97)
     pressed = any(message.buttons or message.kind is MessageKind.PROBLEM for message in due)
     # What cannot be pressed lets the mouse through to what is below it.
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 1.0)
     if imgui.begin("Messages", None, OVERLAY_FLAGS | (0 if pressed else imgui.WindowFlags_.no_inputs))[0]:
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
         for number, message in enumerate(due):
-            _draw(context, message, number)
+            _draw(context, message, number, high.x - low.x)
     imgui.end()
+    imgui.pop_style_var()
 
 
 def _room(context: PanelContext) -> tuple[ImVec2, ImVec2]:
-    """Two corners: of the view, or of the whole window where the view is small, or behind the Share dialog."""
+    """Two corners: of the view with the strip below it, on which messages lie, so that the object stays in sight; of
+    the whole window where the view is narrow, or behind the Share dialog.
+    """
     low, high = context.view
-    if high.x - low.x > hello_imgui.em_size(_SMALL) and not context.share_open:
-        return low, high
     viewport = imgui.get_main_viewport()
-    return viewport.work_pos, viewport.work_pos + viewport.work_size
+    end = viewport.work_pos + viewport.work_size
+    if high.x - low.x > hello_imgui.em_size(_SMALL) and not context.share_open:
+        return low, ImVec2(high.x, end.y)
+    return viewport.work_pos, end
 
 
-def _draw(context: PanelContext, message: Message, number: int) -> None:
+def _draw(context: PanelContext, message: Message, number: int, room: float) -> None:
     colour = getattr(context.palette, _COLOURS[message.kind])
     imgui.text_colored((*colour, 1.0), _ICONS[message.kind])
     imgui.same_line()
-    low, high = _room(context)
-    width = min(hello_imgui.em_size(_WIDTH), high.x - low.x - hello_imgui.em_size(_BESIDE))
+    width = min(hello_imgui.em_size(_WIDTH), room - hello_imgui.em_size(_BESIDE))
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + width)
     imgui.text_unformatted(textwrap.shorten(message.text, 400))
     imgui.pop_text_wrap_pos()

@@ -2,19 +2,22 @@
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.models.codes import Codes
 from viewer.context import Panel, PanelContext
-from viewer.screen.theme import WARM, Colour, mixed, packed
+from viewer.screen.theme import ON_PLATE, WARM, Colour, packed
 from viewer.values.part import PARTS, Part
 from viewer.values.variety import readable
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import button, end_gesture, flow, labelled_slider, tooltip
+from viewer.widgets.controls import button, end_gesture, labelled_slider, tooltip, tooltip_beside
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _OPEN, _LOCKED = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
-_PAD = 10.0
-"""em: 160 px at the usual size of text"""
-_PAD_WORDS = "Across: shape. Up: texture."
-_PAD_HELP = "Drag: to the right the shape goes from A to B, upwards the texture does"
+_LEAST, _MOST, _BELOW = 9.0, 22.0, 7.0
+"""em: the side of the pad, and what stands below it"""
+_PREVIEWS = 5
+"""along each side of the pad; each is the mix that the dot over its middle means"""
+_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55
+"""px and intervals of a preview, and how much is seen of those that are in no corner"""
 
 
 class MixPanel(Panel):
@@ -22,6 +25,11 @@ class MixPanel(Panel):
 
     title = "Mix"
     dock = "Right"
+
+    def __init__(self) -> None:
+        self._ends: tuple[Codes, Codes] | None = None
+        self._previews: dict[tuple[int, int], Codes] = {}
+        """by column and row, from A's corner, what lies between these ends"""
 
     def draw(self, context: PanelContext) -> None:
         """The slots, the pad, the sliders."""
@@ -33,14 +41,12 @@ class MixPanel(Panel):
         self._draw_b(context, side)
         imgui.spacing()
         heading(context, "From A to B")
-        self._draw_pad(context, min(_PAD * hello_imgui.em_size(), imgui.get_content_region_avail().x))
-        flow(_PAD_WORDS)
-        imgui.begin_group()
-        caption(context, _PAD_WORDS)
+        room, em = imgui.get_content_region_avail(), hello_imgui.em_size()
+        self._draw_pad(context, min(room.x, max(_LEAST * em, min(_MOST * em, room.y - _BELOW * em))))
+        caption(context, "Drag the dot: to the right B's shape, upwards B's texture")
+        self._draw_sliders(context)
         if button("Swap###swap", "The shape from where the texture was taken, and the other way round"):
             context.editor.swap()
-        imgui.end_group()
-        self._draw_sliders(context)
 
     def _draw_slot(self, context: PanelContext, part: Part, side: float) -> None:
         editor = context.editor
@@ -70,15 +76,49 @@ class MixPanel(Panel):
         imgui.end_group()
 
     def _draw_pad(self, context: PanelContext, side: float) -> None:
-        editor, corner = context.editor, imgui.get_cursor_screen_pos()
+        """The dot stays half a preview within the border, so that it can be grabbed in a corner."""
+        editor, corner, cell = context.editor, imgui.get_cursor_screen_pos(), side / _PREVIEWS
         imgui.invisible_button("mix pad", (side, side))
+        under = imgui.get_mouse_pos() - corner
         if imgui.is_item_active():
-            at = (imgui.get_mouse_pos() - corner) / side
-            editor.mix_both(_within(at.x), _within(1 - at.y), gesture="mix pad")
+            across, up = (_within((at - cell / 2) / (side - cell)) for at in (under.x, side - under.y))
+            editor.mix_both(across, up, gesture="mix pad")
         end_gesture(context)
-        if not imgui.is_item_active():  # it would cover the pad
-            tooltip(_PAD_HELP)
-        _paint_pad(context, corner, side)
+        over = (int(under.x / cell), int((side - under.y) / cell)) if imgui.is_item_hovered() else None
+        self._paint_previews(context, corner, side, over)
+        _paint_dot(context, corner, side)
+
+    def _paint_previews(self, context: PanelContext, corner: ImVec2, side: float, over: tuple[int, int] | None) -> None:
+        """What the mixes look like; that under the mouse (column and row) stands out."""
+        self._follow(context)
+        cell, last = side / _PREVIEWS, _PREVIEWS - 1
+        size, ground = ImVec2(cell, cell), packed(context.palette.panel, 1 - _FAINT)
+        imgui.get_window_draw_list().add_rect_filled(
+            corner, corner + size * _PREVIEWS, packed(context.palette.raised), object_tiles.rounding()
+        )
+        for (column, row), codes in self._previews.items():
+            place = corner + ImVec2(column, last - row) * cell
+            preview = context.thumbnails.of_object(codes, _PREVIEW, _SAMPLES)
+            object_tiles.paint_frame(context, preview, place, cell)
+            if (column, row) == over:
+                object_tiles.outline(place, cell, context.palette.accent)
+            elif not {column, row} <= {0, last}:
+                imgui.get_window_draw_list().add_rect_filled(place, place + size, ground)
+        object_tiles.mark(corner + ImVec2(0, last) * cell, "A", context.palette.accent)
+        object_tiles.mark(corner + ImVec2(last, 0) * cell, "B", WARM)
+
+    def _follow(self, context: PanelContext) -> None:
+        """The previews, from the corners inwards, wherever A or B is another."""
+        mix, editor = context.editor.state.mix, context.editor
+        ends = editor.pair(mix.a), editor.objects[mix.b].codes
+        if ends != self._ends:
+            steps = sorted(range(_PREVIEWS), key=lambda step: -abs(step - _PREVIEWS // 2))
+            self._previews = {
+                (column, row): ends[0].mixed(ends[1], column / (_PREVIEWS - 1), row / (_PREVIEWS - 1))
+                for row in steps
+                for column in steps
+            }
+            self._ends = ends
 
     def _draw_sliders(self, context: PanelContext) -> None:
         for part in PARTS:
@@ -90,7 +130,7 @@ class MixPanel(Panel):
             if moved:
                 context.editor.mix(part, _within(to), gesture=f"mix {part}")
             end_gesture(context)
-            tooltip(f"Slide the {part} from A to B; the other stays as it is. Ctrl+click to type 0 to 1")
+            tooltip_beside(f"Slide the {part} from A to B; the other stays as it is", "Ctrl+click to type 0 to 1")
 
 
 def _draw_caption(context: PanelContext, words: str, width: float) -> None:
@@ -98,23 +138,20 @@ def _draw_caption(context: PanelContext, words: str, width: float) -> None:
     imgui.dummy((width, small_height()))
 
 
-def _paint_pad(context: PanelContext, corner: ImVec2, side: float) -> None:
+def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
     draw, mix, palette, em = (
         imgui.get_window_draw_list(),
         context.editor.state.mix,
         context.palette,
         hello_imgui.em_size(),
     )
-    opposite = corner + ImVec2(side, side)
-    draw.add_rect_filled(corner, opposite, packed(palette.raised), object_tiles.rounding())
-    draw.add_rect(corner, opposite, packed(palette.line), object_tiles.rounding())
-    place = corner + ImVec2(mix.shape, 1 - mix.texture) * side
-    line = packed(mixed(palette.raised, palette.text, 0.25))
-    draw.add_line((place.x, corner.y), (place.x, opposite.y), line)
-    draw.add_line((corner.x, place.y), (opposite.x, place.y), line)
-    draw.add_text(ImVec2(corner.x + 0.3 * em, opposite.y - 1.2 * em), packed(palette.accent), "A")
-    draw.add_text(ImVec2(opposite.x - 0.9 * em, corner.y + 0.1 * em), packed(palette.warm), "B")
-    draw.add_circle_filled(place, 0.35 * em, packed(palette.accent))
+    inset = side / _PREVIEWS / 2
+    place = corner + ImVec2(inset, inset) + ImVec2(mix.shape, 1 - mix.texture) * (side - 2 * inset)
+    line = packed(palette.accent, 0.5)
+    draw.add_line((place.x, corner.y), (place.x, corner.y + side), line)
+    draw.add_line((corner.x, place.y), (corner.x + side, place.y), line)
+    draw.add_circle_filled(place, 0.55 * em, packed(ON_PLATE))
+    draw.add_circle_filled(place, 0.42 * em, packed(palette.accent))
 
 
 def _draw_face(context: PanelContext, name: str, label: str, colour: Colour, side: float, slot: str = "slot B") -> None:

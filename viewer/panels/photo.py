@@ -3,9 +3,9 @@
 from dataclasses import replace
 from functools import partial
 
-from imgui_bundle import icons_fontawesome_4, imgui
+from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.fitting.confidence import RIGHT_DEGREES, in_words
+from core.fitting.confidence import RIGHT_DEGREES, explained, in_words
 from core.models.codes import Codes
 from core.models.photo_detail import PhotoDetail
 from core.photos.decode import IMAGE_SUFFIXES
@@ -13,7 +13,9 @@ from viewer.activities.fit_stream import WINDOW_PRESETS
 from viewer.activities.fitting import Fitting
 from viewer.context import Panel, PanelContext
 from viewer.screen.file_dialog import FileRequest
+from viewer.screen.theme import packed
 from viewer.values.photo_sources import describe_sources, side_cameras
+from viewer.widgets import user_objects
 from viewer.widgets.comparison import Comparison
 from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, labelled_slider, tooltip
 from viewer.widgets.eraser import Eraser
@@ -21,13 +23,11 @@ from viewer.widgets.fit_curve import FitCurve
 from viewer.widgets.text import heading
 from viewer.widgets.welcome import Samples
 
-_ICON, _CAMERA = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_CAMERA
-_ADD, _PLACE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_CROSSHAIRS
-_SEGMENT = icons_fontawesome_4.ICON_FA_CUT
+_ICON, _SHARE = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_SHARE_ALT
 _REFIT = f"Rebuild  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
 
-_RUNNER_UP_HELP = """Try the runner-up, the camera that explains the photo next best; it is mostly on the other side.
-Undo (Ctrl+Z) or the camera button brings you back."""
+_VIEWPOINT_HELP = """The second is the runner-up, the camera that explains the photo next best, mostly from behind.
+A click shows the object, and its render, from there."""
 _PRESET_HELP = """How much work the next search is: draft less than half of normal, fine twice as much.
 Except in a draft, a camera in doubt is searched for once more."""
 _RESUME_HELP = "Improve it from the step that is shown, for a third of the steps of a new search; can be repeated"
@@ -37,9 +37,11 @@ _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and r
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as lettering and lamps, in files too.
 It fades as the object is edited. A doubtful camera shows none."""
 _BOTH_SIDES_HELP = """What the photo does not see takes the mirror image of what it sees, as sharp as that.
-Else softly, as light is not symmetric. Lettering is mirrored, too."""
-_TALLEST = 1.0
-"""height of the comparison, relative to the panel's width"""
+ Else softly, as light is not symmetric. Lettering is mirrored, too."""
+_AGREE = 0.5
+"""of how far renders explain their photos"""
+_BELOW = 8
+"""lines of controls below the comparison"""
 
 
 class PhotoPanel(Panel):
@@ -57,7 +59,8 @@ class PhotoPanel(Panel):
     def draw(self, context: PanelContext) -> None:
         """Buttons, the comparison, and what few look at: how the search goes, and how the next one is made."""
         fitting = context.fitting
-        heading(context, "Rebuild from photo")
+        photo = fitting.history.photo
+        heading(context, f"Rebuilt from {photo.source.name}" if photo and not fitting.running else "Rebuild from photo")
         if fitting.running:
             _draw_progress(fitting)
         else:
@@ -70,10 +73,13 @@ class PhotoPanel(Panel):
                 self._samples.draw(context)
         else:
             if not fitting.running:
-                _draw_more(context, fitting)
+                _draw_verdict(context, fitting)
             _draw_photos(fitting)
             self._comparison.draw_choice()
-            self._comparison.draw(context, _TALLEST * imgui.get_content_region_avail().x)
+            below = _BELOW * imgui.get_frame_height_with_spacing()
+            self._comparison.draw(context, imgui.get_content_region_avail().y - below)
+            if fitting.history.last and not fitting.running:
+                _draw_next(context)
         self._draw_photo_detail(context)
         self._draw_details(context, fitting)
 
@@ -98,7 +104,7 @@ class PhotoPanel(Panel):
         _draw_sources(context, codes)
 
     def _draw_details(self, context: PanelContext, fitting: Fitting) -> None:
-        if not imgui.collapsing_header("Details"):
+        if not imgui.tree_node_ex("Details", imgui.TreeNodeFlags_.no_tree_push_on_open):
             return
         _draw_preset(fitting)
         if button("Candidates###show candidates", "Which cameras and shapes are tried for the photo, the best first"):
@@ -158,20 +164,23 @@ def _draw_queue(fitting: Fitting) -> None:
 
 
 def _draw_start(context: PanelContext, fitting: Fitting) -> None:
-    """How to begin a fit."""
-    fitted = fitting.history.photo is not None
+    """How to begin a fit, or the same one once more."""
     action_button(context, "fit_image", f"{_ICON}  Open photo…")
-    flow(_ADD)
-    if button(f"{_ADD}###add photo", "Rebuild with another photo of the same object beside this one", enabled=fitted):
-        context.ask(
-            FileRequest("Another photo of the same object", partial(fitting.add_photo, fitting.history), IMAGE_SUFFIXES)
-        )
-    flow(_SEGMENT)
-    if button(f"{_SEGMENT}###segment", _SEGMENT_HELP, enabled=fitted):
-        context.workspace.segment_photo()
-    flow(_PLACE)
-    if button(f"{_PLACE}###pose", "Rebuild with the known camera of this photo (an SRN pose file)", enabled=fitted):
-        context.ask(FileRequest("Pose of this photo", partial(fitting.set_pose, fitting.history), (".txt",)))
+    flow(_REFIT)
+    fitted = fitting.history.photo is not None
+    if button(f"{_REFIT}###refit", "Rebuild the same object once more: ways to begin", enabled=fitted):
+        imgui.open_popup("refit")
+    if imgui.begin_popup("refit"):
+        _draw_ways(context, fitting)
+        imgui.end_popup()
+
+
+def _draw_next(context: PanelContext) -> None:
+    """What a person does next."""
+    if button("Mix with…###mix with", "Give it the shape or the texture of another object"):
+        context.focus = "Mix"
+    flow(f"{_SHARE}  Share…")
+    action_button(context, "share", f"{_SHARE}  Share…", colour=context.palette.accent)
 
 
 def _draw_preset(fitting: Fitting) -> None:
@@ -184,32 +193,34 @@ def _draw_preset(fitting: Fitting) -> None:
     tooltip("For photos from nearer or further away than the model's training images")
 
 
-def _draw_more(context: PanelContext, fitting: Fitting) -> None:
-    """Buttons for a fit that is over, even if it was stopped before its first step."""
-    flow(_CAMERA)
-    label = "Jump to the camera that the photo was found to be taken from"
-    if button(f"{_CAMERA}###photo camera", label, enabled=bool(fitting.history.steps)):
-        context.editor.set_camera(fitting.view.camera)
-    flow(_REFIT)
-    if button(f"{_REFIT}###refit", "Rebuild from the same photo once more: ways to begin"):
-        imgui.open_popup("refit")
-    if imgui.begin_popup("refit"):
-        _draw_ways(fitting)
-        imgui.end_popup()
+def _draw_verdict(context: PanelContext, fitting: Fitting) -> None:
+    """How sure the camera is, and which viewpoint is shown; there even if a fit was stopped before its first step."""
     _draw_confidence(context, fitting)
-    other = fitting.view.other_camera
-    flow("Try other viewpoint")
-    if button("Try other viewpoint###other viewpoint", _RUNNER_UP_HELP, enabled=other is not None) and other:
-        context.editor.set_camera(other)
+    step = fitting.history.step
+    flow("Viewpoint" + 20 * " ")
+    imgui.align_text_to_frame_padding()
+    imgui.text("Viewpoint")
+    for number, there in ((1, step is not None), (2, bool(step and step.runner_up))):
+        imgui.same_line()
+        imgui.begin_disabled(not there)
+        if imgui.radio_button(f"{number}###viewpoint {number}", fitting.view.from_runner_up == (number == 2)):
+            fitting.view.show_viewpoint(number == 2)
+        imgui.end_disabled()
+        tooltip(_VIEWPOINT_HELP)
 
 
-def _draw_ways(fitting: Fitting) -> None:
-    """Where to begin once more, with the work chosen above."""
-    can = fitting.resume_point is not None
+def _draw_ways(context: PanelContext, fitting: Fitting) -> None:
+    """Where to begin once more, with the work chosen below, or with what else is known."""
+    can, history = fitting.resume_point is not None, fitting.history
+    more = FileRequest("Another photo of the same object", partial(fitting.add_photo, history), IMAGE_SUFFIXES)
+    pose = FileRequest("Pose of this photo", partial(fitting.set_pose, history), (".txt",))
     ways = (
         ("From the step shown###resume", _RESUME_HELP, fitting.resume, can),
         ("From the view###resume from view", _VIEW_HELP, fitting.resume_from_view, can),
         ("From the beginning###restart", "The whole search once more", fitting.refit, True),
+        ("Cut out again…###segment", _SEGMENT_HELP, context.workspace.segment_photo, True),
+        ("With another photo…###add photo", "One of the same object", lambda: context.ask(more), True),
+        ("With its camera…###pose", "Where that is known: an SRN pose file", lambda: context.ask(pose), True),
     )
     for label, text, act, enabled in ways:
         if imgui.menu_item_simple(label, enabled=enabled):
@@ -218,21 +229,34 @@ def _draw_ways(fitting: Fitting) -> None:
 
 
 def _draw_confidence(context: PanelContext, fitting: Fitting) -> None:
-    """How sure the camera is; the line stays while a step without that is shown."""
-    step = fitting.history.step
+    """How sure the camera is, or whether the photos agree; the line stays while a step without that is shown."""
+    step, count = fitting.history.step, len(fitting.history.photos)
+    imgui.align_text_to_frame_padding()
+    if count > 1 and step is not None:
+        agree = explained(step.psnr) > _AGREE
+        _draw_dot_and_words(context, f"{count} photos {'agree' if agree else 'disagree'}", agree, agree)
+        tooltip("Whether one object, seen from the cameras that were found, explains all of them")
+        return
     if step is None or step.confidence is None or step.uncertainty is None:
-        imgui.align_text_to_frame_padding()
         imgui.text_disabled("Camera: not rated")
         tooltip("Only the end of a search is")
         return
     words = in_words(step.confidence)
-    label = f"Camera: {words}"
-    imgui.align_text_to_frame_padding()
-    imgui.text_colored((*(context.palette.warm if words == "doubtful" else context.palette.text), 1.0), label)
+    _draw_dot_and_words(context, f"Camera: {words}", words == "sure", words != "doubtful")
     tooltip(
         f"{step.confidence:.0%}: the probability that it is right to {RIGHT_DEGREES:.0f} degrees; if so, it is off by "
         f"about {step.uncertainty:.1f}. A doubtful one may be seen from the object's other side"
     )
+
+
+def _draw_dot_and_words(context: PanelContext, words: str, sure: bool, likely: bool) -> None:
+    """In the colours of the dots in *Mine*."""
+    em, corner = hello_imgui.em_size(), imgui.get_cursor_screen_pos()
+    colour = user_objects.COLOURS["sure" if sure else "likely" if likely else "doubtful"]
+    middle = corner + ImVec2(0.4 * em, imgui.get_frame_height() / 2)
+    imgui.get_window_draw_list().add_circle_filled(middle, 0.34 * em, packed(colour))
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + em)
+    imgui.text_colored((*(context.palette.text if likely else context.palette.warm), 1.0), words)
 
 
 def _draw_result(fitting: Fitting) -> None:
@@ -247,9 +271,10 @@ def _draw_photos(fitting: Fitting) -> None:
     history = fitting.history
     if len(history.sources) < 2:
         return
+    imgui.align_text_to_frame_padding()
+    imgui.text("Photo")
     for number, source in enumerate(history.sources):
-        if number:
-            imgui.same_line()
+        imgui.same_line()
         imgui.begin_disabled(number >= len(history.photos))
         if imgui.radio_button(f"{number + 1}###photo {number + 1}", history.photo_index == number):
             fitting.view.show_photo(number)

@@ -13,7 +13,7 @@ from viewer.values.direction import Direction
 from viewer.values.influence import CodeInfluence
 from viewer.values.part import PARTS, Part
 from viewer.widgets import object_tiles
-from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, tooltip
+from viewer.widgets.controls import action_button, button, choose, end_gesture, flow, tooltip, tooltip_beside
 from viewer.widgets.directions import FILTER, DirectionMenu, NewDirection, in_words
 from viewer.widgets.text import push_small
 
@@ -21,7 +21,7 @@ _DICE, _PIN = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_TH
 _SHOWN = FILTER | {PARTS: "All"}
 _PARTS_WIDTH = 7
 """em"""
-_FIRST = 8
+_FIRST = 6
 """sliders shown at first"""
 _REACH = 3.0
 """standard deviations to either side"""
@@ -29,8 +29,7 @@ _STEPS = (-2, 0, 2)
 """standard deviations at which a strip shows the object"""
 _INFLUENCE = 96
 """px"""
-_PRINCIPAL = "Direction {number}, {share:.0%} of how the trained objects differ in {part}."
-_HELP = "In standard deviations σ; 0 is the mean. Ctrl+click to type, right click for 0."
+_HELP = "Ctrl+click to type, right click for 0"
 _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
 
 
@@ -113,7 +112,7 @@ class SlidersPanel(Panel):
                 key = f"named {index + 1}"
                 self._menu.draw(context, index, f"{direction.name}###menu {key}")
                 imgui.begin_disabled(bool(context.editor.locked & set(direction.parts)))
-                self._draw_slider(context, key, direction, f"It changes the {in_words(direction.parts)}.")
+                self._draw_slider(context, key, direction, f"It changes the {in_words(direction.parts)}")
                 imgui.end_disabled()
 
     def _draw_part(self, context: PanelContext, part: Part) -> None:
@@ -131,19 +130,20 @@ class SlidersPanel(Panel):
             editor.reset_to_object(part)
         shares = editor.space(part).explained_variance.tolist()
         for index, direction in enumerate(self._principal[part][: None if self._all else _FIRST]):
-            key = f"{part} {index + 1}"
-            if _small_button(f"{index + 1}  {_PIN}###name {key}", "Give this direction a name, and keep it above"):
+            key, word = f"{part} {index + 1}", context.workspace.word(part, index)
+            label = word.capitalize() or f"{part.capitalize()} {index + 1}"
+            if _small_button(f"{label}  {_PIN}###name {key}", "Give this direction another name, and keep it above"):
                 self._new.ask(direction)
-            self._draw_slider(
-                context, key, direction, _PRINCIPAL.format(number=index + 1, share=shares[index], part=part)
-            )
+            about = f"To the right: {word}" if word else f"Changes the {part} in a way that has no word"
+            self._draw_slider(context, key, direction, about, f"{shares[index]:.0%} of how {part}s differ; now ")
         imgui.end_disabled()
 
-    def _draw_slider(self, context: PanelContext, key: str, direction: Direction, about: str) -> None:
-        """Its strength in the line of its name, the slider below, then where it leads."""
+    def _draw_slider(
+        self, context: PanelContext, key: str, direction: Direction, about: str, numbers: str = ""
+    ) -> None:
+        """The slider, then where it leads."""
         editor = context.editor
         value = editor.strength(direction)
-        _draw_strength(value)
         imgui.set_next_item_width(-1)
         moved, to = imgui.slider_float(f"##{key}", value, -_REACH, _REACH, "")
         if moved and abs(to - value) > 1e-6:
@@ -151,30 +151,26 @@ class SlidersPanel(Panel):
         end_gesture(context)
         if imgui.is_item_clicked(imgui.MouseButton_.right):
             editor.move_along(direction, 0.0)
-        if imgui.begin_item_tooltip():
-            imgui.text(f"{about}\n{_HELP}")
-            self._draw_influence(context, direction)
-            imgui.end_tooltip()
+        if imgui.is_item_hovered() and not imgui.is_item_active():
+            changes = self._show_influence(context, direction)
+            tooltip_beside(f"{about}{changes}", f"{numbers}{value:+.2f} σ\n{_HELP}")
         if self._strips:
             self._draw_strip(context, key, direction)
 
-    def _draw_influence(self, context: PanelContext, direction: Direction) -> None:
-        """Where the view changes between a standard deviation less and one more."""
+    def _show_influence(self, context: PanelContext, direction: Direction) -> str:
+        """Where the view changes between a standard deviation less and one more, over the object; and in words."""
         editor = context.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
         ends = (direction.moved(codes, mean, value + step) for step in (-1.0, 1.0))
         low, high = (context.thumbnails.get(one, camera, soon=True) for one in ends)
         if low is None or high is None or low.resolution != high.resolution:  # of one there is a finer render already
-            return
+            return ""
         if self._influence is None or self._influence[1:3] != (low, high):
             self._influence = direction.parts, low, high, CodeInfluence.between(low, high)
         found = self._influence[3]
-        assert context.images is not None
-        side = 10 * hello_imgui.em_size()
-        imgui.image(context.images.texture(found.image, context.palette), (side, side))
-        imgui.text(f"Changes {found.changed:.0%} of the object's pixels")
-        imgui.text(_leak(direction.parts, found.leak))
+        context.overlay = found.image
+        return f"\nThe glow over the object shows where. {_outline(found.leak)}"
 
     def _draw_strip(self, context: PanelContext, key: str, direction: Direction) -> None:
         """Each thumbnail is below its value on the slider."""
@@ -187,7 +183,7 @@ class SlidersPanel(Panel):
             imgui.set_cursor_screen_pos(place)
             if imgui.invisible_button(f"{key} at {to}", (side, side)):
                 context.editor.move_along(direction, float(to))
-            tooltip(f"{to:+d} σ" if to else "The mean")
+            tooltip("Click to go there")
             if seen:
                 frame, stale = self._thumbnail(context, key, direction, to)
                 object_tiles.paint_frame(context, frame, place, side, stale)
@@ -205,17 +201,6 @@ class SlidersPanel(Panel):
         return self._last.get(place), found is None
 
 
-def _draw_strength(value: float) -> None:
-    """At the right end of the line of the last item."""
-    text = f"{value:+.2f} σ"
-    imgui.same_line()
-    push_small()
-    left = imgui.get_content_region_avail().x - imgui.calc_text_size(text).x
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + max(0.0, left))
-    imgui.text(text)
-    imgui.pop_font()
-
-
 def _small_button(label: str, text: str) -> bool:
     push_small()
     imgui.push_style_color(imgui.Col_.button, (0, 0, 0, 0))
@@ -226,9 +211,5 @@ def _small_button(label: str, text: str) -> bool:
     return pressed
 
 
-def _leak(parts: tuple[Part, ...], leak: float) -> str:
-    if "shape" in parts:
-        return f"Moves the silhouette: opacity changes by {leak:.2f} at the most"
-    return (
-        "Does not move the silhouette: opacity changes by exactly 0" if leak == 0 else f"Leaks into opacity by {leak:g}"
-    )
+def _outline(leak: float) -> str:
+    return "Its outline moves." if leak > 0 else "Its outline stays, exactly."

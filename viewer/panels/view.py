@@ -45,6 +45,7 @@ class ViewPanel(Panel):
 
     title = "View"
     dock = "View"
+    bare = True
     needs_model = False
 
     def __init__(self) -> None:
@@ -73,6 +74,7 @@ class ViewPanel(Panel):
         imgui.get_window_draw_list().add_image_rounded(
             texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
         )
+        _draw_overlay(context, corner, size)
         imgui.set_next_item_allow_overlap()
         buttons = imgui.ButtonFlags_
         every = buttons.mouse_button_left | buttons.mouse_button_middle | buttons.mouse_button_right
@@ -86,6 +88,7 @@ class ViewPanel(Panel):
             self._welcome.draw(context, corner, size)
         if not begins or context.editor.history.past:
             _draw_badge(viewport, viewport.frame, corner, size)
+            _draw_progress(context, corner, size)
             self._path.draw(context, corner, size)
 
     @staticmethod
@@ -102,8 +105,7 @@ class ViewPanel(Panel):
         assert context.canvas and context.baked_canvas and viewport.frame
         if viewport.baked_frame and viewport.baked:
             return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette)
-        smooth = context.preferences.smooth and viewport.frame.final
-        return context.canvas.draw(self._in_mode(viewport), pixels, context.palette, smooth)
+        return context.canvas.draw(self._in_mode(viewport), pixels, context.palette, context.preferences.smooth)
 
     def _in_mode(self, viewport: Viewport) -> Frame:
         """The frame as the mode shows it, computed once."""
@@ -156,6 +158,24 @@ class ViewPanel(Panel):
         self._nudged = time.monotonic()
         context.set_preference(newcomer=False)
         context.editor.set_camera(camera, gesture)
+
+
+def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
+    """What a panel shows over the object, once."""
+    image, context.overlay = context.overlay, None
+    if image is not None and context.images and context.viewport.source == "scene":
+        side, pan = min(size.x, size.y), context.viewport.settings.pan
+        low = corner + (size - ImVec2(side, side)) * 0.5 + ImVec2(*pan) * side
+        texture, draw = context.images.texture(image, context.palette), imgui.get_window_draw_list()
+        draw.add_image(texture, low, low + ImVec2(side, side))
+
+
+def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
+    """A thin line along the lower edge, while every pixel of the view is being rendered."""
+    if (share := context.viewport.sharpened) is not None:
+        low, high = corner.y + size.y - hello_imgui.em_size(0.15), corner.y + size.y
+        colour = packed(context.palette.accent)
+        imgui.get_window_draw_list().add_rect_filled((corner.x, low), (corner.x + share * size.x, high), colour)
 
 
 def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) -> None:

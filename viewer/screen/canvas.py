@@ -131,12 +131,12 @@ class Images:
         self._used: set[tuple[int, int]] = set()
 
     def texture(self, image: Frame | np.ndarray, palette: Palette) -> imgui.ImTextureRef:
-        """The texture of a frame, on the theme's background, or of an image (height, width, 3), uint8."""
+        """The texture of a frame, on the theme's background, or of an image (height, width, 3 or 4), uint8."""
         key = id(image), id(palette)
         self._used.add(key)
         if key not in self._textures:
             pixels = over_background(image, palette) if isinstance(image, Frame) else image
-            rgba = np.dstack((pixels, np.full(pixels.shape[:2], 255, np.uint8)))
+            rgba = np.dstack((pixels, np.full(pixels.shape[:2], 255, np.uint8)))[..., :4]
             # The image is kept, so that its id stays its own.
             self._textures[key] = image, self._context.texture(rgba.shape[1::-1], 4, rgba.tobytes())
         return imgui.ImTextureRef(self._textures[key][1].glo)

@@ -100,7 +100,7 @@ def apply(palette: Palette) -> None:
     base = imgui.style_colors_dark if dark else imgui.style_colors_light
     base()
     style.frame_border_size = style.window_border_size = 0.0 if dark else 1.0
-    for name, colour in _colours(palette).items():
+    for name, colour in colours(palette).items():
         style.set_color_(getattr(imgui.Col_, name), ImVec4(*colour, 1.0))
     style.set_color_(imgui.Col_.modal_window_dim_bg, ImVec4(*palette.back, 0.55))
     style.set_color_(imgui.Col_.text_selected_bg, ImVec4(*palette.accent, 0.35))
@@ -110,7 +110,8 @@ def apply(palette: Palette) -> None:
     implot.style_colors_auto()
 
 
-def _colours(p: Palette) -> dict[str, Colour]:
+def colours(p: Palette) -> dict[str, Colour]:
+    """Of every part of widgets, by imgui's names."""
     quiet, lit = mixed(p.raised, p.panel, 0.35), mixed(p.raised, p.text, 0.1)
     strong = mixed(p.raised, p.accent, 0.45)
     return {

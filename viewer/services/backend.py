@@ -13,6 +13,7 @@ from core.fitting.fit import FitJob, FitStep, fit
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
+from core.photos.direction_words import Words, direction_words
 from core.photos.photo import Photo, load_photo
 from core.photos.view_bank import build_view_bank
 from core.rendering.baked_field import BakedField
@@ -32,4 +33,5 @@ class Backend:
     pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh
     guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)
+    direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake

@@ -17,6 +17,8 @@ from viewer.values.printable import printable
 
 _MAX_OLDER, _MAX_ERRORS = 3, 2
 """lines of information that stay beside a new one until they fade, and errors shown at a time"""
+_SHORT, _LONG = 5.0, 10.0
+"""s on screen: of what is done, and of what there is to read or to press"""
 _LOGGED = 500
 """lines that the log keeps"""
 _NO_MEMORY = "can't allocate memory"
@@ -27,11 +29,11 @@ UNFORESEEN = "an error in the program; the log has it (menu Panels)"
 
 
 class MessageKind(Enum):
-    """Kinds of messages, and for how many seconds they are on screen."""
+    """Kinds of messages."""
 
-    DONE = 5.0
-    NOTE = 10.0
-    PROBLEM = 15.0
+    DONE = "done"
+    NOTE = "note"
+    PROBLEM = "problem"
 
 
 class Button(NamedTuple):
@@ -59,8 +61,8 @@ class Message:
     @property
     def faded(self) -> bool:
         """It goes from the screen by itself, later where there is something to press."""
-        seconds = max(self.kind.value, MessageKind.NOTE.value if self.buttons else 0.0)
-        return not self.lasts and time.monotonic() - self.born > seconds
+        short = self.kind is MessageKind.DONE and not self.buttons
+        return not self.lasts and time.monotonic() - self.born > (_SHORT if short else _LONG)
 
 
 class Messages:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +21,8 @@ from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
 from viewer.values.printable import printable
 
+_AROUND = 0.08
+"""of the object's size, that is shown around it"""
 MAX_STEPS = 800
 """kept; of more, every other one is forgotten"""
 
@@ -59,6 +62,18 @@ class FittedPhoto:
     def digest(self) -> str:
         """By which the photo is known again."""
         return hashlib.sha256(self.pixels.tobytes()).hexdigest()[:16]
+
+    @cached_property
+    def part(self) -> tuple[float, float, float, float]:
+        """The part of the photo that shows the object, and a little around it: left, top, right, bottom, 0..1."""
+        bounds = list[float]()
+        for axis in (0, 1):
+            there = (self.photo.mask > 0.5).any(axis).nonzero()[:, 0].tolist()
+            size = self.photo.mask.shape[1 - axis]
+            low, high = (there[0] / size, (there[-1] + 1) / size) if there else (0.0, 1.0)
+            margin = _AROUND * (high - low)
+            bounds += [max(0.0, low - margin), min(1.0, high + margin)]
+        return bounds[0], bounds[2], bounds[1], bounds[3]
 
     def doubled_difference(self, render: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "height width 3"]:
         """Twice the absolute difference, at the photo's size; a render that is a preview is smaller."""

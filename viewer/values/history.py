@@ -6,9 +6,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
+import torch
+
 from core.export.keyframes import Timeline
 from core.models.scene import Scene
 from viewer.values.direction import Direction
+from viewer.values.part import PARTS
+from viewer.values.variety import readable
 
 _DEPTH = 500
 """States kept; a state is a few hundred numbers."""
@@ -53,6 +57,24 @@ class State:
     timeline: Timeline = field(default_factory=Timeline)
     directions: tuple[Direction, ...] = ()
 
+    def moved_from(self, before: State) -> bool:
+        """They differ in nothing but the camera."""
+        same = replace(self, scene=before.scene) == before
+        return same and self.scene.codes is before.scene.codes
+
+    def change_from(self, before: State) -> str:
+        """What was edited, in a few words."""
+        mix, was = self.mix, before.mix
+        if mix.a != was.a:
+            return readable(mix.a.shape) + ("" if mix.a.shape == mix.a.texture else f" as {readable(mix.a.texture)}")
+        if (mix.shape, mix.texture) != (was.shape, was.texture):
+            return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
+        if self.scene.codes is before.scene.codes:
+            return "timeline" if self.timeline != before.timeline else "B" if mix.b != was.b else "names of directions"
+        now, then = self.scene.codes, before.scene.codes
+        parts = (part for part in PARTS if not torch.equal(getattr(now, part), getattr(then, part)))
+        return " and ".join(parts) or "photo detail"
+
 
 @dataclass(frozen=True)
 class History:
@@ -96,6 +118,15 @@ class History:
     def states(self) -> tuple[State, ...]:
         """All there are, the oldest first; that of now has the index ``len(past)``."""
         return (*self.past, self.now, *self.future)
+
+    @property
+    def edits(self) -> tuple[tuple[int, str], ...]:
+        """The index of the last state of every edit, and what that was: moves of the camera after it belong to it."""
+        states = self.states
+        begins = [0, *(at for at in range(1, len(states)) if not states[at].moved_from(states[at - 1]))]
+        ends = (*(begin - 1 for begin in begins[1:]), len(states) - 1)
+        named = (states[at].change_from(states[at - 1]) if at else "at first" for at in begins)
+        return tuple(zip(ends, named, strict=True))
 
     def at(self, index: int) -> History:
         """At another of the states; the others stay, before and after it."""

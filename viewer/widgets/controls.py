@@ -25,8 +25,22 @@ OVERLAY_FLAGS = (
 
 
 def tooltip(text: str) -> None:
-    """A tooltip for the last item."""
-    imgui.set_item_tooltip(text)
+    """A tooltip for the last item, which goes while that is dragged."""
+    if not imgui.is_item_active():
+        imgui.set_item_tooltip(text)
+
+
+def tooltip_beside(text: str, more: str = "") -> None:
+    """A tooltip for the last item at the left of its panel, where it hides nothing of that; not while it is dragged."""
+    if imgui.is_item_active() or not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+        return
+    place = ImVec2(imgui.get_window_pos().x - hello_imgui.em_size(), imgui.get_item_rect_min().y)
+    imgui.set_next_window_pos(place, imgui.Cond_.always, (1, 0))
+    if imgui.begin_tooltip():
+        imgui.text(text)
+        if more:
+            imgui.text_disabled(more)
+        imgui.end_tooltip()
 
 
 def end_gesture(context: PanelContext) -> None:

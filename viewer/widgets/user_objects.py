@@ -10,7 +10,7 @@ from viewer.screen.theme import WARM, Colour, packed
 from viewer.values.objects import EditableObject
 from viewer.widgets.controls import NameField
 
-_COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
+COLOURS: dict[str, Colour] = {"sure": (0.35, 0.75, 0.5), "likely": (0.85, 0.8, 0.35), "doubtful": WARM}
 _UNKNOWN: Colour = (0.6, 0.63, 0.66)
 
 
@@ -30,7 +30,7 @@ def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> N
 
 def colour_of(found: EditableObject) -> Colour:
     """Of the confidence: green is sure, yellow likely, orange doubtful, grey not known."""
-    return _UNKNOWN if found.confidence is None else _COLOURS[in_words(found.confidence)]
+    return _UNKNOWN if found.confidence is None else COLOURS[in_words(found.confidence)]
 
 
 def about(found: EditableObject) -> str:

@@ -13,18 +13,15 @@ from core.runtime.reading import open_image
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
-from viewer.widgets.text import caption, heading
+from viewer.widgets.text import caption
 
-_WIDEST, _MARGIN = 25.0, 0.7
-"""em, of the card and around it"""
-_NARROW = 14.0
-"""em: in a narrower card there is no room for a heading"""
-_PADDING = 0.8
-"""em"""
-_SMALL, _SMALL_SAMPLE = 11.0, 3.0
-"""em: the card and a thumbnail once the object has been turned"""
-_SAMPLE = 0.13
-"""of the view's height: the largest thumbnail of a sample"""
+_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6
+"""em, of the card, around it and within it"""
+_SMALL, _SAMPLE = 11.0, 3.0
+"""em: the card once the object has been turned, and the thumbnail of a photo to try"""
+_GAP = 0.6
+"""em, between photos"""
+_OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
 
 
 class Welcome:
@@ -33,7 +30,7 @@ class Welcome:
     def __init__(self) -> None:
         self._samples = Samples()
         nouns = " or ".join(f"a {singular(category)}" for category in shipped_models())
-        self._sentence = f"Drop a photo of {nouns}: it is rebuilt in 3-D."
+        self._sentence = f"Drop a photo of {nouns}, or open one: it is rebuilt in 3-D."
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
@@ -48,29 +45,31 @@ class Welcome:
         em = hello_imgui.em_size()
         small = bool(context.editor.history.past)
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
-        padding = (0.4 if small else _PADDING) * em
         imgui.set_cursor_screen_pos(ImVec2(corner.x + (size.x - width) / 2, self._top(corner, size, em)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
-        imgui.push_style_var(imgui.StyleVar_.window_padding, (padding, padding))
+        imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
         flags = imgui.ChildFlags_
         shape = flags.auto_resize_y | flags.always_use_window_padding
         # The arrow keys turn the object; they are not to walk through the card as well.
         if imgui.begin_child("welcome", (width, 0), shape, imgui.WindowFlags_.no_nav):
             if not small:
-                self._draw_open(context, narrow=width < _NARROW * em)
-            self._samples.draw(context, _SMALL_SAMPLE * em if small else _SAMPLE * size.y)
+                self._draw_open(context)
+            self._samples.draw(context, _SAMPLE * em)
         imgui.end_child()
         self._height = imgui.get_item_rect_size().y
         imgui.pop_style_var()
         imgui.pop_style_color()
 
-    def _draw_open(self, context: PanelContext, narrow: bool) -> None:
-        imgui.text_wrapped(self._sentence) if narrow else heading(context, self._sentence)
-        label = "Open photo" if narrow else f"{icons_fontawesome_4.ICON_FA_IMAGE}   Open photo…"
+    def _draw_open(self, context: PanelContext) -> None:
+        """The sentence, and the button at the left of the photos: a low card, which hides no legs."""
+        caption(context, self._sentence)
         em = hello_imgui.em_size()
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, 0.7 * em))
-        action_button(context, "fit_image", label, -1, context.palette.accent)
+        photos = len(sample_images(context.editor.model.category)) * (_SAMPLE + _GAP)
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, (_SAMPLE - 1) / 2 * em))
+        width = imgui.get_content_region_avail().x / em - photos
+        action_button(context, "fit_image", _OPEN, width, context.palette.accent)
         imgui.pop_style_var()
+        imgui.same_line(0, _GAP * em)
 
     _height = 0.0
     """px, in the last frame"""
@@ -87,14 +86,12 @@ class Samples:
 
     def draw(self, context: PanelContext, largest: float = math.inf) -> None:
         """In a line, each so many px wide at the most."""
-        em, gap = hello_imgui.em_size(), 0.6 * hello_imgui.em_size()
+        em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
         paths = sample_images(context.editor.model.category)
         if not paths:
             return
         room = imgui.get_content_region_avail().x
         side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), largest)
-        if side == object_tiles.THUMBNAIL * em:
-            caption(context, "Or try one of these:")
         for number, path in enumerate(paths):
             if number:
                 imgui.same_line(0, gap)

@@ -34,6 +34,15 @@ def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
         window.wait(lambda: not window.workspace.fitting.running)
         window.wait()
         assert window.workspace.editor.objects.own == ["block"]
+        other = photo.with_name("block two.png")
+        other.write_bytes(photo.read_bytes())
+        window.fit(other)
+        fitting = window.workspace.fitting
+        assert fitting.history.photo.source.path == other
+        window.click("Library/**/show block")  # the photo panel follows
+        assert fitting.history.photo.source.path == photo
+        window.click("Library/**/show block two")
+        assert fitting.history.photo.source.path == other
         window.click("Library/**/show object 3")
         window.click("Library/**/show block")
         assert window.workspace.editor.state.mix.a == ("block", "block")

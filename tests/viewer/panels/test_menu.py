@@ -7,6 +7,8 @@ from imgui_bundle import imgui
 from core.models.model import Model
 from tests.conftest import random_model
 from tests.viewer.driver import Drive, Driver
+from viewer.actions import ACTIONS, find_actions
+from viewer.panels.menu import MENUS
 from viewer.services.backend import Backend
 
 
@@ -52,6 +54,25 @@ def test_menus_help_and_theme(drive: Drive) -> None:
         ctx.item_click("//Choose a file###ask/Cancel")
 
     drive(act)
+
+
+def test_the_keyboard_alone_reaches_every_action(drive: Drive) -> None:
+    """What has no key is found in the help by typing its words, and done by Enter."""
+    assert {id for id in ACTIONS if find_actions(ACTIONS[id].words)[0].id != id} == set()
+    in_menus = {entry for entries in MENUS.values() for entry in entries if isinstance(entry, str)}
+    assert {action.id for action in ACTIONS.values() if not action.keys} <= in_menus  # and by the mouse too
+
+    def act(window: Driver) -> None:
+        context = window.context
+        assert context.preferences.smooth
+        window.press(imgui.Key.f1)
+        window.ctx.yield_(3)
+        window.ctx.key_chars("smooth")
+        window.press(imgui.Key.enter)
+        assert not context.preferences.smooth
+        assert not context.help_open
+
+    drive(act, size=(900, 600))
 
 
 def test_models_are_a_switch_and_samples_in_a_menu(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:

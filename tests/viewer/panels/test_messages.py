@@ -12,6 +12,10 @@ def test_two_errors_at_a_time_are_shown_and_all_are_in_the_log(drive: Drive) -> 
         window.ctx.yield_(3)
         assert window.exists("Messages/###dismiss 1")
         assert not window.exists("Messages/###dismiss 2")
+        low, high = window.context.view
+        box = window.ctx.window_info("//Messages").window
+        assert low.x < box.pos.x
+        assert box.pos.y > high.y - 0.1 * (high.y - low.y)  # not over the object
         window.menu("Panels/Log")
         window.ctx.yield_(3)
         assert window.ctx.window_info("//Log").window.active

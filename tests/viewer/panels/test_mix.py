@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import torch
+from imgui_bundle import ImVec2
 
 from core.models.codes import Codes
 from core.models.model import Model
@@ -35,6 +36,20 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
         window.click("Library/**/show object 2")
         window.choose("object 4", "Make it B")
         before = editor.state
+        pad = window.ctx.item_info("//Mix/mix pad").rect_full
+        inset = (pad.max.x - pad.min.x) / 10
+        dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
+        window.wait()
+        assert window.workspace.thumbnails.count >= 25  # the mixes are seen before one drags
+        window.ctx.mouse_move_to_pos(dot)  # the middle of the dot, in the corner of A
+        window.ctx.mouse_down(0)
+        window.ctx.yield_(2)
+        assert (editor.state.mix.shape, editor.state.mix.texture) == pytest.approx((0, 0), abs=0.02)
+        window.ctx.mouse_move_to_pos(dot + ImVec2(4 * inset, 0))
+        assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
+        assert editor.state.mix.texture == pytest.approx(0, abs=0.02)
+        window.ctx.mouse_up(0)
+        window.undo()
         window.click("Mix/mix pad")
         assert editor.state.mix.shape == pytest.approx(0.5, abs=0.05)
         assert editor.state.mix.texture == pytest.approx(0.5, abs=0.05)

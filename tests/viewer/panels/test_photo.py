@@ -29,6 +29,10 @@ def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_
         window.wait(lambda: not workspace.fitting.running)
         window.wait()
         assert editor.scene.codes == model.codes[3]
+        window.click("Photo/###share")  # what one does next is there
+        window.press(imgui.Key.escape)
+        window.click("Photo/###mix with")
+        assert window.exists("Mix/mix pad")
         assert editor.objects.names[0] == "block"
         assert window.exists("Library/**/show block")
         window.undo()
@@ -53,7 +57,7 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         window.wait()
         found = editor.scene.camera
         window.click("View/###reset_view")
-        window.click("Photo/###photo camera")
+        window.click("Photo/###viewpoint 1")
         assert editor.scene.camera == found
         window.click("Photo/Wipe")
         before = editor.history
@@ -74,7 +78,9 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         np.testing.assert_allclose(shown(window, "difference"), whole_photo, atol=3)
         window.ctx.key_up(imgui.Key.f)
         np.testing.assert_array_equal(shown(window, "difference"), unlike)
-        window.click("Photo/Side by side")
+        window.click("Photo/Both")
+        pair = window.ctx.item_info("//Photo/both").rect_full
+        assert pair.max.x - pair.min.x > 0.9 * window.ctx.window_info("//Photo").window.size.x  # as wide as the panel
         assert editor.history is before
 
     drive(act)
@@ -161,8 +167,9 @@ def test_a_doubtful_fit_is_seen_from_its_other_viewpoint(drive: Drive, photo: Pa
         window.wait(lambda: not workspace.fitting.running)
         window.wait()
         found, past = editor.state, len(editor.history.past)
-        window.click("Photo/###other viewpoint")
+        window.click("Photo/###viewpoint 2")
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
+        assert workspace.fitting.view.from_runner_up
         assert editor.scene.camera.width == found.scene.camera.width
         assert editor.scene.codes == found.scene.codes
         assert len(editor.history.past) == past + 1
@@ -178,9 +185,8 @@ def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backe
         window.context.drop([str(photo)])
         window.wait(lambda: not workspace.fitting.running)
         window.wait()
-        assert window.exists("Photo/###photo camera")
         camera = workspace.editor.scene.camera
-        window.click("Photo/###other viewpoint")  # it keeps its place, disabled
+        window.click("Photo/###viewpoint 2")  # it keeps its place, disabled
         assert workspace.editor.scene.camera == camera
 
     def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -225,11 +231,13 @@ def test_several_photos_are_fitted_together_with_known_poses(
         window.click("Photo/###photo 2")
         window.wait()
         assert fitting.view.camera.azimuth == pytest.approx(2.0)
-        window.click("Photo/###add photo")
+        window.click("Photo/###refit")
+        window.click("**/###add photo")
         window.type(str(tmp_path / "block c.png"))
         window.wait(lambda: len(fitting.history.photos) == 3 and not fitting.running)
         window.click("Photo/###photo 3")
-        window.click("Photo/###pose")
+        window.click("Photo/###refit")
+        window.click("**/###pose")
         window.type(str(tmp_path / "other.txt"))
         window.wait(lambda: not fitting.running)
         assert fitting.history.photo_index == 2
@@ -262,7 +270,7 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, ba
         window.context.drop([str(photo)])
         window.wait(lambda: fitting.history.photo is not None)
         window.click("Photo/###stop fit")
-        window.click("Photo/###photo camera")
+        window.click("Photo/###viewpoint 1")
         begin.set()
         window.click("Photo/###refit")
         window.click("**/###restart")

@@ -123,7 +123,8 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         assert fitted is not None
         assert fitted.source.hints == hints
         assert fitted.photo.cropped
-        window.click("Photo/###segment")
+        window.click("Photo/###refit")
+        window.click("**/###segment")
         window.wait(lambda: segmenting.result is not None)
         assert segmenting.hints == hints
         window.click("Cut out###segment/**/###clear hints")

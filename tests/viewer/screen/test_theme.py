@@ -1,9 +1,26 @@
 import pytest
 
-from viewer.screen.theme import DARK, LIGHT, ON_PLATE, PLATE, WARM, Palette, contrast, mixed, on
+from viewer.screen.theme import DARK, LIGHT, ON_PLATE, PLATE, WARM, Palette, colours, contrast, mixed, on
 
 _READABLE = 4.5
 """The contrast that WCAG 2 asks of text."""
+
+
+_GROUNDS = (
+    "window_bg", "popup_bg", "menu_bar_bg", "title_bg_active", "frame_bg", "frame_bg_hovered", "frame_bg_active",
+    "button", "button_hovered", "button_active", "header", "header_hovered", "header_active", "tab", "tab_hovered",
+    "tab_selected", "tab_dimmed", "tab_dimmed_selected",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("palette", [DARK, LIGHT])
+def test_every_text_can_be_read_on_every_part_of_widgets(palette: Palette) -> None:
+    found = colours(palette)
+    worst = {name: contrast(found["text"], found[name]) for name in _GROUNDS}
+    worst |= {
+        f"quiet {name}": contrast(palette.quiet, found[name]) for name in ("window_bg", "popup_bg", "menu_bar_bg")
+    }
+    assert {name: value for name, value in worst.items() if value < _READABLE} == {}
 
 
 @pytest.mark.parametrize("palette", [DARK, LIGHT])

@@ -32,7 +32,7 @@ def test_at_most_two_errors_are_shown_and_they_go_by_themselves() -> None:
     [
         ({}, 5),
         ({"kind": MessageKind.NOTE}, 10),
-        ({"kind": MessageKind.PROBLEM}, 15),
+        ({"kind": MessageKind.PROBLEM}, 10),
         ({"buttons": (Button("Show", lambda: None),)}, 10),
         ({"lasts": True}, 3600),
     ],

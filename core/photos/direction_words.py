@@ -1,0 +1,171 @@
+"""Words for the principal directions of a model's codes, such as *taller* or *redder*, by measuring what they change.
+
+The mean object is moved to either side along a direction; how its surface and colours differ then, in units that an
+eye notices alike, decides on the word. No word is given twice; a direction that changes nothing it could be called
+after has none.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.models.codes import Codes
+from core.models.model import Model
+from core.photos.surface import surface_points
+
+Kind = Literal["shape", "texture"]
+Words = dict[Kind, tuple[str, ...]]
+_REACH = 1.5
+"""standard deviations to either side of the mean"""
+_EDGE = 0.01
+"""of the points, that may lie beyond what counts as an object's extent: specks"""
+_CORNER = 0.2
+"""of a silhouette's width and height, that its corners take"""
+_LEAST_POINTS = 50
+_LEAST = 0.5
+"""of what an eye notices: what changes less is no name"""
+_SHAPE: dict[str, tuple[str, str, float]] = {
+    "width": ("wider", "narrower", 0.05),
+    "depth": ("longer", "shorter", 0.05),
+    "height": ("taller", "lower", 0.05),
+    "roundness": ("rounder", "more angular", 0.06),
+    "top": ("heavier top", "heavier base", 0.05),
+    "front": ("fuller front", "fuller back", 0.04),
+    "upper width": ("wider top", "narrower top", 0.08),
+    "upper depth": ("longer top", "shorter top", 0.08),
+}
+"""of a measure the words for more and for less of it, and how much of it an eye notices"""
+_TEXTURE: dict[str, tuple[str, str, float]] = {
+    "lightness": ("lighter", "darker", 8.0),
+    "red": ("redder", "greener", 7.0),
+    "yellow": ("more yellow", "bluer", 7.0),
+    "colour": ("more colourful", "greyer", 7.0),
+    "top lightness": ("lighter top", "darker top", 8.0),
+    "top red": ("redder top", "greener top", 7.0),
+    "top yellow": ("more yellow top", "bluer top", 7.0),
+    "contrast": ("more contrast", "plainer", 6.0),
+}
+
+
+def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
+    """Words for the first directions of shape and of texture: what more of them makes of the mean object.
+
+    Yields None after each direction, in the end for each kind ``count`` words, empty where there is none.
+
+    Example:
+        >>> from core.models.library import load_model
+        >>> *_, words = direction_words(load_model("cars"), count=3)  # doctest: +SKIP
+        >>> words["texture"]  # doctest: +SKIP
+        ('lighter', 'redder', 'greener top')
+    """
+    words, tables = Words(), {"shape": _SHAPE, "texture": _TEXTURE}
+    kinds: tuple[Kind, Kind] = ("shape", "texture")
+    for kind in kinds:
+        found = list[dict[str, float]]()
+        steps = getattr(model.codes, f"{kind}_space").basis[:count]
+        for step in steps:
+            less, more = (_measured(model, _moved(model.codes.mean, kind, side * _REACH * step)) for side in (-1, 1))
+            found.append({name: more[name] - less[name] for name in more} if less and more else {})
+            yield None
+        words[kind] = name_changes(found, tables[kind])
+    yield words
+
+
+def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:
+    """The word for each change of measures: the clearest change of all gets its word first, and each word goes once.
+
+    Example:
+        >>> table = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
+        >>> name_changes([{"height": -0.3, "width": 0.2}, {"height": 0.4}, {"height": 0.02}], table)
+        ('wider', 'taller', '')
+    """
+    clear = [
+        (abs(change[name]) / unit, number, name)
+        for number, change in enumerate(changes)
+        for name, (_, _, unit) in table.items()
+        if name in change
+    ]
+    words, taken = [""] * len(changes), set[str]()
+    for size, number, name in sorted(clear, reverse=True):
+        if size >= _LEAST and not words[number] and name not in taken:
+            more, less, _ = table[name]
+            words[number] = more if changes[number][name] > 0 else less
+            taken.add(name)
+    return tuple(words)
+
+
+def _moved(codes: Codes, kind: Kind, by: Tensor) -> Codes:
+    return replace(codes, **{kind: getattr(codes, kind) + by})
+
+
+def _measured(model: Model, codes: Codes) -> dict[str, float]:
+    """All measures of an object; none where it has hardly a surface."""
+    points, colours = (part.cpu() for part in surface_points(model, codes))
+    return {**_of_shape(points), **_of_colours(points, colours)} if len(points) >= _LEAST_POINTS else {}
+
+
+def _of_shape(points: Float[Tensor, "points 3"]) -> dict[str, float]:
+    """Sizes are spreads, which points on a grid tell finer than ends do."""
+    low, high = _ends(points)
+    place = ((points - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
+    upper = points[place[:, 2] > 0.5]
+    width, depth, height = points.std(0).clamp_min(1e-6).log().tolist()
+    top = (upper if len(upper) > 2 else points).std(0).clamp_min(1e-6).log().tolist()
+    _, front, up = place.mean(0).tolist()
+    views = ((0, 2), (1, 2), (0, 1))
+    return {
+        "width": width,
+        "depth": depth,
+        "height": height,
+        "roundness": sum(_empty_corners(place[:, axes]) for axes in views) / len(views),
+        "top": up,
+        "front": front,
+        "upper width": top[0] - width,
+        "upper depth": top[1] - depth,
+    }
+
+
+def _ends(points: Float[Tensor, "points 3"]) -> tuple[Tensor, Tensor]:
+    low, high = points.quantile(torch.tensor([_EDGE, 1 - _EDGE]), dim=0)
+    return low, high
+
+
+def _empty_corners(place: Float[Tensor, "points 2"]) -> float:
+    """How much of the corners of a silhouette (0..1 both ways) is empty, 0..1."""
+    cells, corner = 20, round(20 * _CORNER)
+    filled = torch.zeros(cells, cells, dtype=torch.bool)
+    filled[tuple((place * cells).long().clamp(0, cells - 1).T)] = True
+    ends = (slice(0, corner), slice(cells - corner, cells))
+    return 1 - sum(float(filled[across, down].float().mean()) for across in ends for down in ends) / 4
+
+
+def _of_colours(points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"]) -> dict[str, float]:
+    lab = _lab(colours)
+    mean = lab.mean(0)
+    height = points[:, 2]
+    above = height > (height.min() + height.max()) / 2
+    top = lab[above].mean(0) - lab[~above].mean(0) if 0 < int(above.sum()) < len(above) else torch.zeros(3)
+    return {
+        "lightness": float(mean[0]),
+        "red": float(mean[1]),
+        "yellow": float(mean[2]),
+        "colour": math.hypot(*mean[1:].tolist()),
+        "top lightness": float(top[0]),
+        "top red": float(top[1]),
+        "top yellow": float(top[2]),
+        "contrast": float(lab[:, 0].std()),
+    }
+
+
+def _lab(colours: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
+    """CIE L*a*b* of sRGB colours (0..1) under D65."""
+    linear = torch.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055).clamp_min(0) ** 2.4)
+    to_xyz = torch.tensor([[0.4339, 0.3762, 0.1899], [0.2126, 0.7152, 0.0722], [0.0178, 0.1095, 0.8727]])
+    xyz = linear @ to_xyz.T  # of white: ones
+    x, y, z = torch.where(xyz > 0.008856, xyz.clamp_min(1e-6) ** (1 / 3), 7.787 * xyz + 16 / 116).unbind(-1)
+    return torch.stack((116 * y - 16, 500 * (x - y), 200 * (y - z)), -1)

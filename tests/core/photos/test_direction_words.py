@@ -1,0 +1,44 @@
+import pytest
+
+from core.models.library import load_model
+from core.photos.direction_words import Words, direction_words, name_changes
+
+_TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
+
+
+def test_the_clearest_change_takes_its_word_first_and_no_word_goes_twice() -> None:
+    changes = [{"height": -0.3, "width": 0.2}, {"height": 0.4}, {"height": 0.02}, {}]
+    assert name_changes(changes, _TABLE) == ("wider", "taller", "", "")
+
+
+@pytest.mark.parametrize("name", ["chairs", "cars"])
+def test_what_a_word_says_is_seen(name: str) -> None:
+    """The mean object moved along the directions that have these words, by another measure than the words' own."""
+    *_, words = direction_words(load_model(name))
+    assert words is not None
+    for kind in ("shape", "texture"):
+        named = [word for word in words[kind] if word]
+        assert len(words[kind]) == 6
+        assert len(named) >= 4
+        assert len(set(named)) == len(named)
+    assert lightness_rises(name, words) in (None, True)
+
+
+def lightness_rises(name: str, words: Words) -> bool | None:
+    """Whether renders of more of *lighter* (or less of *darker*) are lighter; None without such a word."""
+    from core.models.codes import Codes
+    from core.rendering.progressive import render_frame
+
+    model = load_model(name)
+    signs = {"lighter": 1.0, "darker": -1.0}
+    found = next(((at, signs[word]) for at, word in enumerate(words["texture"]) if word in signs), None)
+    if found is None:
+        return None
+    at, sign = found
+    step, mean = sign * model.codes.texture_space.basis[at], model.codes.mean
+    camera = model.camera(1.0, 0.4).resized(48, 48)
+    dark, light = (
+        float(render_frame(model, Codes(mean.shape, mean.texture + side * step), camera).image.mean())
+        for side in (-1.5, 1.5)
+    )
+    return light > dark

@@ -1,0 +1,55 @@
+"""The first minute of README, with the shipped models: from the launch to the film of an object that was edited."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import av
+import pytest
+from imgui_bundle import ImVec2, imgui
+
+from tests.viewer.driver import Drive, Driver
+from tests.viewer.machine import slowness
+from viewer.services.backend import Backend
+
+_ACTIONS, _SECONDS = 6, 60.0
+
+
+@pytest.mark.slow
+def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: Path, tmp_path: Path) -> None:
+    film, waits = tmp_path / "police.mp4", dict[str, float]()
+
+    def act(window: Driver) -> None:
+        def wait(what: str, until: Callable[[], bool]) -> None:
+            began = time.monotonic()
+            window.wait(until, 600)
+            waits[what] = time.monotonic() - began
+
+        context, session = window.context, window.session
+        window.drag("View/orbit", 60)  # 1
+        assert window.exists("View/**/sample cushion")  # to turn makes nothing: the samples stay
+        context.drop([str(shared / "photos" / "police.jpg")])  # 2
+        wait("the model of cars", lambda: session.model_name == "cars" and session.fitting_runs)
+        wait("fit", lambda: not session.fitting_runs)
+        assert context.editor.objects.own == ["police"]
+        window.click("Photo/###mix with")  # 3
+        pad = window.ctx.item_info("//Mix/mix pad").rect_full
+        inset = (pad.max.x - pad.min.x) / 10
+        dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
+        window.ctx.mouse_move_to_pos(dot)  # 4: the dot in the corner of A, to the right
+        window.ctx.mouse_down(0)
+        window.ctx.mouse_move_to_pos(dot + ImVec2(3 * inset, 0))
+        window.ctx.mouse_up(0)
+        assert context.editor.state.mix.shape > 0.2
+        window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 5
+        window.click("Share/###turntable")
+        window.click("Share/###save")  # 6
+        window.type(str(film))
+        wait("export", lambda: not context.exporting.running and film.exists())
+        assert session.messages.errors == []
+
+    drive(act, Backend())
+    with av.open(str(film)) as video:
+        assert video.streams.video[0].frames >= 36
+    print(f"{_ACTIONS} actions; s waited: { {what: round(seconds, 1) for what, seconds in waits.items()} }")
+    assert sum(waits.values()) < _SECONDS * slowness()
