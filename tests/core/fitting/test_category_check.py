@@ -7,6 +7,7 @@ from core.models.library import category_classifier, sample_images, shipped_mode
 from core.photos.decode import read_rgba
 from core.photos.photo import Photo
 from core.photos.segmentation import cut_out
+from tests.conftest import make_view_bank
 from tests.core.tiny import photo_of, tiny_model
 
 
@@ -51,5 +52,6 @@ def test_what_the_classifier_does_not_know_is_not_doubted():
     assert category_likelihood("stools", (photo,)) == 1
     assert describe_category({"cars": 0.2}, "stools") == ""
     assert likeliest_category({}) is None
+    make_view_bank(model)
     *_, last = fit(model, FitJob((photo,), FitSettings(hypotheses=4, steps=8, rays=32, samples=16)))
     assert last.category_likelihood == 1
