@@ -47,7 +47,13 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         add_seed(kind)
     for kind in (rendering, fitting, ablations, robustness, detail):
         add_model(kind)
-    for kind in (rendering, fitting, ablations, robustness, detail, *_add_training(kinds), redraw, guard):
+    pictures = add_command(kinds, "photos", "measure.bench_photos", "what becomes of photographs, as an eye judges")
+    pictures.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="where the photographs are")
+    pictures.add_argument(
+        "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="what they show"
+    )
+    pictures.add_argument("--preset", default="normal", metavar="P", help="of the fits")
+    for kind in (rendering, fitting, ablations, robustness, detail, pictures, *_add_training(kinds), redraw, guard):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )

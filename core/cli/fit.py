@@ -16,14 +16,14 @@ from tqdm import tqdm
 
 from core.cli.explain import write_page
 from core.cli.progress import wait_for_view_bank
-from core.fitting.category_check import describe_category, guess_category, likeliest_category
+from core.fitting.category_check import describe_category, guess_category, likelier_model, other_model
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.explain import explain
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
 from core.fitting.paper import fit_as_set
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose
-from core.models.library import DEFAULT_MODEL, load_model
+from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
 from core.photos.decode import read_mask, read_rgba, upright_size
@@ -61,8 +61,9 @@ def fit(chosen: argparse.Namespace) -> None:
     with clock("view_bank"):
         wait_for_view_bank(model)
     photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
-    if warning := describe_category(guess_category(photos[0].pixels, photos[0].mask), model.category):
-        print(f"python -m core: {warning}", file=sys.stderr)
+    guess = guess_category(photos[0].pixels, photos[0].mask)
+    if said := describe_category(guess, model.category) or ("" if chosen.model else other_model(guess)):
+        print(f"python -m core: {said}", file=sys.stderr)
     with clock("search"):
         job = FitJob(photos, settings, chosen.seed)
         steps = _search(model, job, chosen.log)
@@ -81,9 +82,8 @@ def fit(chosen: argparse.Namespace) -> None:
 
 
 def probable_model(cut: CutOut) -> str:
-    """The model of the category that an image seems to show; that of chairs where it seems to show none."""
-    guess = guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask))
-    return likeliest_category(guess) or DEFAULT_MODEL
+    """The model of the category that an image likeliest shows."""
+    return likelier_model(guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask)))
 
 
 class Stopwatch:

@@ -20,6 +20,7 @@ from core.lab.benchmarks import (
     gate,
     model_sizes,
     photo_detail,
+    photos,
     recipe,
     rendering,
     rendering_charts,
@@ -94,9 +95,9 @@ def figures(chosen: argparse.Namespace) -> None:
     """``figures``: photos are fitted, one after another, and the paper's figures made of them; prints each path."""
     model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
     wait_for_view_bank(model)
-    photos = [load_photo(image, model) for image in chosen.images]
+    shown = [load_photo(image, model) for image in chosen.images]
     chosen.out.mkdir(parents=True, exist_ok=True)
-    fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(photos, unit="fit", disable=None)]
+    fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
     for path in write_figures(model, fitted, chosen.out):
         print(path, flush=True)
 
@@ -169,6 +170,20 @@ def bench_detail(chosen: argparse.Namespace) -> None:
         append_record(path, about, view)
     for name in ("photo_detail", "frame_cost"):
         print(charts.draw(chosen.out, name), flush=True)
+
+
+def bench_photos(chosen: argparse.Namespace) -> None:
+    """``bench photos``: photographs against what an eye says of them; goes on where an earlier run stopped."""
+    seen, path = photos.read_seen(chosen.by_eye), chosen.out / "photos.csv"
+    about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
+    done = {trial.photo for trial in read_records(path, photos.PhotoTrial, about)}
+    files = [file for folder in chosen.folders for file in sorted(folder.iterdir()) if file.stem in seen]
+    if not files:
+        raise ValueError(f"{chosen.by_eye}: none of its photos is in {', '.join(map(str, chosen.folders))}")
+    wanted = [file for file in files if file.stem not in done]
+    for trial in tqdm(photos.measure_photos(wanted, seen, chosen.preset), unit="photo", disable=None):
+        append_record(path, about, trial)
+    print(charts.draw(chosen.out, "photos"), flush=True)
 
 
 def bench_model_size(chosen: argparse.Namespace) -> None:

@@ -12,12 +12,15 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from core.classifiers.category import predict_category
-from core.models.library import category_classifier
+from core.models.library import DEFAULT_MODEL, category_classifier
 from core.models.model import singular
 from core.photos.photo import Photo
 
 UNLIKELY = 0.3
 """Probability of a category below which people are told that the photo does not seem to show it."""
+
+_CLEAR = 0.9
+"""The share of one category among all known ones from which no other is offered."""
 
 
 def guess_category(pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]) -> dict[str, float]:
@@ -41,6 +44,30 @@ def likeliest_category(guess: Mapping[str, float]) -> str | None:
         return None
     name, probability = max(guess.items(), key=lambda item: item[1])
     return name if probability > 1 - sum(guess.values()) else None
+
+
+def likelier_model(guess: Mapping[str, float]) -> str:
+    """The model of the likeliest category, however unlikely it is that an image shows any.
+
+    Example:
+        >>> likelier_model({"cars": 0.2, "chairs": 0.1})
+        'cars'
+    """
+    return max(guess, key=lambda name: guess[name], default=DEFAULT_MODEL)
+
+
+def other_model(guess: Mapping[str, float]) -> str:
+    """What else an image may show, in words, where its looks leave that open; else "".
+
+    Example:
+        >>> other_model({"cars": 0.6, "chairs": 0.2})
+        'it may also be a chair: --model chairs'
+        >>> other_model({"cars": 0.95, "chairs": 0.02})
+        ''
+    """
+    second = sorted(guess, key=lambda name: -guess[name])[1:2]
+    unsure = second and max(guess.values()) < _CLEAR * sum(guess.values())
+    return f"it may also be a {singular(second[0])}: --model {second[0]}" if unsure else ""
 
 
 def describe_category(guess: Mapping[str, float], category: str) -> str:

@@ -35,7 +35,8 @@ and more, right fits of 7 real photographs 21.7 and more; the one that is wrong,
 
 
 _RIGHT_ANYHOW = 0.5
-"""of right cameras, so many are found as well where the mask is not the object"""
+"""What is left of a confidence where the mask is surely not the object: a guess, not calibrated. On 26 photographs no
+wrong camera has more than 0.79 by it, where two had 0.87 and 0.97."""
 
 
 class Calibration(NamedTuple):

@@ -17,9 +17,9 @@ _STAY = 0.01
 class CodeMap:
     """An affine map of codes, fitted to the objects that both models were trained on."""
 
-    shape: Float[Tensor, "former_and_one shape_latent"]
-    """the last row is added"""
-    texture: Float[Tensor, "former_and_one texture_latent"]
+    shape: Float[Tensor, "shape_rows shape_latent"]
+    """one row for each number of a code; the last is added"""
+    texture: Float[Tensor, "texture_rows texture_latent"]
 
     @classmethod
     def fitted(cls, former: CodeBook, now: CodeBook) -> "CodeMap":

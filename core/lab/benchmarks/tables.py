@@ -11,6 +11,7 @@ from core.fitting.confidence import auroc
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, object_gains, others
+from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.recipe import RecipeScore
 from core.lab.benchmarks.rendering import Interaction, RenderRow, median_turns
 from core.lab.benchmarks.robustness import (
@@ -321,3 +322,32 @@ def recipe_title(found: Results[RecipeScore]) -> str:
     """Machine, data and time of all models."""
     of = found.about
     return f"{of['machine']}; {of['objects']} {of['category']}, about {of['time']} s each"
+
+
+# Photographs
+
+
+def photos_table(found: Results[PhotoTrial]) -> str:
+    """What became of each photo, and of all of a category."""
+    columns: list[Column] = [
+        ("photo", "photo", "{}"),
+        ("cut out", "cut_out", "{}"),
+        ("sure of it", "mask_confidence", "{:.2f}"),
+        ("taken for", "taken_for", "{}"),
+        ("side", "right_side", lambda right: "none" if right is None else "right" if right else "wrong"),
+        ("confidence", "confidence", "{:.2f}"),
+        ("PSNR", "psnr", "{:.1f}"),
+        ("s", "seconds", "{:.1f}"),
+    ]
+    sums = [_photos_of(category, found.rows) for category in sorted({trial.category for trial in found.rows})]
+    about = "{preset} without a hint; sides and boxes by eye ({machine}).".format(**found.about)
+    return _text(about, *sums, markdown_table(columns, found.rows))
+
+
+def _photos_of(category: str, trials: Sequence[PhotoTrial]) -> str:
+    of = [trial for trial in trials if trial.category == category]
+    counts = Counter(trial.cut_out for trial in of)
+    model, side = sum(trial.taken_for == category for trial in of), sum(trial.right for trial in of)
+    misled = max((trial.confidence for trial in of if not trial.right and trial.right_side is not None), default=0.0)
+    cut = f"cut out whole {counts['whole']}, in part {counts['part']}, wrongly {counts['wrong']}"
+    return f"{len(of)} {category}: {cut}; right model {model}, right side {side}; surest wrong camera {misled:.2f}."

@@ -1,0 +1,148 @@
+"""Photographs as people drop them: what becomes of each, against what an eye says of it.
+
+A small CSV file says, for each photo of a folder, what it shows: the category, the box around the
+whole object in shares of the image, and from where the object is seen. An object that lies on its side has no azimuth.
+A photo of two objects has a line for each: either may be fitted.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from core.fitting.category_check import guess_category, likelier_model
+from core.fitting.fit import PRESETS, FitJob, fit
+from core.geometry.camera import Camera, camera_rotation
+from core.geometry.pixels import bounding_box
+from core.lab.benchmarks.csv_files import from_row, read_csv
+from core.models.library import load_model
+from core.photos.decode import read_rgba
+from core.photos.photo import prepare_photo
+from core.photos.segmentation import CutOut, cut_out
+from core.photos.view_bank import build_view_bank
+from core.streams import run_to_end
+
+RIGHT_DEGREES = 30.0
+"""a side seen within so much of what the eye says is right"""
+_WHOLE, _PART = 0.8, 0.3
+"""intersection over union with the eye's box from which the whole object is cut out, and from which a part is"""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What an eye says of an object in a photo."""
+
+    photo: str
+    """the file's name without its ending"""
+    category: str
+    left: float
+    top: float
+    right: float
+    bottom: float
+    azimuth: float | None
+    """degrees; None where it lies on its side"""
+    elevation: float | None
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Shares of width and height."""
+        return self.left, self.top, self.right, self.bottom
+
+
+@dataclass(frozen=True)
+class PhotoTrial:
+    """What became of a photo."""
+
+    photo: str
+    category: str
+    """what it shows"""
+    taken_for: str
+    cut_out: str
+    """whole, part or wrong, by the box"""
+    found_by: str
+    mask_confidence: float
+    azimuth: float
+    elevation: float
+    """degrees"""
+    right_side: bool | None
+    """None where it has none"""
+    psnr: float
+    confidence: float
+    seconds: float
+    """of the processor, cut-out and fit"""
+
+    @property
+    def right(self) -> bool:
+        """Whether the model and the side are right."""
+        return self.taken_for == self.category and bool(self.right_side)
+
+
+def read_seen(path: Path) -> dict[str, tuple[Seen, ...]]:
+    """What an eye says, by photo. Raises ``ValueError`` for a file that does not say it."""
+    found = sorted((from_row(Seen, row) for row in read_csv(path)), key=lambda one: one.photo)
+    return {name: tuple(group) for name, group in groupby(found, key=lambda one: one.photo)}
+
+
+def measure_photos(files: Sequence[Path], seen: Mapping[str, Sequence[Seen]], preset: str) -> Iterator[PhotoTrial]:
+    """Fits each photo without a hint, as ``fit`` does."""
+    for path in files:
+        yield measure_photo(path, seen[path.stem], preset)
+
+
+def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
+    """What becomes of one photo."""
+    began = time.process_time()
+    cut = cut_out(read_rgba(path))
+    taken_for = likelier_model(guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask)))
+    model = load_model(taken_for)
+    run_to_end(build_view_bank(model))
+    *_, last = fit(model, FitJob((prepare_photo(cut, model),), PRESETS[preset]))
+    nearest = min(seen, key=lambda one: -_overlap(one.box, cut))
+    camera = last.cameras[0]
+    return PhotoTrial(
+        path.stem,
+        nearest.category,
+        taken_for,
+        _judged(_overlap(nearest.box, cut)),
+        cut.found_by,
+        cut.confidence,
+        math.degrees(camera.azimuth),
+        math.degrees(camera.elevation),
+        _right_side(nearest, camera),
+        last.psnr,
+        last.confidence or 0.0,
+        time.process_time() - began,
+    )
+
+
+def _judged(overlap: float) -> str:
+    return "whole" if overlap >= _WHOLE else "part" if overlap >= _PART else "wrong"
+
+
+def _overlap(box: tuple[float, float, float, float], cut: CutOut) -> float:
+    """Intersection over union of a box (shares of the image) and that of the mask."""
+    height, width = cut.mask.shape
+    found = [side / size for side, size in zip(bounding_box(cut.mask), (width, height) * 2, strict=True)]
+    low, high = np.maximum(box[:2], found[:2]), np.minimum(box[2:], found[2:])
+    shared = float(np.prod(np.maximum(0, high - low)))
+    areas = [(right - left) * (bottom - top) for left, top, right, bottom in (box, found)]
+    return shared / (sum(areas) - shared)
+
+
+def _right_side(seen: Seen, camera: Camera) -> bool | None:
+    """Whether a camera looks from where the eye says; None where that has no side."""
+    if seen.azimuth is None or seen.elevation is None:
+        return None
+    looks = [
+        camera_rotation(torch.tensor(azimuth), torch.tensor(elevation))[2]
+        for azimuth, elevation in (
+            (camera.azimuth, camera.elevation),
+            (math.radians(seen.azimuth), math.radians(seen.elevation)),
+        )
+    ]
+    return math.degrees(math.acos(min(1.0, float(looks[0] @ looks[1])))) < RIGHT_DEGREES

@@ -1,0 +1,39 @@
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from core.fitting.fit import PRESETS
+from core.geometry.pixels import bounding_box
+from core.lab.benchmarks.csv_files import Results, write_csv
+from core.lab.benchmarks.photos import measure_photos, read_seen
+from core.lab.benchmarks.tables import photos_table
+from core.models.library import sample_images
+from core.photos.decode import read_rgba
+from core.photos.segmentation import cut_out
+
+
+def test_a_photo_is_judged_by_box_category_and_side(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PRESETS, "draft", replace(PRESETS["draft"], hypotheses=2, steps=6, rays=64, samples=16))
+    path = sample_images("cars")[0]
+    mask = cut_out(read_rgba(path)).mask
+    height, width = mask.shape
+    left, top, right, bottom = bounding_box(mask)
+    box = {"left": left / width, "top": top / height, "right": right / width, "bottom": bottom / height}
+    about = {"photo": path.stem, "category": "cars"}
+    rows = [about | {name: str(side) for name, side in box.items()} | {"azimuth": "", "elevation": ""}]
+    rows.append(about | {"left": "0", "top": "0", "right": "0.01", "bottom": "0.01", "azimuth": "0", "elevation": "0"})
+    write_csv(tmp_path / "seen.csv", rows)
+    (trial,) = measure_photos([path], read_seen(tmp_path / "seen.csv"), "draft")
+    assert (trial.taken_for, trial.cut_out, trial.right_side, trial.right) == ("cars", "whole", None, False)
+    side = {"azimuth": str(trial.azimuth + 10), "elevation": str(trial.elevation)}
+    write_csv(tmp_path / "right.csv", [rows[0] | side])
+    (again,) = measure_photos([path], read_seen(tmp_path / "right.csv"), "draft")
+    assert again.right
+    write_csv(tmp_path / "wrong.csv", [rows[1] | {"azimuth": str(trial.azimuth + 180)}])
+    (wrong,) = measure_photos([path], read_seen(tmp_path / "wrong.csv"), "draft")
+    assert (wrong.cut_out, wrong.right_side) == ("wrong", False)
+    assert math.isclose(wrong.confidence, trial.confidence)
+    table = photos_table(Results({"preset": "draft", "machine": "here"}, (again, wrong)))
+    assert "2 cars: cut out whole 1, in part 0, wrongly 1; right model 2, right side 1; surest wrong camera" in table
