@@ -112,16 +112,13 @@ def image_size(path: Path) -> tuple[int, int]:
         return image.size
 
 
-def random_model(seed: int = 0, white_from_network: bool = False, film: bool = False) -> Model:
+def random_model(seed: int = 0, white_from_network: bool = False) -> Model:
     """An untrained model of six objects in six textures: a mist, but a different one for every code."""
     torch.manual_seed(seed)
-    sizes = {"width": 16, "shape_latent": 8, "texture_latent": 4, "position_frequencies": 4, "direction_frequencies": 2}
+    config = FieldConfig(width=16, shape_latent=8, texture_latent=4, position_frequencies=4, direction_frequencies=2)
     book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
-    field = Field(FieldConfig(**sizes, film=film))
-    for layer in field.shape_scale:
-        torch.nn.init.normal_(layer.weight, std=0.2)
     about = {"metres": 0.9, "white_from_network": white_from_network}
-    return Model(field, book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **about)
+    return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **about)
 
 
 @pytest.fixture

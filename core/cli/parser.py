@@ -220,12 +220,6 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
             action="store_true",
             help="half of the textures under lights of their own; without: all in daylight",
         )
-        command.add_argument(
-            "--point-sampled",
-            action="store_true",
-            help="a pixel shows what the ray through its centre meets, to train on sharp edges; without: the mean over "
-            "its square, as in a photo",
-        )
     for command in (meshes, procedural, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
@@ -249,14 +243,6 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "datasets have objects that it does not know; its viewpoint classifier stays",
     )
     command.add_argument("--steps", type=count, default=100_000, help="of the whole schedule")
-    command.add_argument(
-        "--shares",
-        type=float,
-        nargs="+",
-        default=(),
-        metavar="S",
-        help="of the rays, one for each DATASET (default: as many as its pixels)",
-    )
     command.add_argument(
         "--recipe",
         choices=tuple(RECIPES),

@@ -45,7 +45,7 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
-    rendered = render_meshes(*where, views, chosen.size, chosen.variants, _light(chosen), chosen.point_sampled)
+    rendered = render_meshes(*where, views, chosen.size, chosen.variants, _light(chosen))
     run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
 
 
@@ -54,7 +54,7 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.category, chosen.out, chosen.split
-    rendered = render_procedural(objects, *where, views, chosen.size, _light(chosen), chosen.point_sampled)
+    rendered = render_procedural(objects, *where, views, chosen.size, _light(chosen))
     run_with_progress(rendered, len(objects), "object")
 
 
@@ -76,7 +76,6 @@ def train(chosen: argparse.Namespace) -> None:
     recipe = RECIPES[chosen.recipe]
     initial = load_model(chosen.init) if chosen.init else None
     settings = replace(recipe, field=_field_config(chosen, recipe.field, initial), steps=chosen.steps, seed=chosen.seed)
-    settings = replace(settings, shares=tuple(chosen.shares))
     training, held_out = hold_out(read_dataset(chosen.datasets))
     if initial:
         known = all(views.name in initial.codes.index for views in training.objects)
@@ -171,7 +170,7 @@ def _field_config(chosen: argparse.Namespace, default: FieldConfig, initial: Mod
     if initial:
         if chosen.width or chosen.latent or chosen.recipe != "default":
             raise ValueError("--init has the sizes and the architecture of its model: no --width, --latent or --recipe")
-        return replace(initial.field.config, film=default.film or initial.field.config.film)
+        return initial.field.config
     shape, texture = chosen.latent or (default.shape_latent, default.texture_latent)
     return replace(default, width=chosen.width or default.width, shape_latent=shape, texture_latent=texture)
 

@@ -30,7 +30,7 @@ class ViewDependentDensity(Field):
         return self.early_direction(encode(directions, self.config.direction_frequencies))
 
     def density(
-        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks modulation"]
+        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         """As :meth:`core.models.field.Field.density`, seen from outside, towards the middle of the scene."""
         return self._density_towards(points, self.direction_bias(-functional.normalize(points, dim=-1)), shape_bias)
@@ -39,7 +39,7 @@ class ViewDependentDensity(Field):
         self,
         points: Float[Tensor, "*batch 3"],
         direction_bias: Float[Tensor, "*#batch width"],
-        shape_bias: Float[Tensor, "*#batch blocks modulation"],
+        shape_bias: Float[Tensor, "*#batch blocks width"],
         texture_bias: Float[Tensor, "*#batch more_blocks width"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
         """As :meth:`core.models.field.Field.radiance`, with a density that depends on the direction."""
@@ -50,7 +50,7 @@ class ViewDependentDensity(Field):
         self,
         points: Float[Tensor, "*batch 3"],
         direction_bias: Float[Tensor, "*#batch width"],
-        shape_bias: Float[Tensor, "*#batch blocks modulation"],
+        shape_bias: Float[Tensor, "*#batch blocks width"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         first = self.point_layer(encode(points, self.config.position_frequencies))
         return self.density_from_activations((first + direction_bias.to(first.dtype)).relu(), shape_bias)

@@ -39,11 +39,6 @@ class Field(nn.Module):
         self.point_layer = nn.Linear(3 + 6 * config.position_frequencies, width)
         self.shape_latent = nn.ModuleList(nn.Linear(config.shape_latent, width) for _ in range(config.shape_blocks))
         self.shape_block = nn.ModuleList(nn.Linear(width, width) for _ in range(config.shape_blocks))
-        self.shape_scale = nn.ModuleList()
-        if config.film:
-            self.shape_scale.extend(nn.Linear(config.shape_latent, width) for _ in range(config.shape_blocks))
-            for parameter in self.shape_scale.parameters():
-                nn.init.zeros_(parameter)
         self.feature_layer = nn.Linear(width, width)
         self.density_layer = nn.Linear(width, 1)
         self.direction_layer = nn.Linear(width + 3 + 6 * config.direction_frequencies, width)
@@ -54,13 +49,9 @@ class Field(nn.Module):
         self.colour_hidden = nn.Linear(width, width // 2)
         self.colour_layer = nn.Linear(width // 2, 3)
 
-    def shape_bias(self, shape: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks modulation"]:
-        """The biases of the shape blocks with a shape code folded in; where ``film``, then their scales."""
-        biases = folded_biases(self.shape_latent, self.shape_block, shape)
-        if not self.config.film:
-            return biases
-        shape = shape.to(biases.device)
-        return torch.cat((biases, 1 + torch.stack([layer(shape) for layer in self.shape_scale], -2).float()), -1)
+    def shape_bias(self, shape: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
+        """The biases of the shape blocks with a shape code folded in."""
+        return folded_biases(self.shape_latent, self.shape_block, shape)
 
     def texture_bias(self, texture: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch blocks width"]:
         """The biases of the texture blocks with a texture code folded in."""
@@ -68,14 +59,9 @@ class Field(nn.Module):
 
     def shape_bias_jacobian(
         self, shape: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
-    ) -> Float[Tensor, "*batch blocks modulation some"]:
+    ) -> Float[Tensor, "*batch blocks width some"]:
         """The Jacobian of :meth:`shape_bias` along some directions of the code."""
-        biases = _folded_bias_jacobian(self.shape_latent, self.shape_block, shape, directions)
-        if not self.config.film:
-            return biases
-        directions = directions.to(biases.device)
-        scales = torch.stack([layer.get_parameter("weight") @ directions.T for layer in self.shape_scale])
-        return torch.cat((biases, scales.float().expand_as(biases)), -2)
+        return _folded_bias_jacobian(self.shape_latent, self.shape_block, shape, directions)
 
     def texture_bias_jacobian(
         self, texture: Float[Tensor, "*batch latent"], directions: Float[Tensor, "some latent"]
@@ -85,7 +71,7 @@ class Field(nn.Module):
 
     def biases(
         self, shape: Float[Tensor, "*batch shape_latent"], texture: Float[Tensor, "*batch texture_latent"]
-    ) -> tuple[Float[Tensor, "*batch blocks modulation"], Float[Tensor, "*batch more_blocks width"]]:
+    ) -> tuple[Float[Tensor, "*batch blocks width"], Float[Tensor, "*batch more_blocks width"]]:
         """The biases of the shape blocks and of the texture blocks."""
         return self.shape_bias(shape), self.texture_bias(texture)
 
@@ -93,7 +79,7 @@ class Field(nn.Module):
         self,
         points: Float[Tensor, "*batch 3"],
         direction_bias: Float[Tensor, "*#batch width"],
-        shape_bias: Float[Tensor, "*#batch blocks modulation"],
+        shape_bias: Float[Tensor, "*#batch blocks width"],
         texture_bias: Float[Tensor, "*#batch more_blocks width"],
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch 3"]]:
         """Density per scene unit and rgb: :meth:`density`, then :meth:`colour`."""
@@ -101,7 +87,7 @@ class Field(nn.Module):
         return density, self.colour(features, direction_bias, texture_bias)
 
     def density(
-        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks modulation"]
+        self, points: Float[Tensor, "*batch 3"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         """Eq. 2's :math:`F^s`: density per scene unit, and features for the texture part.
 
@@ -114,13 +100,11 @@ class Field(nn.Module):
         )
 
     def density_from_activations(
-        self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks modulation"]
+        self, y: Float[Tensor, "*batch width"], shape_bias: Float[Tensor, "*#batch blocks width"]
     ) -> tuple[Float[Tensor, "*batch"], Float[Tensor, "*batch width"]]:
         """:meth:`density` from the activations of the first layer on."""
         for weight, bias in zip(_matrices(self.shape_block), shape_bias.unbind(-2), strict=True):
-            y = functional.linear(y, weight)
-            shift, scale = split_modulation(bias.to(y.dtype), self.config.width)
-            y = (y + shift if scale is None else torch.addcmul(shift, y, scale)).relu()
+            y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         features = self.feature_layer(y)
         logit = self.density_layer(features)[..., 0].float()
         return self.config.density_scale * functional.softplus(logit), features
@@ -155,13 +139,6 @@ class Field(nn.Module):
             y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         logits = self.colour_layer(self.colour_hidden(y).relu()).float()
         return logits.sigmoid() if self.config.bounded_colour else logits
-
-
-def split_modulation(
-    modulation: Float[Tensor, "*batch modulation"], width: int
-) -> tuple[Float[Tensor, "*batch width"], Float[Tensor, "*batch width"] | None]:
-    """The biases of shape blocks, and their scales, None where there are none: see :meth:`Field.shape_bias`."""
-    return modulation[..., :width], modulation[..., width:] if modulation.shape[-1] > width else None
 
 
 def _matrices(blocks: nn.ModuleList) -> list[Tensor]:

@@ -32,8 +32,6 @@ class FieldConfig:
     need not grow to hundreds. 1 in the authors' files."""
     bounded_colour: bool = True
     """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
-    film: bool = False
-    """Shape codes scale the shape blocks' outputs, beside shifting them: room that costs nothing per point."""
     architecture: str = "codenerf"
     """"M1" and "M2" are those of :mod:`core.models.architecture_variants`."""
 

@@ -16,8 +16,7 @@ from torch import Tensor
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.camera import MAX_SIDE, Camera
 from core.models.architecture_variants import build_field
-from core.models.code_map import CodeMap
-from core.models.codes import CodeBook, Codes, CodeSpace, Entry
+from core.models.codes import CodeBook, CodeSpace, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
@@ -30,7 +29,6 @@ _LARGEST = 1e6
 _CELLS = "occupied_cells"
 _CLASSIFIER = "viewpoint."
 """prefix of the viewpoint classifier's tensors"""
-_CODE_MAP = ("code_map.shape", "code_map.texture")
 _SPACES, _SPACE_PARTS = ("shape_space", "texture_space"), ("mean", "directions", "std")
 """Tensors of the code spaces, in files that keep a gallery instead of all codes."""
 
@@ -61,8 +59,6 @@ class Model:
     """The fingerprints of the models that its training started from, the latest first."""
     metres: float = 1.0
     """the longest side of a usual object"""
-    code_map: CodeMap | None = None
-    """from the codes of the models in :attr:`extends`, fitted to the latest; None: they mean the same here"""
     stored_cells: Bool[Tensor, "x y z"] | None = None
     """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
 
@@ -147,12 +143,10 @@ class Model:
         return digest.hexdigest()[:16]
 
     def shares_codes_with(self, fingerprint: str) -> bool:
-        """Whether codes of the model with this fingerprint have codes here: it is this one, or this one extends it."""
+        """Whether codes of the model with this fingerprint mean the same here, or nearly: it is this one, or this one
+        extends it.
+        """
         return fingerprint in (self.fingerprint, *self.extends)
-
-    def codes_of(self, codes: Codes, fingerprint: str) -> Codes:
-        """Codes of this model as they are; those of a model that it extends as they look most alike here."""
-        return codes if fingerprint == self.fingerprint or self.code_map is None else self.code_map(codes)
 
     def camera(self, azimuth: float, elevation: float, distance: float | None = None) -> Camera:
         """A camera (rad, rad, scene units) at the training images' size, focal length and, unless given, distance."""
@@ -197,15 +191,13 @@ class Model:
         field = build_field(about.config)
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
         spaces, cells = _pop_spaces(tensors), tensors.pop(_CELLS, None)
-        mapped = [tensors.pop(name).float() for name in _CODE_MAP if name in tensors]
         classifier = _pop_classifier(tensors)
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about.objects)
         codes = CodeBook(shapes, textures, objects, about.collapsed, spaces)
         cells = None if cells is None else unpack(cells)
         rest = {name: getattr(about, name) for name in _About._fields if name not in ("config", "objects", "collapsed")}
-        code_map = CodeMap(*mapped) if mapped else None
-        return cls(field, codes, **rest, viewpoint_classifier=classifier, code_map=code_map, stored_cells=cells)
+        return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells)
 
 
 def singular(category: str) -> str:
@@ -264,8 +256,6 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
         for part in _SPACE_PARTS
     }
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
-    if model.code_map:
-        spaces |= dict(zip(_CODE_MAP, (model.code_map.shape, model.code_map.texture), strict=True))
     looking = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
     rendering = _rendering_tensors(model)
     rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}

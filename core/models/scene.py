@@ -76,7 +76,7 @@ class Scene:
             raise ValueError(
                 f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
             )
-        return cls(model.fingerprint, model.codes_of(codes, about.model), about.camera)
+        return cls(model.fingerprint, codes, about.camera)
 
 
 class _View(NamedTuple):

@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from core.models.cells import contains
 from core.models.codes import Codes
-from core.models.field import Field, encode, split_modulation
+from core.models.field import Field, encode
 from core.models.model import Model
 from core.runtime.layers import linear_relu, pad_rows, relu_
 from core.runtime.precision import matmul_dtype
@@ -94,7 +94,7 @@ class FoldedField:
         self.field, self.device, self.dtype = model.field, model.device, matmul_dtype(model.device.type)
         self._weights = field_weights(model, self.dtype)
         with torch.no_grad():
-            self._shape = _shape_layers(self._weights, model.field.shape_bias(codes.shape))
+            self._shape = tuple(model.field.shape_bias(codes.shape).to(self.dtype).unbind(-2))
             self._texture = tuple(model.field.texture_bias(codes.texture).to(self.dtype).unbind(-2))
 
     def first_layer(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points width"]:
@@ -122,7 +122,7 @@ class FoldedField:
 def batch_density(
     model: Model,
     points: Float[Tensor, "objects points 3"],
-    shape_bias: Float[Tensor, "objects blocks modulation"],
+    shape_bias: Float[Tensor, "objects blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> Float[Tensor, "objects points"]:
     """Density per scene unit of many objects at once, each at its own points; not differentiable.
@@ -131,15 +131,15 @@ def batch_density(
         cells: outside of these (:mod:`core.models.occupied_cells`) it is taken to be 0.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
+    biases = shape_bias.to(weights.features.dtype)
     # A network that paints the background is evaluated around the box too.
     first = weights.position.evaluate if model.white_from_network else weights.position
     found = torch.zeros(points.shape[:-1], device=points.device)
     inside = torch.ones_like(found, dtype=torch.bool) if cells is None else contains(cells, points, model.extent_tensor)
-    for density, one, bias, where in zip(found, points, shape_bias, inside, strict=True):
-        layers = _shape_layers(weights, bias)
+    for density, one, bias, where in zip(found, points, biases, inside, strict=True):
         for index in where.nonzero()[:, 0].split(_CHUNK_POINTS):
             some = pad_rows(one.index_select(0, index))
-            density[index] = _density(model.field, weights, relu_(first(some)), layers)[0][: len(index)]
+            density[index] = _density(model.field, weights, relu_(first(some)), bias.unbind(0))[0][: len(index)]
     return found
 
 
@@ -148,7 +148,7 @@ def batch_colour(
     model: Model,
     points: Float[Tensor, "objects points 3"],
     directions: Float[Tensor, "objects points 3"],
-    shape_bias: Float[Tensor, "objects blocks modulation"],
+    shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> Float[Tensor, "objects points 3"]:
     """Rgb of many objects at once, each at its own points as seen from there; not differentiable."""
@@ -156,36 +156,26 @@ def batch_colour(
     dtype = weights.features.dtype
     first = weights.position.evaluate if model.white_from_network else weights.position
     found = []
-    for one, towards, shape_bias_, texture in zip(points, directions, shape_bias, texture_bias.to(dtype), strict=True):
-        shape = _shape_layers(weights, shape_bias_)
+    for one, towards, *biases in zip(points, directions, shape_bias.to(dtype), texture_bias.to(dtype), strict=True):
+        shape, texture = (bias.unbind(0) for bias in biases)
         for part, direction in zip(one.split(_CHUNK_POINTS), towards.split(_CHUNK_POINTS), strict=True):
-            y = _features(relu_(first(part)), shape)
-            found.append(_colour(model.field, weights, y, weights.direction(direction), texture.unbind(0)))
+            y = _features(weights, relu_(first(part)), shape)
+            found.append(_colour(model.field, weights, y, weights.direction(direction), texture))
     return torch.cat(found).reshape(points.shape)
 
 
-Layer = tuple[Float[Tensor, "outputs inputs"], Float[Tensor, "outputs"]]
-"""Weight and bias."""
-
-
-def _shape_layers(weights: FieldWeights, modulation: Float[Tensor, "blocks modulation"]) -> list[Layer]:
-    """The shape blocks with one object's biases, and with its scales multiplied into their matrices."""
-    bias, scale = split_modulation(modulation, weights.features.shape[1])
-    blocks, dtype = weights.shape_blocks, weights.features.dtype
-    if scale is not None:
-        scaled = torch.stack(blocks) * scale[..., None]
-        blocks = tuple(scaled.to(dtype).unbind(0))
-    return list(zip(blocks, bias.to(dtype).unbind(0), strict=True))
-
-
-def _features(y: Tensor, layers: Sequence[Layer]) -> Tensor:
-    for layer in layers:
-        y = linear_relu(y, *layer)
+def _features(
+    weights: FieldWeights, y: Float[Tensor, "points width"], biases: Sequence[Float[Tensor, "width"]]
+) -> Float[Tensor, "points width"]:
+    for weight, bias in zip(weights.shape_blocks, biases, strict=True):
+        y = linear_relu(y, weight, bias)
     return y
 
 
-def _density(field: Field, weights: FieldWeights, y: Tensor, layers: Sequence[Layer]) -> tuple[Tensor, Tensor]:
-    y = _features(y, layers)
+def _density(
+    field: Field, weights: FieldWeights, y: Float[Tensor, "points width"], biases: Sequence[Float[Tensor, "width"]]
+) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
+    y = _features(weights, y, biases)
     logit = functional.linear(y, *weights.density)[:, 0].float()
     return field.config.density_scale * functional.softplus(logit), y
 

@@ -40,7 +40,7 @@ def render_top_samples(
     rays: Rays,
     samples: int,
     kept: int,
-    shape_bias: Float[Tensor, "objects blocks modulation"],
+    shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     cells: Bool[Tensor, "#objects x y z"] | None = None,
 ) -> Float[Tensor, "objects views rays 5"]:

@@ -15,7 +15,7 @@ from torch.nn import functional
 from torch.nn.functional import pad
 
 from core.geometry.rays import Rays, ray_points
-from core.models.field import encode, split_modulation
+from core.models.field import encode
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
 from core.rendering.folded_field import batch_density, field_weights
@@ -31,7 +31,7 @@ CHUNK_POINTS = 4096
 class BiasJacobians(NamedTuple):
     """How the estimated parameters enter the field: derivatives of its biases."""
 
-    shape: Float[Tensor, "objects blocks modulation shape_numbers"]
+    shape: Float[Tensor, "objects blocks width shape_numbers"]
     texture: Float[Tensor, "objects more_blocks width texture_numbers"]
 
 
@@ -53,7 +53,7 @@ def render_with_jacobian(
     rays: Rays,
     samples: int,
     kept: int,
-    shape_bias: Float[Tensor, "objects blocks modulation"],
+    shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
     bias_jacobians: BiasJacobians,
     cells: Bool[Tensor, "#objects x y z"] | None = None,
@@ -167,13 +167,9 @@ class _Activations(NamedTuple):
     """the same of the direction"""
     shape: tuple[Float[Tensor, "objects samples width"], ...]
     """activations after each layer of the shape part"""
-    unscaled: tuple[Tensor, ...]
-    """what the shape blocks' matrices give before the code scales it; none where it does not"""
-    shape_blocks: tuple[Tensor, ...]
-    """the shape blocks' matrices, each object's own where the code scales them"""
-    texture: tuple[Tensor, ...]
-    """activations after each layer of the texture part"""
-    rgb_derivative: Tensor
+    texture: tuple[Float[Tensor, "objects samples _"], ...]
+    """and of the texture part"""
+    rgb_derivative: Float[Tensor, "objects samples 3"]
     """derivative of rgb along the last layer's output"""
 
 
@@ -181,7 +177,7 @@ def _forward(
     model: Model,
     points: Float[Tensor, "objects samples 3"],
     directions: Float[Tensor, "objects samples 3"],
-    shape_bias: Float[Tensor, "objects blocks modulation"],
+    shape_bias: Float[Tensor, "objects blocks width"],
     texture_bias: Float[Tensor, "objects more_blocks width"],
 ) -> tuple[_Activations, Float[Tensor, "objects samples 3"]]:
     """The activations of some samples, and their colours."""
@@ -190,16 +186,9 @@ def _forward(
     position, direction = encode(points, config.position_frequencies), encode(directions, config.direction_frequencies)
     y = linear_relu(position.to(dtype), *weights.position.layer)
     shape = [y]
-    biases, scales = split_modulation(shape_bias.to(dtype)[:, None], config.width)
-    unscaled, blocks = list[Tensor](), list[Tensor]()
-    for block, weight in enumerate(weights.shape_blocks):
-        y = functional.linear(y, weight)
-        if scales is not None:
-            unscaled.append(y)
-            y, weight = y * scales[:, :, block], weight * scales[:, 0, block, :, None]
-        y = relu_(y.add_(biases[:, :, block]))
+    for weight, bias in zip(weights.shape_blocks, shape_bias.to(dtype).unbind(-2), strict=True):
+        y = relu_(functional.linear(y, weight).add_(bias[:, None]))
         shape.append(y)
-        blocks.append(weight)
     y = functional.linear(y, weights.features).add_(functional.linear(direction.to(dtype), *weights.direction.layer))
     texture = [relu_(y)]
     for weight, bias in zip(weights.texture_blocks, texture_bias.to(dtype).unbind(-2), strict=True):
@@ -216,8 +205,7 @@ def _forward(
         _encoding_derivative(position, config.position_frequencies),
         _encoding_derivative(direction, config.direction_frequencies),
     )
-    layers = tuple(shape), tuple(unscaled), tuple(blocks), tuple(texture)
-    return _Activations(position_derivative, direction_derivative, *layers, rgb_derivative), colour
+    return _Activations(position_derivative, direction_derivative, tuple(shape), tuple(texture), rgb_derivative), colour
 
 
 def _encoding_derivative(encoded: Float[Tensor, "*batch encoded"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
@@ -249,15 +237,13 @@ def _backward(
     gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
     gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
     gradient, texture = _backward_blocks(
-        gradient, activations.texture[:-1], (), weights.texture_blocks, bias_jacobians.texture
+        gradient, activations.texture[:-1], weights.texture_blocks, bias_jacobians.texture
     )
     by_direction = _along_axes(gradient @ weights.direction.layer[0], activations.direction_derivative)
     by_logit = (by_density * density_derivative[..., None]).to(dtype)[..., None] * weights.density[0][0]
     by_logit[:, :, :3] += gradient @ weights.features
     gradient = by_logit
-    gradient, shape = _backward_blocks(
-        gradient, activations.shape, activations.unscaled, activations.shape_blocks, bias_jacobians.shape
-    )
+    gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
     by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
     by_direction = pad(by_direction, (0, 0, 0, by_density.shape[-1] - 3)).addcmul_(by_position, depth[..., None, None])
     derivatives = torch.zeros(*by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=depth.device)
@@ -269,22 +255,18 @@ def _backward(
 
 
 def _backward_blocks(
-    gradient: Tensor,
-    activations: Sequence[Tensor],
-    unscaled: Sequence[Tensor],
-    blocks: Sequence[Tensor],
-    bias_jacobians: Tensor,
-) -> tuple[Tensor, Tensor]:
+    gradient: Float[Tensor, "objects samples channels width"],
+    activations: Sequence[Float[Tensor, "objects samples width"]],
+    blocks: Sequence[Float[Tensor, "width width"]],
+    bias_jacobians: Float[Tensor, "objects blocks width numbers"],
+) -> tuple[Float[Tensor, "objects samples channels width"], Float[Tensor, "objects samples channels numbers"]]:
     """Gradients taken back through blocks and the ReLU before them, and those along the blocks' parameters."""
-    numbers, (samples, channels) = torch.zeros((), dtype=gradient.dtype, device=gradient.device), gradient.shape[1:3]
-    for block in reversed(range(len(blocks))):
-        gradient = relu_backward_(gradient, activations[block + 1][:, :, None])
-        by_bias, *by_scale = bias_jacobians[:, block].split(gradient.shape[-1], 1)
-        numbers = torch.baddbmm(numbers, gradient.flatten(1, 2), by_bias)
-        if by_scale:  # a scale multiplies what it scales
-            numbers.baddbmm_((gradient * unscaled[block][:, :, None]).flatten(1, 2), by_scale[0])
-        gradient = (gradient.flatten(1, 2) @ blocks[block]).unflatten(1, (samples, channels))
-    return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, (samples, channels))
+    numbers = torch.zeros((), dtype=gradient.dtype, device=gradient.device)
+    for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(bias_jacobians.unbind(1)), strict=True):
+        gradient = relu_backward_(gradient, y[:, :, None])
+        numbers = torch.baddbmm(numbers, gradient.flatten(1, 2), entry)
+        gradient = gradient @ weight
+    return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, gradient.shape[1:3])
 
 
 def _along_axes(

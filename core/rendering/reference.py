@@ -49,7 +49,7 @@ def render_rays(
     model: Model,
     rays: Rays,
     samples: int,
-    shape_bias: Float[Tensor, "... blocks modulation"],
+    shape_bias: Float[Tensor, "... blocks width"],
     texture_bias: Float[Tensor, "... more_blocks width"],
 ) -> Rendered:
     """Eq. 3 with ``samples`` uniform intervals per ray, differentiable in rays and biases.

@@ -14,7 +14,7 @@ from core.rendering.folded_field import batch_density
 
 @torch.no_grad()
 def shape_cells(
-    model: Model, shape_bias: Float[Tensor, "objects blocks modulation"]
+    model: Model, shape_bias: Float[Tensor, "objects blocks width"]
 ) -> Bool[Tensor, "objects x y z"] | None:
     """The cells that each shape may occupy, a margin of one cell included; None where ``model.occupied_cells`` is.
 

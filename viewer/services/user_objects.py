@@ -63,12 +63,11 @@ class UserObjects:
 
     def directions(self, model: Model) -> tuple[Direction, ...]:
         """The named directions of a model, or of the latest one that it extends; none where they cannot be read."""
-        paths = {one: self._directions(one) for one in (model.fingerprint, *model.extends)} if self._folder else {}
-        of, path = next(((of, path) for of, path in paths.items() if path.exists()), ("", None))
+        paths = [self._directions(one) for one in (model.fingerprint, *model.extends)] if self._folder else []
+        path = next((path for path in paths if path.exists()), None)
         found = (optional(lambda: _read_directions(path)) or ()) if path else ()
         sizes = [tuple(code.shape) for code in (model.codes.mean.shape, model.codes.mean.texture)]
-        known = [one for one in found if [tuple(one.step.shape.shape), tuple(one.step.texture.shape)] == sizes]
-        return tuple(replace(one, step=_step_of(model, one.step, of)) for one in known)
+        return tuple(one for one in found if [tuple(one.step.shape.shape), tuple(one.step.texture.shape)] == sizes)
 
     def keep_directions(self, model: Model, directions: Iterable[Direction]) -> None:
         """Keep these and no others. Raises ``ValueError`` or ``OSError`` where that cannot be."""
@@ -82,13 +81,6 @@ class UserObjects:
     def _directions(self, fingerprint: str) -> Path:
         assert self._folder is not None, "nothing is kept"
         return self._folder / "directions" / f"{fingerprint}.json"
-
-
-def _step_of(model: Model, step: Codes, fingerprint: str) -> Codes:
-    """A step between codes of the model with this fingerprint, as one of this model."""
-    still = Codes(torch.zeros_like(step.shape), torch.zeros_like(step.texture))
-    begin, end = (model.codes_of(codes, fingerprint) for codes in (still, step))
-    return Codes(end.shape - begin.shape, end.texture - begin.texture)
 
 
 def _is_same(first: EditableObject, second: EditableObject) -> bool:

@@ -67,7 +67,6 @@ def render_meshes(
     size: int,
     variants: int = 0,
     light: Callable[[str], Light] = daylight,
-    point_sampled: bool = False,
 ) -> Iterator[str]:
     """Renders every mesh of ``select_meshes`` into the dataset ``out``, by
     :func:`core.lab.datasets.render_objects.render_objects`.
@@ -79,7 +78,7 @@ def render_meshes(
         raise ValueError(f"a mesh has no {variants} variants")
     meshes = select_meshes(folder, category, split)
     tasks = [_render_task(entry, *pair) for entry in meshes for pair in pairs(variants)]
-    yield from render_objects(tasks, out, category, split, views, size, light, point_sampled)
+    yield from render_objects(tasks, out, category, split, views, size, light)
 
 
 def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:

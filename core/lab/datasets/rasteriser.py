@@ -1,4 +1,4 @@
-"""Renders coloured triangles off screen: one object under one light, on white, antialiased or point-sampled."""
+"""Renders coloured triangles off screen: one object under one light, on white, antialiased."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from core.geometry.camera import Camera
 from core.lab.datasets.light import DAYLIGHT, Light
 
 SUPERSAMPLES = 4
-"""Samples a pixel along each axis, for images to look at; the mean of the 16 is the pixel."""
+"""Samples a pixel along each axis; the mean of the 16 is the pixel."""
 
 _VERTEX = """
 #version 330
@@ -103,26 +103,22 @@ class Surface:
 class Rasteriser:
     """An off-screen GL context for images of one size. Use as a context manager, on one thread.
 
-    Args:
-        size: width and height, px.
-        supersamples: samples a pixel along each axis. With 1 a pixel shows what the ray through its centre meets.
-
     Raises ``RuntimeError`` in one line where the machine has no OpenGL.
     """
 
-    def __init__(self, size: int, supersamples: int = SUPERSAMPLES) -> None:
+    def __init__(self, size: int) -> None:
         try:
             self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
         except Exception as error:  # moderngl raises bare Exception
             raise RuntimeError(f"rendering needs OpenGL 3.3 through EGL, and this machine has none: {error}") from error
-        context, fine = self._context, size * supersamples
+        context, fine = self._context, size * SUPERSAMPLES
         self._size = size
         self._samples = context.texture((fine, fine), 4)
         self._fine = context.framebuffer([self._samples], context.depth_renderbuffer((fine, fine)))
         self._small = context.framebuffer([context.renderbuffer((size, size), 4)])
         self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         downsample = context.program(vertex_shader=_FULL_SCREEN, fragment_shader=_DOWNSAMPLE)
-        downsample["factor"] = supersamples
+        downsample["factor"] = SUPERSAMPLES
         self._downsample = context.vertex_array(downsample, [])
         self._plain = context.texture((1, 1), 4, b"\xff\xff\xff\xff")
         self._batches: list[tuple[moderngl.VertexArray, moderngl.Texture, list[moderngl.Buffer]]] = []

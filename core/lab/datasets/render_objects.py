@@ -8,7 +8,7 @@ import numpy as np
 
 from core.lab.datasets.categories import Split
 from core.lab.datasets.light import Light, daylight
-from core.lab.datasets.rasteriser import SUPERSAMPLES, Rasteriser, Surface
+from core.lab.datasets.rasteriser import Rasteriser, Surface
 from core.lab.datasets.splits import split_cameras
 from core.lab.datasets.srn import ObjectViews, write_manifest, write_object
 from core.runtime.reading import open_image
@@ -33,22 +33,17 @@ def render_objects(
     views: int,
     size: int,
     light: Callable[[str], Light] = daylight,
-    point_sampled: bool = False,
 ) -> Iterator[str]:
     """Renders the tasks into the dataset ``out``, yielding each one's name once it is there.
 
-    Args:
-        light: of a ``texture_id``.
-        point_sampled: a pixel holds what the ray through its centre meets, not the mean over its square, which a ray
-            cannot match at an edge.
-
-    Objects that are there already with as many views of this size are skipped, so a stopped job resumes.
+    ``light`` gives the light of a ``texture_id``. Objects that are there already with as many views of this size are
+    skipped, so a stopped job resumes.
     Raises ``RuntimeError`` where the machine has no OpenGL, ``ValueError`` for an object that cannot be made.
     """
     if views < 1 or size < 1:
         raise ValueError(f"views and size must be positive, got {views} and {size}")
-    write_manifest(out, category, {task.name: (task.shape_id, task.texture_id) for task in tasks}, point_sampled)
-    with Rasteriser(size, 1 if point_sampled else SUPERSAMPLES) as rasteriser:
+    write_manifest(out, category, {task.name: (task.shape_id, task.texture_id) for task in tasks})
+    with Rasteriser(size) as rasteriser:
         for task in tasks:
             if not _is_rendered(Path(out) / task.name, views, size):
                 rasteriser.upload(task.surfaces())

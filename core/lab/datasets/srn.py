@@ -1,8 +1,7 @@
 """Datasets on disk in ShapeNet-SRN's layout: ``DATASET/OBJECT/{rgb/000000.png, pose/000000.txt, intrinsics.txt}``.
 
 Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.png`` (255 inside the object), and
-``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture, and whether
-images are point-sampled.
+``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture.
 """
 
 from collections.abc import Mapping, Sequence
@@ -62,10 +61,6 @@ class Dataset:
     """px, width and height"""
     focal: float
     """px, at image_size"""
-    point_sampled: bool = False
-    """a pixel holds what the ray through its centre meets; else the mean over its square"""
-    counts: tuple[int, ...] = ()
-    """objects of each folder that it was read from, in their order"""
 
 
 class _Identity(NamedTuple):
@@ -76,11 +71,8 @@ class _Identity(NamedTuple):
 
 
 class _Manifest(NamedTuple):
-    """Of a folder; without one an object shares neither shape nor texture (the paper's setting)."""
-
     category: str = ""
     objects: dict[str, _Identity] = {}  # noqa: RUF012  (never written to)
-    point_sampled: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,8 +100,8 @@ def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry
     """
     categories, entries = set[str](), list[ObjectEntry]()
     for folder in map(Path, folders):
-        manifest, found = _index_folder(folder)
-        categories |= {manifest.category} - {""}
+        category, found = _index_folder(folder)
+        categories |= {category} - {""}
         entries += found
     if len(categories) > 1:
         raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
@@ -128,16 +120,13 @@ def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
     several = [folders] if isinstance(folders, str | Path) else list(folders)
     objects: list[ObjectViews] = []
     categories: set[str] = set()
-    counts, point_sampled = list[int](), True
     for folder in map(Path, several):
-        manifest, found = _read_folder(folder)
+        category, found = _read_folder(folder)
         objects += found
-        counts.append(len(found))
-        categories |= {manifest.category} - {""}
-        point_sampled &= manifest.point_sampled
+        categories |= {category} - {""}
     _check_consistent(objects, categories)
     camera = objects[0].cameras[0]
-    return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal, point_sampled, tuple(counts))
+    return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal)
 
 
 def write_object(folder: Path | str, views: ObjectViews) -> None:
@@ -160,47 +149,45 @@ def write_object(folder: Path | str, views: ObjectViews) -> None:
         (partial / "intrinsics.txt").write_text(f"{intrinsics}\n0. 0. 0.\n1.\n{camera.height} {camera.width}\n")
 
 
-def write_manifest(
-    folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]], point_sampled: bool = False
-) -> None:
-    """Writes ``manifest.json``: the category, for each object's name its (shape_id, texture_id), and how pixels are
-    sampled.
+def write_manifest(folder: Path | str, category: str, identities: Mapping[str, tuple[str, str]]) -> None:
+    """Writes ``manifest.json``: the category and, for each object's name, its (shape_id, texture_id).
 
     It may name objects that are not there yet, so it can be written before the images are.
     """
     objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
     Path(folder).mkdir(parents=True, exist_ok=True)
-    write_json(
-        Path(folder) / "manifest.json", {"category": category, "point_sampled": point_sampled, "objects": objects}
-    )
+    write_json(Path(folder) / "manifest.json", {"category": category, "objects": objects})
 
 
-def _read_folder(folder: Path) -> tuple[_Manifest, list[ObjectViews]]:
-    """The manifest and the objects of one dataset folder."""
-    manifest, entries = _index_folder(folder)
+def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
+    """The category and the objects of one dataset folder."""
+    category, entries = _index_folder(folder)
     # Decoding a PNG releases the interpreter lock, so threads are enough.
     with ThreadPoolExecutor() as pool:
-        return manifest, list(pool.map(ObjectEntry.read, entries))
+        return category, list(pool.map(ObjectEntry.read, entries))
 
 
-def _index_folder(folder: Path) -> tuple[_Manifest, list[ObjectEntry]]:
-    """The manifest and the objects of one dataset folder."""
+def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
+    """The category and the objects of one dataset folder.
+
+    Without a manifest, an object shares neither shape nor texture (the paper's setting).
+    """
     if not folder.is_dir():
         raise ValueError(f"{folder}: no such dataset folder")
-    manifest = _read_manifest(folder / "manifest.json")
+    category, identities = _read_manifest(folder / "manifest.json")
     found = sorted(path for path in folder.iterdir() if path.is_dir() and not _is_junk(path))
     if not found:
         raise ValueError(f"{folder}: no object folders in it")
-    alone = {path.name: _Identity(path.name, path.name) for path in found}
-    return manifest, [ObjectEntry(path, *(alone | manifest.objects)[path.name]) for path in found]
+    return category, [ObjectEntry(path, *identities.get(path.name, (path.name, path.name))) for path in found]
 
 
-def _read_manifest(path: Path) -> _Manifest:
-    """A folder's manifest; an empty one where there is none."""
+def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
+    """The category and name -> (shape_id, texture_id); ('', {}) where there is no manifest."""
     if not path.exists():
-        return _Manifest()
+        return "", {}
     with reading(path, "a manifest"):
-        return typed(_Manifest, read_json(path), name="manifest")
+        manifest = typed(_Manifest, read_json(path), name="manifest")
+    return manifest.category, {name: (ids.shape_id, ids.texture_id) for name, ids in manifest.objects.items()}
 
 
 def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:

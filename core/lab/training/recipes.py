@@ -41,8 +41,6 @@ class TrainSettings:
     """of the squared error of the opacity against the mask, off the mask's border"""
     ema_decay: float = 0.999
     """of the moving average of the weights, per step"""
-    shares: tuple[float, ...] = ()
-    """of the rays, for each folder of the dataset; none: as many as its pixels"""
     seed: int = 0
 
     @property
@@ -62,7 +60,7 @@ class TrainSettings:
 
 
 RECIPES = {
-    "default": TrainSettings(field=FieldConfig(film=True)),
+    "default": TrainSettings(),
     # Sections 3.2 and 4, with three differences: objects are mixed in a batch, the background is white without having
     # to be learnt, and rays are sampled in the box that the objects share.
     "paper": TrainSettings(

@@ -21,7 +21,6 @@ from core.lab.training.recipes import TrainSettings
 from core.lab.training.visual_hull import shared_extent
 from core.metrics import psnr, psnr_from_mse
 from core.models.architecture_variants import build_field
-from core.models.code_map import CodeMap
 from core.models.codes import CodeBook, Entry
 from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
@@ -45,8 +44,6 @@ _MIN_MUON_DIM = 8
 _WEIGHT_DECAY = 1e-4
 """of the weights, per step and learning rate"""
 _WARMUP_STEPS = 500
-_MAX_FITTED_SIZE = 128
-"""px. Training images may be larger: their pixels are samples. A photo is fitted at no more than this size."""
 _FINAL_LR = 0.01
 """Learning rates at the end of the schedule, relative to their peaks."""
 
@@ -68,13 +65,12 @@ class Trainer:
     """A training run: its whole state, which can be saved and resumed at any step."""
 
     def __init__(self, dataset: Dataset, settings: TrainSettings, device: str = "cpu") -> None:
-        self.settings = settings
+        self.settings, self.dataset = settings, dataset
         self.device = require_device(device)
         self.generator = torch.Generator(device).manual_seed(settings.seed)
         torch.manual_seed(settings.seed)
-        self.category, self._imaging = dataset.category, _imaging(dataset)
         self.extent = shared_extent(dataset.objects)
-        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image, settings.shares)
+        self.ray_dataset = RayDataset(dataset, self.extent, self.device, settings.whole_image)
         self.entries, shapes, textures = _build_entries(dataset)
         config = settings.field
         self.field = build_field(config).to(self.device)
@@ -88,8 +84,6 @@ class Trainer:
         self.step, self.seconds = 0, 0.0
         self.extends: tuple[str, ...] = ()
         """as :attr:`core.models.model.Model.extends`"""
-        self._former: CodeBook | None = None
-        """of the model that it started from"""
 
     def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
         """The optimisers of network and codes, and the peak learning rate of each of their parameter groups."""
@@ -111,14 +105,12 @@ class Trainer:
     def initialise_from(self, model: Model) -> None:
         """Start from a trained model: its network, and its codes of all objects that the dataset has too.
 
-        Shapes and textures that the model was not trained on start from its mean ones. A network without scales
-        (``film``) may be given some: they are 1 at first. Raises ``ValueError`` for a model of another category or with
-        another network.
+        Shapes and textures that the model was not trained on start from its mean ones. Raises ``ValueError`` for a
+        model of another category or with another network.
         """
-        config, wanted = model.field.config, self.settings.field
-        if (model.category, replace(config, film=wanted.film)) != (self.category, wanted) or config.film > wanted.film:
-            raise ValueError(f"training cannot start from a model of {model.category} with {config}")
-        self.field.load_state_dict(self.field.state_dict() | model.field.state_dict())
+        if (model.category, model.field.config) != (self.dataset.category, self.settings.field):
+            raise ValueError(f"training cannot start from a model of {model.category} with {model.field.config}")
+        self.field.load_state_dict(model.field.state_dict())
         known = model.codes.index
         with torch.no_grad():
             self.shapes.copy_(model.codes.mean.shape.expand_as(self.shapes))
@@ -129,7 +121,6 @@ class Trainer:
                     self.shapes[entry.shape], self.textures[entry.texture] = codes.shape, codes.texture
         self.ema_parameters = [parameter.detach().clone() for parameter in self._parameters()]
         self.extends = (model.fingerprint, *model.extends)
-        self._former = model.codes if known.keys() & {entry.name for entry in self.entries} else None
 
     def steps(self) -> Iterator[TrainStep]:
         """Train to the end of the schedule, yielding each step; to stop, take no more values.
@@ -157,17 +148,11 @@ class Trainer:
         for parameter, value in zip(averaged.parameters(), layers, strict=True):
             parameter.data.copy_(value)
         book = CodeBook(shapes.half().float().cpu(), textures.half().float().cpu(), self.entries)
-        code_map = CodeMap.fitted(self._former, book) if self._former else None
-        return Model(
-            averaged,
-            book,
-            self.extent,
-            self.category,
-            *self._imaging,
-            extends=self.extends,
-            metres=category_sizes(self.category).metres,
-            code_map=code_map,
-        )
+        distances = [camera.distance for views in self.dataset.objects for camera in views.cameras]
+        size, focal = self.dataset.image_size, self.dataset.focal
+        typical, category = float(np.median(distances)), self.dataset.category
+        metres = category_sizes(category).metres
+        return Model(averaged, book, self.extent, category, size, focal, typical, extends=self.extends, metres=metres)
 
     def save_state(self, path: Path) -> None:
         """Write everything that :meth:`load_state` needs; an interrupted write leaves the previous file whole."""
@@ -255,7 +240,7 @@ class Trainer:
         padded = _pad_to_multiple(hit)
         ray = padded // settings.samples
         direction = self.field.direction_bias(batch.rays.directions).index_select(0, ray)
-        biases = (bias.to(matmul_dtype(self.device.type)).index_select(0, ray) for bias in ray_biases)
+        biases = (bias.index_select(0, ray) for bias in ray_biases)
         density, colours = self.field.radiance(points.flatten(0, 1)[padded], direction, *biases)
         all_density = depths.new_zeros(depths.numel()).index_copy(0, hit, density[: len(hit)])
         all_colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, colours[: len(hit)])
@@ -318,7 +303,7 @@ def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
     rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
     some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
     held = tuple(part(views, slice(-1, None)) for views in some)
-    return replace(dataset, objects=rest), replace(dataset, objects=held, counts=())
+    return replace(dataset, objects=rest), replace(dataset, objects=held)
 
 
 def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
@@ -343,13 +328,6 @@ def _pad_to_multiple(indices: Int[Tensor, "some"]) -> Int[Tensor, "more"]:
 def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:
     """Codes before training: small and random, as in the authors' code."""
     return torch.randn(count, latent) / math.sqrt(latent / 2)
-
-
-def _imaging(dataset: Dataset) -> tuple[int, float, float]:
-    """The size (px) of the images that the model is fitted to, its focal length (px), and the usual distance."""
-    size = min(dataset.image_size, _MAX_FITTED_SIZE)
-    distances = [camera.distance for views in dataset.objects for camera in views.cameras]
-    return size, dataset.focal * size / dataset.image_size, float(np.median(distances))
 
 
 def _build_entries(dataset: Dataset) -> tuple[tuple[Entry, ...], int, int]:

@@ -32,7 +32,7 @@ def visual_hull(
     for mask, camera in zip(views.masks, views.cameras, strict=True):
         nearest = max(camera.distance - 0.5, 0.5 * camera.distance)
         reach = int(torch.ceil(cell / 2 * camera.focal / nearest))
-        dilated = dilate(torch.from_numpy(mask)[None], reach)[0]
+        dilated = functional.max_pool2d(torch.from_numpy(mask)[None].float(), 2 * reach + 1, 1, reach)[0] > 0
         columns, rows = camera.project(centres[remaining]).floor().long().unbind(-1)
         shown = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
         inside = dilated[rows.clamp(0, camera.height - 1), columns.clamp(0, camera.width - 1)]
@@ -40,12 +40,6 @@ def visual_hull(
     hull = torch.zeros(len(centres), dtype=torch.bool)
     hull[remaining] = True
     return hull.reshape(resolution, resolution, resolution)
-
-
-def dilate(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:
-    """Masks dilated by ``reach`` px along rows, then along columns."""
-    rows = functional.max_pool2d(masks[:, None].float(), (1, 2 * reach + 1), 1, (0, reach))
-    return functional.max_pool2d(rows, (2 * reach + 1, 1), 1, (reach, 0))[:, 0] > 0
 
 
 def shared_extent(objects: Sequence[ObjectViews], resolution: int = 32) -> Extent:

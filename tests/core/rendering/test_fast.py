@@ -13,7 +13,6 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.field import encode
 from core.models.library import load_model
-from core.models.model import Model
 from core.rendering import fast as renderer
 from core.rendering.fast import render
 from core.rendering.folded_field import AxisLookup, FoldedField
@@ -24,7 +23,7 @@ from core.runtime.precision import use_dtype
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model
 
-MODEL, FILM_MODEL = random_model(), random_model(film=True)
+MODEL = random_model()
 seeds = st.integers(0, 2**31)
 
 
@@ -33,17 +32,17 @@ def drawn(seed: int, spread: float = 1.0) -> Codes:
     return Codes(spread * torch.randn(8, generator=generator), spread * torch.randn(4, generator=generator))
 
 
-@given(seeds, st.sampled_from([1.0, 5.0]), st.sampled_from([MODEL, FILM_MODEL]))
-def test_folding_is_exact(seed: int, spread: float, model: Model):
+@given(seeds, st.sampled_from([1.0, 5.0]))
+def test_folding_is_exact(seed: int, spread: float):
     codes, generator = drawn(seed, spread), torch.Generator().manual_seed(seed)
     points = torch.rand(40, 3, generator=generator) - 0.5
     directions = torch.nn.functional.normalize(torch.randn(40, 3, generator=generator), dim=-1)
     with pytest.MonkeyPatch.context() as patch, use_dtype(torch.float32):
         patch.setattr(AxisLookup, "__call__", AxisLookup.evaluate)
-        folded = FoldedField(model, codes)
+        folded = FoldedField(MODEL, codes)
         density, y = folded.density(folded.first_layer(points))
         colour = folded.colour(y, folded.direction_bias(directions))
-    field = model.field
+    field = MODEL.field
     true_density, features = field.density(points, field.shape_bias(codes.shape))
     true_colour = field.colour(features, field.direction_bias(directions), field.texture_bias(codes.texture))
     torch.testing.assert_close(density, true_density, atol=3e-4, rtol=1e-5)

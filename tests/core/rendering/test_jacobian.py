@@ -46,10 +46,9 @@ def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, Rend
     return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter, with_depth=True)
 
 
-@pytest.mark.parametrize("film", [False, True])
 @pytest.mark.parametrize("white_from_network", [False, True])
-def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_from_network: bool, film: bool) -> None:
-    model = random_model(white_from_network=white_from_network, film=film)
+def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_from_network: bool) -> None:
+    model = random_model(white_from_network=white_from_network)
     rays, enter, found = traced(model)
     origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
     shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))

@@ -93,11 +93,10 @@ def render_procedural(
     views: int,
     size: int,
     light: Callable[[str], Light] = daylight,
-    point_sampled: bool = False,
 ) -> Iterator[str]:
     """Renders objects into the dataset ``out``, by :func:`core.lab.datasets.render_objects.render_objects`."""
     tasks = [RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects]
-    yield from render_objects(tasks, out, category, split, views, size, light, point_sampled)
+    yield from render_objects(tasks, out, category, split, views, size, light)
 
 
 def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:

@@ -111,15 +111,3 @@ def test_objects_are_in_daylight_or_in_the_light_of_their_texture(tmp_path: Path
     day, lit = read_dataset(tmp_path / "varied").objects
     means = [float(views.images[views.masks].mean()) for views in (day, lit)]
     assert abs(means[0] - means[1]) > 2
-
-
-@pytest.mark.usefixtures("rasteriser")
-def test_the_mean_over_points_is_the_mean_over_a_pixel(tmp_path: Path) -> None:
-    """Of four points along each axis, as many as a pixel's mean has."""
-    for name, size, point_sampled in (("means", 32, False), ("points", 128, True)):
-        tasks = [RenderTask("cube", "cube", "cube", lambda: [cube()])]
-        list(render_objects(tasks, tmp_path / name, "cars", "test", 2, size, point_sampled=point_sampled))
-    means, points = (read_dataset(tmp_path / name) for name in ("means", "points"))
-    assert (means.point_sampled, points.point_sampled) == (False, True)
-    pixels = points.objects[0].images.reshape(2, 32, 4, 32, 4, 3).mean((2, 4))
-    assert np.abs(pixels - means.objects[0].images).max() <= 1

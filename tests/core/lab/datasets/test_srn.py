@@ -193,10 +193,9 @@ def test_object_views_must_belong_together() -> None:
 
 
 def test_the_manifest_is_plain_json(tmp_path: Path) -> None:
-    write_manifest(tmp_path, "chairs", {"a": ("s", "t")}, point_sampled=True)
+    write_manifest(tmp_path, "chairs", {"a": ("s", "t")})
     content = json.loads((tmp_path / "manifest.json").read_text())
-    objects = {"a": {"shape_id": "s", "texture_id": "t"}}
-    assert content == {"category": "chairs", "point_sampled": True, "objects": objects}
+    assert content == {"category": "chairs", "objects": {"a": {"shape_id": "s", "texture_id": "t"}}}
 
 
 def test_what_systems_leave_beside_files_is_no_part_of_a_dataset(tmp_path: Path) -> None:
