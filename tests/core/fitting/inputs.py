@@ -40,10 +40,6 @@ def pixels_of(model: Model, rays: int = 96) -> PixelBatch:
 
 
 def problem_of(
-    model: Model,
-    *photos: Photo,
-    settings: FitSettings = QUICK,
-    components: Components = ALL_COMPONENTS,
-    seed: int = 0,
+    model: Model, *photos: Photo, settings: FitSettings = QUICK, components: Components = ALL_COMPONENTS, seed: int = 0
 ) -> Problem:
     return Problem.of(model, photos, settings, components, seeded(seed))

@@ -23,14 +23,8 @@ unchecked = pytest.mark.usefixtures("unchecked")
 """Of tests that run what others of this file run with checks."""
 
 
-def last(
-    model: Model,
-    *photos: Photo,
-    settings: FitSettings = QUICK,
-    seed: int = 0,
-    resume_from: Hypothesis | None = None,
-) -> FitStep:
-    *_, step = fit(model, FitJob(photos, settings, seed, resume_from=resume_from))
+def last(model: Model, *photos: Photo, settings: FitSettings = QUICK, resume_from: Hypothesis | None = None) -> FitStep:
+    *_, step = fit(model, FitJob(photos, settings, resume_from=resume_from))
     return step
 
 

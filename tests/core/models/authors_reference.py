@@ -50,12 +50,7 @@ def evaluate(
 
 
 def render(
-    network: Weights,
-    codes: tuple[np.ndarray, np.ndarray],
-    pose: np.ndarray,
-    focal: float,
-    side: int,
-    samples: int,
+    network: Weights, codes: tuple[np.ndarray, np.ndarray], pose: np.ndarray, focal: float, side: int, samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """An image (side, side, 3) and its depths (side, side) from an SRN pose: camera-to-world, looking along +z."""
     column, row = np.meshgrid(np.arange(side), np.arange(side))

@@ -10,13 +10,7 @@ from hypothesis import strategies as st
 from core.models.cells import corner_points
 from core.models.library import load_model
 from core.models.model import Model
-from core.models.occupied_cells import (
-    CELLS,
-    MIN_OPACITY,
-    cells_at_corners,
-    pack,
-    unpack,
-)
+from core.models.occupied_cells import CELLS, MIN_OPACITY, cells_at_corners, pack, unpack
 from core.runtime.precision import autocast
 from tests.core.tiny import EXTENT, tiny_model
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.fitting.fit import PRESETS, FitSettings
+from core.fitting.fit import PRESETS
 from core.lab.benchmarks import robustness
 from core.lab.benchmarks.charts import draw
 from core.lab.benchmarks.csv_files import Results, append_record, read_results
@@ -15,12 +15,10 @@ from core.lab.benchmarks.stressors import STRESSORS, Stressor
 from core.lab.benchmarks.tables import robustness_table
 from core.models.model import Model
 from tests.conftest import image_size
+from tests.core.fitting.inputs import QUICK
 from tests.core.tiny import tiny_model
 
-QUICK = {
-    "normal": FitSettings(hypotheses=8, steps=60, rays=128, samples=24),
-    "paper": replace(PRESETS["paper"], steps=10, rays=64, samples=16),
-}
+SOME_PRESETS = {"normal": QUICK, "paper": replace(PRESETS["paper"], steps=10, rays=64, samples=16)}
 
 
 def view() -> HeldOutView:
@@ -45,7 +43,7 @@ def found(tiny: Model) -> list[RobustnessTrial]:
     some["hidden"] = Stressor("", (1.0,), lambda image, *_: np.ones_like(image[..., :3]))
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr(robustness, "STRESSORS", some)
-        changed.setattr(robustness, "PRESETS", QUICK)
+        changed.setattr(robustness, "PRESETS", SOME_PRESETS)
         return list(measure_robustness(tiny, (view(),)))
 
 
@@ -72,7 +70,7 @@ def test_a_paper_fit_begins_where_the_stressor_says(found: list[RobustnessTrial]
 
 
 def test_parts_share_out_all_trials_and_a_resumed_run_leaves_out_what_is_done(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(robustness, "PRESETS", QUICK)
+    monkeypatch.setattr(robustness, "PRESETS", SOME_PRESETS)
     blank = {name: Stressor("", (0.0, 1.0), lambda image, *_: np.ones_like(image[..., :3])) for name in ("a", "b")}
     monkeypatch.setattr(robustness, "STRESSORS", blank)
 
