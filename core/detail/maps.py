@@ -176,13 +176,15 @@ def _residual(
     large = functional.interpolate(small, rgba.shape[:2], mode="bilinear", align_corners=False)[0]
     opacity = torch.from_numpy(rgba[..., 3:]).movedim(-1, 0)
     photo = torch.from_numpy(rgba[..., :3]).movedim(-1, 0)
-    # What makes the render's pixel the photo's: at an outline both are partly background.
+    # What makes the render's pixel the photo's: at an outline both are partly background. In a finer photo than the
+    # render these pixels are a thin line, which would be seen.
     exact = ((photo - large[5:]) / (1 - large[5:]).clamp_min(0.1)).clamp(0, 1)
+    mixed = (opacity > 0.5) & (large[5:] < 0.9) if len(rgba) <= SOURCE_SIZE else torch.zeros_like(opacity).bool()
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
     solid = opacity[0] > _SOLID
     deep = solid & (_distance(solid) > len(rgba) / _DEEP)  # a photo's outline is noisy
     photo = torch.where(solid, photo, _continued(photo, deep if bool(deep.any()) else solid))
-    photo = torch.where((opacity > 0.5) & (large[5:] < 0.9), exact, photo)
+    photo = torch.where(mixed, exact, photo)
     return torch.cat(((photo - large[:3]) * large[4:5], large[3:4]))
 
 
