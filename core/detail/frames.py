@@ -31,7 +31,7 @@ def render_reference(model: Model, codes: Codes, camera: Camera) -> Rendered:
     """The exact render, with the detail."""
     maps = run_to_end(detail_maps(model, codes))
     rendered = render_exact(model, codes, camera)
-    return rendered if maps is None else maps.added(rendered, camera, model.extent_tensor)[0]
+    return rendered if maps is None else maps.added(rendered, camera)[0]
 
 
 def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:

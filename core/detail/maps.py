@@ -172,15 +172,20 @@ def _residual(
     light = (1 - source.opacity)[..., None]
     surface = ((source.colour - light) / (1 - light).clamp_min(1e-3)).clamp(0, 1).movedim(-1, 0)
     surface = _continued(surface, source.opacity > _SOLID)
-    small = torch.cat((surface, torch.stack((weight, near))))[None]
+    small = torch.cat((surface, torch.stack((weight, near, light[..., 0]))))[None]
     large = functional.interpolate(small, rgba.shape[:2], mode="bilinear", align_corners=False)[0]
     opacity = torch.from_numpy(rgba[..., 3:]).movedim(-1, 0)
     photo = torch.from_numpy(rgba[..., :3]).movedim(-1, 0)
+    # What makes the render's pixel the photo's: at an outline both are partly background. In a finer photo than the
+    # render these pixels are a thin line, which would be seen.
+    exact = ((photo - large[5:]) / (1 - large[5:]).clamp_min(0.1)).clamp(0, 1)
+    mixed = (opacity > 0.5) & (large[5:] < 0.9) if len(rgba) <= SOURCE_SIZE else torch.zeros_like(opacity).bool()
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
     solid = opacity[0] > _SOLID
     deep = solid & (_distance(solid) > len(rgba) / _DEEP)  # a photo's outline is noisy
     photo = torch.where(solid, photo, _continued(photo, deep if bool(deep.any()) else solid))
-    return torch.cat(((photo - large[:3]) * large[4:], large[3:4]))
+    photo = torch.where(mixed, exact, photo)
+    return torch.cat(((photo - large[:3]) * large[4:5], large[3:4]))
 
 
 def _continued(image: Float[Tensor, "channels h w"], known: Bool[Tensor, "h w"]) -> Float[Tensor, "channels h w"]:

@@ -195,4 +195,4 @@ def render_baked(baked: BakedField, camera: Camera) -> Rendered:
         depth = (weights * depths).sum(-1) / (1 - left).clamp_min(1e-6)
         parts.append((composite_on_white(weights, left, found[..., :3]), depth * (left < 1), 1 - left))
     rendered = Rendered(*(torch.cat(part) for part in zip(*parts, strict=True)))
-    return baked.detail.added(rendered, camera, extent)[0] if baked.detail else rendered
+    return baked.detail.added(rendered, camera)[0] if baked.detail else rendered

@@ -17,8 +17,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.camera import Camera
-from core.geometry.rays import camera_rays
+from core.geometry.camera import Camera, camera_directions
 from core.rendering.reference import Rendered
 
 DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
@@ -107,14 +106,15 @@ class DetailMaps:
     both_sides: bool = False
     """A mirror image is taken as it is: not low-passed, all of it."""
 
-    def added(self, rendered: Rendered, camera: Camera, extent: Float[Tensor, "3"]) -> tuple[Rendered, Shares]:
+    def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
         """A render in its camera's image with the photos' detail, and where its colours come from; its opacity and
         depth stay the same tensors.
         """
         index = (rendered.opacity.flatten() > MIN_OPACITY).nonzero()[:, 0]
-        rays = camera_rays(camera, extent)
-        directions = rays.directions.flatten(0, 1).index_select(0, index)
-        points = rays.origins[0, 0] + directions * rendered.depth.flatten().index_select(0, index)[:, None]
+        (rotation, origin), size = camera.world_to_camera(index.device), (camera.width, camera.height)
+        pixels = torch.stack((index % camera.width, index // camera.width), -1) + 0.5
+        directions = camera_directions(pixels, camera.focal, size) @ rotation
+        points = origin + directions * rendered.depth.flatten().index_select(0, index)[:, None]
         opacity = rendered.opacity.flatten().index_select(0, index)
         found, shares = self.at(points, directions, camera)
         colour = rendered.colour.flatten(0, 1).index_add(0, index, opacity[:, None] * found).clamp(max=1)
@@ -132,40 +132,44 @@ class DetailMaps:
             directions: unit vectors along which each is seen; against the outward normal for a mesh.
             camera: whose pixels they are; None: as finely as can be.
         """
+        fine = [photo.fine[photo.level(camera) if camera else 0] for photo in self.photos]
+        colour, direct = self._blended(points, directions, fine, own=True)
+        added, mirrored = direct[:, None] * colour, torch.zeros_like(direct)
+        hidden = (direct < 0.99).nonzero()[:, 0]
         turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
-        own, twins = list[_Part](), list[_Part]()
-        for photo in self.photos:
-            fine = photo.fine[photo.level(camera) if camera else 0]
-            values, seen, near = photo.look_up(points, directions, fine)
-            share = torch.maximum(seen * values[:, 3], near)
-            own.append(_Part(values[:, :3], share, share.square() + NEAR_FIRST * near))
-            values, seen, _ = photo.look_up(
-                points * turn, directions * turn, fine if self.both_sides else photo.mirrored
-            )
-            share = seen * values[:, 3]
-            twins.append(_Part(values[:, :3], share, share.square()))
-        (colour, direct), (other, mirrored) = _blended(own), _blended(twins)
-        mirrored = (1 - direct) * mirrored
-        added = direct[:, None] * colour + mirrored[:, None] * other
+        twins, along = (part.index_select(0, hidden) * turn for part in (points, directions))
+        colour, share = self._blended(
+            twins, along, fine if self.both_sides else [photo.mirrored for photo in self.photos]
+        )
+        share = share * (1 - direct.index_select(0, hidden))
+        added.index_add_(0, hidden, share[:, None] * colour)
+        mirrored.index_add_(0, hidden, share)
         return self.strength * added, Shares(self.strength * direct, self.strength * mirrored)
 
+    def _blended(
+        self,
+        points: Float[Tensor, "points 3"],
+        directions: Float[Tensor, "points 3"],
+        maps: Sequence[Float[Tensor, "4 _ _"]],
+        own: bool = False,
+    ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points"]]:
+        """The mean of what photos show of places, each by its weight, and how far the best of them does (0..1).
 
-class _Part(NamedTuple):
-    """What one photo shows of places."""
-
-    colour: Float[Tensor, "points 3"]
-    share: Float[Tensor, "points"]
-    """how far it shows them, 0..1"""
-    weight: Float[Tensor, "points"]
-    """among the photos"""
-
-
-def _blended(parts: Sequence[_Part]) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points"]]:
-    """The mean of what photos show, and how far the best of them does."""
-    if len(parts) == 1:
-        return parts[0].colour, parts[0].share
-    colours, shares, weights = (torch.stack(each) for each in zip(*parts, strict=True))
-    return (weights[..., None] * colours).sum(0) / weights.sum(0).clamp_min(1e-6)[:, None], shares.amax(0)
+        Args:
+            maps: one of each photo.
+            own: whether a photo shows everything that is seen from beside its camera.
+        """
+        colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
+        for photo, map in zip(self.photos, maps, strict=True):
+            values, seen, near = photo.look_up(points, directions, map)
+            share = torch.maximum(seen * values[:, 3], near) if own else seen * values[:, 3]
+            colours.append(values[:, :3])
+            shares.append(share)
+            weights.append(share.square() + NEAR_FIRST * near if own else share.square())
+        if len(colours) == 1:
+            return colours[0], shares[0]
+        weight = torch.stack(weights)[..., None]
+        return (weight * torch.stack(colours)).sum(0) / weight.sum(0).clamp_min(1e-6), torch.stack(shares).amax(0)
 
 
 def _sampled(map: Float[Tensor, "channels h w"], place: Float[Tensor, "points 2"]) -> Float[Tensor, "points channels"]:

@@ -103,7 +103,7 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
         if job.detail:
             width, height = stage.arguments.camera.width, stage.arguments.camera.height
             shown = stage.arguments.camera.resized(width // stage.supersampling, height // stage.supersampling)
-            rendered, shares = job.detail.added(rendered, shown, model.extent_tensor)
+            rendered, shares = job.detail.added(rendered, shown)
             sources = torch.stack(shares, -1).cpu().numpy()
         image = to_bytes(rendered.colour)
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()

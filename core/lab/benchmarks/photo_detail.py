@@ -149,8 +149,7 @@ def _scores(
         return plain, plain, plain
     unmirrored = tuple(replace(one, mirrored=torch.zeros_like(one.mirrored)) for one in maps.photos)
     full, direct = (
-        psnr(one.added(rendered, camera, model.extent_tensor)[0].colour.cpu(), image)
-        for one in (maps, replace(maps, photos=unmirrored))
+        psnr(one.added(rendered, camera)[0].colour.cpu(), image) for one in (maps, replace(maps, photos=unmirrored))
     )
     return plain, direct, full
 
@@ -187,7 +186,7 @@ def measure_cost(model: Model) -> Iterator[FrameCost]:
             began = time.process_time()
             rendered = render_image(model, codes, seen)
             middle = time.process_time()
-            maps.added(rendered, seen, model.extent_tensor)
+            maps.added(rendered, seen)
             rendering.append(middle - began)
             adding.append(time.process_time() - middle)
         yield FrameCost(model.category, size, 1000 * min(rendering), 1000 * min(adding))

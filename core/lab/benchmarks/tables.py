@@ -225,7 +225,7 @@ def photo_detail_table(found: Results[DetailView]) -> str:
         ("with detail", lambda rows: gain_by_object(others(rows)), format_difference),
         ("worst object", lambda rows: min(object_gains(others(rows))), "{:+.2f}"),
         ("not mirrored", lambda rows: gain_by_object(others(rows), "direct"), format_difference),
-        ("within 45°", lambda rows: gain_by_object([row for row in others(rows) if row.angle < 45]), format_difference),
+        ("within 45°", lambda rows: [row for row in others(rows) if row.angle < 45], _gain_or_nothing),
         ("the photo itself (dB)", lambda rows: _photo_itself(rows, "plain"), "{:.1f}"),
         ("with detail", lambda rows: _photo_itself(rows, "full"), "{:.1f}"),
         ("bound", lambda rows: _photo_itself(rows, "bound"), "{:.1f}"),
@@ -233,6 +233,10 @@ def photo_detail_table(found: Results[DetailView]) -> str:
     ]
     what = "with 95 % intervals over objects; the photo itself: of cameras within 10°; bound: the photo's own colours."
     return _text(f"{found.about['machine']}; {what}", markdown_table(columns, groups.values()))
+
+
+def _gain_or_nothing(rows: Sequence[DetailView]) -> str:
+    return format_difference(gain_by_object(rows)) if rows else ""
 
 
 def _right(rows: Sequence[DetailView]) -> list[DetailView]:
