@@ -16,6 +16,8 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage"
     )
     rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
+    films = add_command(kinds, "films", "measure.bench_films", "seconds of a film against PSNR, exact and baked")
+    films.add_argument("--objects", type=count, default=2, metavar="N", help="each turns once round")
     fitting = add_command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
@@ -39,9 +41,9 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    for kind in (rendering, fitting, ablations, robustness):
+    for kind in (rendering, films, fitting, ablations, robustness):
         add_model(kind)
-    for kind in (rendering, fitting, ablations, robustness, *_add_training(kinds), redraw, guard):
+    for kind in (rendering, films, fitting, ablations, robustness, *_add_training(kinds), redraw, guard):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )
