@@ -24,7 +24,7 @@ def draw(context: PanelContext) -> None:
         "File",
         ("fit_image", "paste", _draw_samples, None, *project, None, "save_scene", "share", None, "quit"),
     )
-    _menu(context, "Edit", ("undo", "redo", None, "reset_view"))
+    _menu(context, "Edit", ("undo", "redo", None, "copy_image", "reset_view"))
     _menu(context, "View", ("dark", "smooth", None, "larger_text", "smaller_text"))
     _menu(context, "Panels", (_draw_panels, None, "reset_layout"))
     _menu(context, "Help", ("help",))
