@@ -182,6 +182,11 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             lambda c: c.save_scene(),
         ),
         Action("share", "Share…", "Ctrl+E", "save a turntable, a video, a picture or a mesh", lambda c: c.share()),
+        Action(
+            *("copy_image", "Copy image", "Ctrl+C", "what the view shows, on white, into the clipboard"),
+            lambda c: c.copy_image(),
+            lambda c: c.ready and c.viewport.frame is not None and c.viewport.baked_frame is None,
+        ),
     ),
     "Everywhere": (
         Action(

@@ -25,7 +25,7 @@ from viewer.screen.baked_canvas import BakedCanvas
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
 from viewer.screen.theme import DARK, LIGHT, Palette
-from viewer.services.clipboard import Clipboard
+from viewer.services.clipboard import Clipboard, copy_image
 from viewer.services.file_manager import show_in_folder
 from viewer.services.worker import Job
 from viewer.session import Session
@@ -151,6 +151,16 @@ class PanelContext:
         """Show the next of the view's modes."""
         modes = list(MODES)
         self.viewport.change(mode=modes[(modes.index(self.viewport.settings.mode) + 1) % len(modes)])
+
+    def copy_image(self) -> None:
+        """What the view shows, on white, into the clipboard."""
+        assert self.viewport.frame is not None, "nothing is shown yet"
+        try:
+            copy_image(self.viewport.frame.image)
+        except ValueError as error:
+            self.session.messages.report("Cannot copy the image", error)
+        else:
+            self.session.messages.notify("Copied the image")
 
     # The camera as text
 

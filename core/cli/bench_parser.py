@@ -16,6 +16,8 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         kinds, "render", "measure.bench_render", "milliseconds per frame against PSNR, stage by stage"
     )
     rendering.add_argument("--views", type=count, default=2, metavar="N", help="objects, each from another viewpoint")
+    films = add_command(kinds, "films", "measure.bench_films", "seconds of a film against PSNR, exact and baked")
+    films.add_argument("--objects", type=count, default=2, metavar="N", help="each turns once round")
     fitting = add_command(
         kinds, "fit", "measure.bench_fit", "seconds against degrees of fits without a known camera, by preset"
     )
@@ -45,7 +47,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    for kind in (rendering, fitting, ablations, robustness, detail):
+    for kind in (rendering, films, fitting, ablations, robustness, detail):
         add_model(kind)
     pictures = add_command(kinds, "photos", "measure.bench_photos", "what becomes of photographs, as an eye judges")
     pictures.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="where the photographs are")
@@ -53,7 +55,18 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="what they show"
     )
     pictures.add_argument("--preset", default="normal", metavar="P", help="of the fits")
-    for kind in (rendering, fitting, ablations, robustness, detail, pictures, *_add_training(kinds), redraw, guard):
+    for kind in (
+        rendering,
+        films,
+        fitting,
+        ablations,
+        robustness,
+        detail,
+        pictures,
+        *_add_training(kinds),
+        redraw,
+        guard,
+    ):
         kind.add_argument(
             "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )

@@ -16,6 +16,7 @@ from core.lab.benchmarks import (
     architectures,
     charts,
     drawing,
+    films,
     fits,
     gate,
     model_sizes,
@@ -111,6 +112,18 @@ def bench_render(chosen: argparse.Namespace) -> None:
     for row in _said(rendering.measure_rendering(model, chosen.views, done)):
         rendering_charts.add_row(chosen.out, about, row)
     print(charts.draw(chosen.out, "render"), flush=True)
+
+
+def bench_films(chosen: argparse.Namespace) -> None:
+    """``bench films``: speed and accuracy of films, exact and baked; goes on where an earlier run stopped."""
+    drawing.prepare(chosen.out)
+    model, path = load_model(chosen.model, chosen.device), chosen.out / "films.csv"
+    about = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
+    about |= {"frames": str(films.FRAMES), "size": str(films.SIZE), "model": model.fingerprint}
+    done = {row.key for row in read_records(path, films.Film, about)}
+    for row in _said(films.measure_films(model, chosen.objects, done)):
+        append_record(path, about, row)
+    print(charts.draw(chosen.out, "films"), flush=True)
 
 
 def bench_gate(chosen: argparse.Namespace) -> None:

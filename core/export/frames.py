@@ -41,7 +41,21 @@ _SMALL = 200
 """px: a smaller frame begins with the coarsest grid"""
 _PROBE = 128
 """px, of the frame that is compared"""
+FEW_PIXELS = 300_000
+"""of all frames together: fewer are rendered exactly sooner than an object is baked"""
 _EXACT = RenderSettings(divisors=(1,))
+
+
+def render_frames(
+    model: Model, views: Sequence[View], size: int, background: Rgb | None, exact: bool = False
+) -> Iterator[Image | None]:
+    """Every frame, drawn from a baked copy unless that takes longer, or all are wanted exact; None many times a frame.
+
+    Args:
+        size: px, width and height.
+    """
+    few = len(views) * size**2 <= FEW_PIXELS
+    return (exact_frames if exact or few else baked_frames)(model, views, size, background)
 
 
 def exact_frames(model: Model, views: Sequence[View], size: int, background: Rgb | None) -> Iterator[Image | None]:

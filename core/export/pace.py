@@ -9,7 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
-from core.export.frames import bake_views, key_views, over, supersampling
+from core.export.frames import FEW_PIXELS, bake_views, key_views, over, supersampling
 from core.export.keyframes import View, turntable
 from core.export.video import FORMATS, Coding, VideoSettings, coding_of
 from core.models.model import Model
@@ -42,14 +42,15 @@ class Pace:
     """a pixel written, by the ending of the file's name"""
 
     def seconds(self, views: Sequence[View], suffix: str, size: int, exact: bool = False) -> float:
-        """What a video of these views will take; exact frames, and the only one of a picture, are counted ray by ray.
+        """What a video of these views will take, or a picture of one; exact frames are counted ray by ray.
 
         Args:
             suffix: the ending of its name; what is no video is written in no time.
         """
         coding = self.coding.get(suffix, Coding(0.0, 0.0))
         pixels = len(views) * size**2
-        rendered = pixels * self.exact if exact or not self.baked else self._drawing(views, size)
+        few = pixels <= FEW_PIXELS or not self.baked
+        rendered = pixels * self.exact if exact or few else self._drawing(views, size)
         parts = rendered, pixels * coding.frame
         # Another thread encodes, which helps where there is another core.
         return (max(parts) if (os.cpu_count() or 1) > 1 else sum(parts)) + pixels * coding.end

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.export.frames import Rgb, baked_frames, exact_frames
+from core.export.frames import Rgb, render_frames
 from core.export.keyframes import View
 from core.models.model import Model
 from core.runtime.files import atomic_file, atomic_folder
@@ -25,8 +25,6 @@ _BT709, _LIMITED_RANGE = 1, 1
 """numbers of H.264 and FFmpeg"""
 _WAITING = 4
 """frames that are held for the encoder at most"""
-FEW_PIXELS = 200_000
-"""of all frames together: fewer are rendered exactly sooner than an object is baked"""
 
 
 @dataclass(frozen=True)
@@ -68,11 +66,10 @@ def write_video(
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
-    few = len(views) * settings.size**2 <= FEW_PIXELS
-    frames = exact_frames if settings.exact or few else baked_frames
+    frames = render_frames(model, views, settings.size, settings.background, settings.exact)
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
-        for image in frames(model, views, settings.size, settings.background):
+        for image in frames:
             if image is not None:
                 encoder.add(image)
                 done += 1

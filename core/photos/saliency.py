@@ -57,6 +57,7 @@ def _session(path: Path) -> Any:
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # half a gigabyte would be kept for the next run
     return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
 
 

@@ -14,7 +14,7 @@ from core.detail.frames import render_progressively
 from core.models.model import Model
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
-from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_pace, quick_photo
+from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_pace, quick_photo, quick_pictures
 from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
@@ -46,6 +46,7 @@ def backend(model: Model) -> Backend:
         quick_frames,
         quick_fit,
         lambda model: iter(()),
+        pictures=quick_pictures,
         pace=quick_pace,
         guess_category=no_guess,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),

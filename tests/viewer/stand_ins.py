@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +12,13 @@ import numpy as np
 import torch
 from PIL import Image
 
+from core.export.frames import Rgb, over
 from core.export.keyframes import View
 from core.export.pace import Pace
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
-from core.rendering.progressive import Frame, RenderJob
+from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 
 def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
@@ -33,6 +34,15 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         image = (255 * (1 - opacity[..., None] * (1 - colour))).astype(np.uint8)
         yield None
         yield Frame(image, opacity, opacity, stage, len(stages), job.settings.samples, 0.01 * (stage + 1))
+
+
+def quick_pictures(
+    model: Model, views: Sequence[View], size: int, background: Rgb | None, exact: bool = False
+) -> Iterator[np.ndarray | None]:
+    """Frames of :func:`quick_frames`, one for each view."""
+    for codes, camera in views:
+        for frame in quick_frames(model, RenderJob(codes, camera.resized(size, size), RenderSettings(divisors=(1,)))):
+            yield over(frame, background) if frame else None
 
 
 def quick_photo(path: Path, model: Model, *more: Any) -> Photo:

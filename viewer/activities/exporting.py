@@ -4,10 +4,9 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from core.export.frames import over
+from core.geometry.camera import Camera
 from core.models.model import Model
 from core.models.scene import Scene, save_image
-from core.rendering.progressive import RenderJob, RenderSettings
 from viewer.activities.grid import Grid, write_grid
 from viewer.activities.share_preview import SharePreview
 from viewer.editor import Editor
@@ -65,8 +64,8 @@ class Exporting:
         if not self.running:
             self._expected = self.preview.seconds(settings)
         if settings.kind == "mesh":
-            about = settings.mesh_settings(self._editor.model.metres)
-            self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, about))
+            about, camera = settings.mesh_settings(self._editor.model.metres), _camera(self._editor.scene)
+            self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, about, camera))
         elif settings.kind == "picture":
             self._begin("picture", path, lambda model, scene: self._picture(model, scene, path, settings))
         elif settings.kind == "turntable" or timeline.keys:
@@ -106,11 +105,10 @@ class Exporting:
 
     def _picture(self, model: Model, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(model, scene, self._editor.state.timeline)[0]
-        job = RenderJob(view.codes, view.camera, RenderSettings(divisors=(1,)))
-        for frame in self._jobs.backend.frames(model, job):
-            if frame:
-                save_image(over(frame, settings.rgb), path, scene)
-            yield float(frame is not None)
+        for image in self._jobs.backend.pictures(model, [view], settings.size, settings.rgb, settings.exact):
+            if image is not None:
+                save_image(image, path, scene)
+            yield float(image is not None)
 
     def _begin(
         self, kind: str, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
@@ -136,3 +134,8 @@ class Exporting:
                 self._slower = min(_MOST_SLOWER, max(1 / _MOST_SLOWER, took / self._expected))
             self.saved = path
             self._jobs.messages.notify(f"Saved {path.name}")
+
+
+def _camera(scene: Scene) -> Camera:
+    """From where its photo was taken; where there is none, from where it is seen."""
+    return scene.codes.detail.camera if scene.codes.detail else scene.camera

@@ -62,8 +62,7 @@ class SharePreview:
         about = self.pace, state.scene, state.timeline, settings
         if self._known is None or self._known[0] != about:
             views = replace(settings, fill=False).views(self._editor.model, state.scene, state.timeline)
-            exact = settings.exact or settings.kind == "picture"
-            self._known = about, self.pace.seconds(views, settings.suffix, settings.size, exact)
+            self._known = about, self.pace.seconds(views, settings.suffix, settings.size, settings.exact)
         return self._known[1]
 
     def _measured(self, pace: Pace) -> None:

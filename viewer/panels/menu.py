@@ -129,7 +129,7 @@ MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
         *("new_project", "open_scene", _draw_recent, _draw_earlier, None, "save_project", "save_project_as", None),
         *("save_scene", "share", None, "quit"),
     ),
-    "Edit": ("undo", "redo", None, "copy_camera", "paste_camera"),
+    "Edit": ("undo", "redo", None, "copy_image", "copy_camera", "paste_camera"),
     "View": ("dark", "smooth", None, "reset_view", "follow", None, "larger_text", "smaller_text"),
     "Panels": (_draw_panels, None, "reset_layout"),
     "Help": ("help",),

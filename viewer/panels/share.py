@@ -9,8 +9,8 @@ import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
 from core.export.frames import Rgb, over
-from core.export.mesh import FORMATS as MESHES
-from core.export.mesh import TEXTURED
+from core.export.mesh_formats import FORMATS as MESHES
+from core.export.mesh_formats import TEXTURED
 from core.export.video import FORMATS as VIDEOS
 from core.models.scene import IMAGE_FORMATS
 from core.rendering.progressive import Frame
@@ -41,7 +41,9 @@ _QUICK = {256: "Small", 512: "Standard", 1080: "Large"}
 _RATES = {rate: f"{rate} a second" for rate in (12, 24, 30, 60)}
 _COUNTS = {count: f"{count} for one turn" for count in (36, 72, 144, 288)}
 _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192, 256, 384, 512)}
+_TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
+_FORMATS = "glb opens in most programs and holds the camera; stl and 3mf are for printers, in millimetres"
 _SIDE, _LABEL, _WIDTH = 16, 6.5, 13
 """em: the preview, the labels, what stands beside them"""
 _CHECKS = 16
@@ -140,8 +142,9 @@ def _draw_kinds(settings: ShareSettings) -> ShareSettings:
 def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
     """The choices for this kind of file, a line each."""
     if settings.kind == "mesh":
-        settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, "glb opens in most programs")
+        settings = _row(settings, "mesh", "Format", {name: name for name in MESHES}, _FORMATS)
         settings = _row(settings, "cells", "Detail", _CELLS, "Along the object: more are finer, and slower")
+        settings = _row(settings, "triangles", "Triangles", _TRIANGLES, "Fewer for games, more for printing")
         return _draw_mesh(settings, usual)
     if settings.kind == "picture":
         settings = _row(settings, "picture", "Format", {name: name for name in IMAGE_FORMATS}, "png loses nothing")
@@ -156,7 +159,10 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
     if settings.kind != "picture":
         settings = _row(settings, "rate", "Speed", _RATES, "Frames per second")
         settings = _draw_quality(settings)
-    settings = _draw_background(settings)
+    _label("Exact")
+    _, exact = imgui.checkbox("##exact", settings.exact)
+    tooltip("Every pixel by the network, which takes minutes; else from a baked copy that looks the same")
+    settings = _draw_background(replace(settings, exact=exact))
     _label("")
     _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
     tooltip("As large as it stays in the frame, all the way round; else as large as in the view")
@@ -201,10 +207,7 @@ def _draw_quality(settings: ShareSettings) -> ShareSettings:
     tooltip("More is sharper, and a larger file; png frames lose nothing")
     imgui.same_line()
     imgui.text(f"{quality} %")
-    _label("Exact")
-    _, exact = imgui.checkbox("##exact", settings.exact)
-    tooltip("Every frame by the network, which takes minutes; else from a baked copy that looks the same")
-    return replace(settings, quality=quality, exact=exact)
+    return replace(settings, quality=quality)
 
 
 def _draw_background(settings: ShareSettings) -> ShareSettings:

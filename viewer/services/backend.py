@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from core.detail.frames import bake, render_progressively
+from core.export.frames import Image, render_frames
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
 from core.export.pace import Pace, measure_pace
@@ -29,6 +30,7 @@ class Backend:
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Iterator[float]] = build_view_bank
+    pictures: Callable[..., Iterator[Image | None]] = render_frames
     video: Callable[..., Iterator[int]] = write_video
     pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh

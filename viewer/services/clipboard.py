@@ -1,4 +1,4 @@
-"""Images from the clipboard: pixels, or files that were copied."""
+"""Images from the clipboard, pixels or files that were copied, and into it."""
 
 import shutil
 import tempfile
@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
+import copykitten
+import numpy as np
+from jaxtyping import UInt8
 from PIL import ImageGrab
 
 _MAX_KEPT = 50
@@ -59,6 +62,16 @@ class Clipboard:
         for number in old:
             there[number].unlink(missing_ok=True)
         return folder / f"pasted {max(there, default=0) + 1}.png"
+
+
+def copy_image(image: UInt8[np.ndarray, "height width 3"]) -> None:
+    """Put an image into the clipboard, for other programs to paste. Raises ``ValueError`` where there is none."""
+    height, width = image.shape[:2]
+    opaque = np.full((height, width, 1), 255, np.uint8)
+    try:
+        copykitten.copy_image(np.concatenate((image, opaque), -1).tobytes(), width, height)
+    except copykitten.CopykittenError as error:
+        raise ValueError(f"the clipboard cannot be written ({error})") from None
 
 
 def _named(text: str) -> tuple[Path, ...]:

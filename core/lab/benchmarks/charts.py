@@ -15,6 +15,7 @@ from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.architectures import Architecture
 from core.lab.benchmarks.csv_files import Results, read_csv, read_results, write_results
 from core.lab.benchmarks.drawing import DPI
+from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.model_sizes import ModelSize
 from core.lab.benchmarks.photo_detail import DetailView, FrameCost
@@ -81,6 +82,7 @@ def _rows_of(kind: type) -> Callable[[Path], Results[Any]]:
 
 CHARTS = {
     "render": Chart(rendering_charts.read_rendering, tables.rendering_table, rendering_charts.rendering_chart),
+    "films": Chart(_rows_of(Film), tables.films_table, rendering_charts.films_chart),
     "fit": Chart(_rows_of(FitTrial), tables.fit_table, fit_charts.fit_chart),
     "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),

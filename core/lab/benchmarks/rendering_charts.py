@@ -1,11 +1,13 @@
-"""The files and the chart of :mod:`core.lab.benchmarks.rendering`."""
+"""The files and the chart of :mod:`core.lab.benchmarks.rendering`, and the chart of films."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from core.export.frames import TARGET
 from core.lab.benchmarks.csv_files import Results, Row, append_record, read_records, read_results
 from core.lab.benchmarks.drawing import draw_frontier, log_ticks, new_figure
+from core.lab.benchmarks.films import DEFAULT, Film
 from core.lab.benchmarks.rendering import Interaction, RenderRow, RenderTiming, median_turns
 from core.rendering.progressive import RenderSettings
 
@@ -59,6 +61,34 @@ def rendering_chart(found: Results[RenderRow]) -> "Figure":
         axes.grid(alpha=0.3)
         axes.legend()
     figure.suptitle(f"{found.about['machine']}, {found.about['views']} views", fontsize=9)
+    return figure
+
+
+def films_chart(found: Results[Film]) -> "Figure":
+    """PSNR against seconds of a film, exact and baked; the star is how films are made."""
+    figure, (axes,) = new_figure(1, width=6.5)
+    for recipe, what in (("exact", "every frame by the network, samples"), ("baked", "drawn from a baked copy, cells")):
+        points = [row for row in found.rows if row.recipe == recipe]
+        (line,) = axes.plot([one.seconds for one in points], [one.psnr for one in points], "o-", label=what)
+        for one in points:
+            axes.annotate(
+                f"{one.setting:g}",
+                (one.seconds, one.psnr),
+                (5, -10),
+                textcoords="offset points",
+                fontsize=7,
+                color=line.get_color(),
+            )
+    chosen = [row for row in found.rows if row.recipe == DEFAULT]
+    axes.plot([one.seconds for one in chosen], [one.psnr for one in chosen], "k*", markersize=12, label="default")
+    axes.axhline(TARGET, color="grey", linestyle=":", label="target")
+    about = found.about
+    axes.set(xscale="log", xlabel=f"s of the processor for {about['frames']} frames of {about['size']} px")
+    axes.set(ylabel="PSNR to the exact frame (dB)", title=f"{about['category']}, {about['objects']} objects")
+    log_ticks(axes.xaxis)
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.suptitle(about["machine"], fontsize=9)
     return figure
 
 

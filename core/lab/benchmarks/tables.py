@@ -9,6 +9,7 @@ from typing import Any
 
 from core.fitting.confidence import auroc
 from core.lab.benchmarks.csv_files import Results
+from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.photos import PhotoTrial
@@ -98,6 +99,21 @@ def rendering_table(found: Results[RenderRow]) -> str:
         markdown_table(_SIZES, curves["sizes"]),
         markdown_table(_INTERACTIONS, [row for row in found.rows if isinstance(row, Interaction)]),
     )
+
+
+def films_table(found: Results[Film]) -> str:
+    """Seconds and PSNR of each way to make a film, against the exact one."""
+    exact = max((row for row in found.rows if row.recipe == "exact"), key=attrgetter("setting"))
+    columns: list[Column] = [
+        ("film", "recipe", "{}"),
+        ("samples or cells", "setting", "{:g}"),
+        ("s", "seconds", "{:.1f}"),
+        (f"times exact {exact.setting:g}", lambda one: exact.seconds / one.seconds, "{:.1f}"),
+        ("PSNR (dB)", "psnr", "{:.1f}"),
+        ("worst frame", "worst", "{:.1f}"),
+    ]
+    about = "{machine}; {category}, {objects} objects, one turn of {frames} frames of {size} px".format(**found.about)
+    return _text(f"{about}, processor time without writing it.", markdown_table(columns, found.rows))
 
 
 _SIZES: list[Column] = [("size (px)", "size", "{}"), ("ms", "ms", "{:.1f}"), ("PSNR (dB)", "psnr", "{:.1f}")]

@@ -30,7 +30,7 @@ def test_every_part_of_a_video_is_measured() -> None:
     assert all(one.frame > 0 and one.end >= 0 for one in pace.coding.values())
 
 
-@pytest.mark.parametrize(("frames", "size", "rays"), [(72, 512, 512), (72, 1080, 1080), (36, 64, 256)])
+@pytest.mark.parametrize(("frames", "size", "rays"), [(72, 512, 512), (72, 1080, 1080), (72, 96, 384)])
 def test_a_turn_takes_its_views_its_frames_and_its_rays(frames: int, size: int, rays: int) -> None:
     views = turn(tiny_model(), frames)
     expected = 2.0 + 0.5 * (19 - 2) + frames * (0.01 + 1e-7 * rays**2)
@@ -41,6 +41,7 @@ def test_exact_frames_and_those_of_what_cannot_be_baked_are_counted_by_rays() ->
     views = turn(tiny_model())
     expected = 72 * 512**2 * 1e-5
     assert PACE.seconds(views, ".mp4", 512, exact=True) == pytest.approx(expected)
+    assert PACE.seconds(views[:1], ".png", 256) == pytest.approx(256**2 * 1e-5)  # sooner than baked
     assert replace(PACE, baked=False).seconds(views, ".mp4", 512) == pytest.approx(expected)
 
 

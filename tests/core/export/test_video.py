@@ -44,7 +44,7 @@ def test_a_turntable_is_a_video_of_that_many_frames(suffix: str, model: Model, t
 def test_frames_are_drawn_from_a_baked_copy_unless_exact_ones_are_wanted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("core.export.video.FEW_PIXELS", 0)
+    monkeypatch.setattr("core.export.frames.FEW_PIXELS", 0)
     model, shown = tiny_model(), list[np.ndarray]()
     for exact in (False, True):
         list(turn(model, tmp_path / f"{exact}.frames", 1, exact, size=32))

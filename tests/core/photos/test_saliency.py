@@ -1,5 +1,8 @@
+import ctypes
 import importlib.util
+import resource
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -29,3 +32,16 @@ def test_opacity_has_the_size_of_the_image_and_lies_between_0_and_1(size):
     assert found is not None
     assert found.shape == size[::-1]
     assert 0 <= found.min() <= found.max() <= 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="asks Linux for the memory of this process")
+def test_the_network_keeps_little_memory_from_one_image_to_the_next():
+    def resident() -> float:
+        """MB, once what is free is given back."""
+        ctypes.CDLL("libc.so.6").malloc_trim(0)
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
+
+    before = resident()
+    for width in (40, 41, 42):
+        assert predict_saliency(Image.effect_noise((width, 30), 60).convert("RGB")) is not None
+    assert resident() - before < 200  # 500 with an arena for the next run

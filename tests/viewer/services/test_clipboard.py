@@ -1,8 +1,11 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
+from imgui_bundle import imgui
 from PIL import Image
 
+from tests.viewer.driver import Drive, Driver
 from viewer.services import clipboard
 from viewer.services.clipboard import Clipboard
 
@@ -15,6 +18,26 @@ def test_an_image_is_kept_as_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     assert first != second
     with Image.open(first) as image:
         assert image.size == (20, 10)
+
+
+def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+    copied: list[tuple[bytes, int, int]] = []
+
+    def act(window: Driver) -> None:
+        monkeypatch.setattr(clipboard.copykitten, "copy_image", lambda *image: copied.append(image))
+        window.press(imgui.Key.mod_ctrl, imgui.Key.c)
+        ((pixels, width, height),) = copied
+        shown = window.workspace.viewport.frame.image
+        assert np.array_equal(np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[..., :3], shown)
+
+        def refused(*image: object) -> None:
+            raise clipboard.copykitten.CopykittenError("no display")
+
+        monkeypatch.setattr(clipboard.copykitten, "copy_image", refused)
+        window.menu("Edit/###copy_image")
+        assert window.session.messages.errors == ["Cannot copy the image: the clipboard cannot be written (no display)"]
+
+    drive(act)
 
 
 def test_images_stay_for_the_next_launch_and_the_oldest_go(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

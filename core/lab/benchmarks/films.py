@@ -1,0 +1,110 @@
+"""Seconds of a film against decibels: by the network with more and fewer samples, and drawn from finer baked copies.
+
+One turn of 72 frames, without writing it. Times are processor times of one thread, which other load changes little; of
+exact films a few frames are timed. PSNR is that of the same frames against 384 samples a ray.
+"""
+
+import time
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from statistics import mean
+
+from core.detail.frames import render_progressively
+from core.export.frames import LEVELS, BakedViews, Image, bake_views
+from core.export.framing import filling_frame
+from core.export.keyframes import View, turntable
+from core.lab.benchmarks.held_out_views import evenly_spaced_objects
+from core.metrics import psnr
+from core.models.model import Model
+from core.rendering.offscreen import OffscreenPictures
+from core.rendering.progressive import RenderJob, RenderSettings
+from core.streams import run_to_end
+
+FRAMES = 72
+COMPARED = 6, 30, 53
+"""frames that are compared: between two views that are baked, halfway or less"""
+SIZE = 512
+"""px"""
+SAMPLES = 48, 96, 192
+"""of a ray; the last is what exact films have"""
+REFERENCE_SAMPLES = 384
+DEFAULT = "default"
+
+
+@dataclass(frozen=True)
+class Film:
+    """A way to make the frames of a film: what it takes and how exact it is, mean over objects."""
+
+    recipe: str
+    """exact, baked, or default: baked as finely as :func:`~core.export.frames.bake_views` chooses, its choice timed"""
+    setting: float
+    """samples of a ray, or cells of the grid along an axis"""
+    seconds: float
+    """of the processor, for all frames"""
+    psnr: float
+    """dB"""
+    worst: float
+    """dB, of a frame"""
+
+    @property
+    def key(self) -> Hashable:
+        """The key of a row."""
+        return self.recipe, 0 if self.recipe == DEFAULT else self.setting
+
+    def __str__(self) -> str:
+        return f"{self.recipe} {self.setting:g}: {self.seconds:.1f} s, {self.psnr:.1f} dB"
+
+
+_Films = Callable[[Model, Sequence[View]], tuple[float, float, list[Image]]]
+"""Makes a film: its setting, s, and the frames that are compared."""
+
+
+def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = ()) -> Iterator[Film]:
+    """Yields each row as it is measured; those whose keys are done are left out. Needs OpenGL."""
+    some = [codes for _, codes in evenly_spaced_objects(model, objects)]
+    camera = model.camera(0.9, 0.35).resized(SIZE, SIZE)
+    films = [filling_frame(model, turntable(codes, camera, FRAMES)) for codes in some]
+
+    @cache
+    def truth(number: int) -> list[Image]:
+        return _exact(REFERENCE_SAMPLES)(model, films[number])[2]
+
+    recipes: list[tuple[str, int, _Films]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
+    recipes += [("baked", cells, _baked(cells)) for cells in LEVELS]
+    for recipe, setting, make in [*recipes, (DEFAULT, 0, _baked(None))]:
+        if (recipe, setting) in done:
+            continue
+        chosen, seconds, quality = [], [], []
+        for number, views in enumerate(films):
+            found, spent, frames = make(model, views)
+            chosen.append(found)
+            seconds.append(spent)
+            quality += [psnr(one / 255, of / 255) for one, of in zip(frames, truth(number), strict=True)]
+        yield Film(recipe, mean(chosen), mean(seconds), mean(quality), min(quality))
+
+
+def _exact(samples: int) -> _Films:
+    def film(model: Model, views: Sequence[View]) -> tuple[float, float, list[Image]]:
+        frames, began = [], time.process_time()
+        for index in COMPARED:
+            job = RenderJob(*views[index], RenderSettings(samples, (1,)))
+            frames += [frame.image for frame in render_progressively(model, job) if frame]
+        return samples, (time.process_time() - began) * len(views) / len(COMPARED), frames
+
+    return film
+
+
+def _baked(cells: int | None) -> _Films:
+    """With a grid of so many cells, or the one that films take."""
+
+    def film(model: Model, views: Sequence[View]) -> tuple[float, float, list[Image]]:
+        began = time.process_time()
+        baked = BakedViews(model, views, cells) if cells else run_to_end(bake_views(model, views, SIZE))
+        if baked is None:
+            raise ValueError(f"no grid is fine enough for {model.category}, or there is no OpenGL")
+        with OffscreenPictures(SIZE) as pictures:
+            frames = [pictures.draw(run_to_end(baked.at(index)), view.camera) for index, view in enumerate(views)]
+        return baked.cells, time.process_time() - began, [frames[index] for index in COMPARED]
+
+    return film
