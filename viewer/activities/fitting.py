@@ -86,7 +86,9 @@ class Fitting:
         if not self.history.sources:
             self.view.show(history)
             self.view.finish()
-            self._keep_fit(history.name)
+            found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
+            if name := next(found, ""):
+                self._keep_fit(name)
         self.queue = (*self.queue, *(request._replace(restored=True) for request in pending))
         self._next()
 
