@@ -47,10 +47,8 @@ class GridPanel(Panel):
                 _draw_cell(context, f"pair {number + 1} {column + 1}", pair, side)
         imgui.pop_style_var()
         if not grid.names:
-            count = f"{_FILL} x {_FILL}"
-            if button(
-                f"Fill with {count} of the library###fill", "The forms that differ most", colour=context.palette.accent
-            ):
+            what = "Three objects of the library, of the forms that differ most"
+            if button(f"Fill with {_FILL} x {_FILL}###fill", what, colour=context.palette.accent):
                 grid.add(*[*context.editor.objects.families][:_FILL])
             imgui.text_wrapped(_INVITATION)
 
