@@ -93,7 +93,8 @@ def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str,
     words, taken = [""] * len(changes), set[str]()
     for size, number, name in sorted(clear, reverse=True):
         if size >= _LEAST and not words[number] and name not in taken:
-            words[number] = table[name][0 if changes[number][name] > 0 else 1]
+            more, less, _ = table[name]
+            words[number] = more if changes[number][name] > 0 else less
             taken.add(name)
     return tuple(words)
 
