@@ -31,8 +31,8 @@ _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
 touches anything meanwhile."""
 _TOUCHED = 0.7
 """s for which a touch counts."""
-_INSPECTOR, _LIBRARY = (270.0, 0.3, 540.0), (195.0, 0.18, 330.0)
-"""px of a 96 ppi screen at the least, share of the window's width, and px at the most"""
+_INSPECTOR, _LIBRARY = (345.0, 0.3, 540.0), (195.0, 0.18, 330.0)
+"""px of a 96 ppi screen at the least (text of twice the size fits), share of the window's width, px at the most"""
 _STRIP, _DRAWER = 66.0, 250.0
 """px of a 96 ppi screen: height of the strip and of the drawer"""
 

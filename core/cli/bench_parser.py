@@ -47,7 +47,8 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         )
         kind.add_argument("--objects", type=count, default=10, metavar="N", help="one view of each is fitted")
         add_seed(kind)
-    for kind in (rendering, films, fitting, ablations, robustness, detail):
+    measured = (rendering, films, fitting, ablations, robustness, detail)
+    for kind in measured:
         add_model(kind)
     pictures = add_command(kinds, "photos", "measure.bench_photos", "what becomes of photographs, as an eye judges")
     pictures.add_argument("folders", type=Path, nargs="+", metavar="DIR", help="where the photographs are")

@@ -44,6 +44,8 @@ class Fitting:
         """emitted with photos, and which of them has an object that was not found automatically"""
         self.other_category = Signal[tuple[PhotoSource, ...], str]()
         """emitted with photos that show another category, whose fit is withdrawn"""
+        self._a = editor.state.mix.a
+        """in the last frame"""
         self._shown_fit, self._fits = "", dict[str, FitHistory]()
         """the object whose fit is shown, and the last fits of this run by the names of their objects"""
         self._before = self.history, self.candidates.tiles
@@ -73,9 +75,10 @@ class Fitting:
         self._drop()
 
     def tick(self) -> None:
-        """Once a frame: show how the object that is A was found, if it was in this run."""
-        name, texture = self._editor.state.mix.a
-        if self.running or name != texture or name == self._shown_fit or name not in self._fits:
+        """Once a frame: when another object becomes A, show how that was found, if it was in this run."""
+        before, self._a = self._a, self._editor.state.mix.a
+        name, texture = self._a
+        if self._a == before or self.running or name != texture or name == self._shown_fit or name not in self._fits:
             return
         self._shown_fit = name
         self.view.show(self._fits[name])
@@ -87,7 +90,9 @@ class Fitting:
         if not self.history.sources:
             self.view.show(history)
             self.view.finish()
-            self._keep_fit(history.name)
+            found = (one.name for one in self._editor.objects.added if history.last and one.codes == history.last.codes)
+            if name := next(found, ""):
+                self._keep_fit(name)
         self.queue = (*self.queue, *(request._replace(restored=True) for request in pending))
         self._next()
 

@@ -47,8 +47,8 @@ class GridPanel(Panel):
                 _draw_cell(context, f"pair {number + 1} {column + 1}", pair, side)
         imgui.pop_style_var()
         if not grid.names:
-            label = f"Fill with {_FILL} x {_FILL} of the library###fill"
-            if button(label, "The forms that differ most", colour=context.palette.accent):
+            what = "Three objects of the library, of the forms that differ most"
+            if button(f"Fill with {_FILL} x {_FILL}###fill", what, colour=context.palette.accent):
                 grid.add(*[*context.editor.objects.families][:_FILL])
             imgui.text_wrapped(_INVITATION)
 

@@ -41,6 +41,8 @@ def _draw_search(context: PanelContext) -> None:
         context.help_search = ""
         imgui.set_keyboard_focus_here()
     imgui.set_next_item_width(-1)
+    if imgui.get_io().want_text_input and imgui.is_key_pressed(imgui.Key.f1, False):
+        context.help_open = False
     hint = "Type what you look for; Enter does the first"
     context.help_search = imgui.input_text_with_hint("##search", hint, context.help_search)[1]
     found = [action for action in find_actions(context.help_search) if action.enabled(context)]

@@ -26,6 +26,7 @@ class HistoryPanel(Panel):
         self._shown = -1
         """the state that was last scrolled to"""
         self._history: History | None = None
+        self._states: tuple[State, ...] = ()
         self._edits: tuple[tuple[int, str], ...] = ()
         """of that history"""
 
@@ -33,11 +34,11 @@ class HistoryPanel(Panel):
         """The row, which scrolls to what is shown."""
         history = context.editor.history
         if history is not self._history:
-            self._history, self._edits = history, history.edits
+            self._history, self._states, self._edits = history, history.states, history.edits
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
         caption(context, "History")
         imgui.same_line(_WORD * em)
-        side = max(2 * em, min(object_tiles.THUMBNAIL * em, room.y))
+        side = max(em, min(object_tiles.THUMBNAIL * em, room.y))
         flags = imgui.WindowFlags_.no_scrollbar | imgui.WindowFlags_.horizontal_scrollbar
         if imgui.begin_child("row", (0, 0), 0, flags):
             imgui.push_style_var(imgui.StyleVar_.item_spacing, (0.3 * em, 0.3 * em))
@@ -64,7 +65,7 @@ class HistoryPanel(Panel):
             imgui.set_scroll_here_x()
             self._shown = now
         tooltip(words[:1].upper() + words[1:] if shown else f"Click to go back to: {words}")
-        state = history.now if shown else history.states[states[-1]]
+        state = history.now if shown else self._states[states[-1]]
         object_tiles.paint_frame(context, _thumbnail(context, state, shown and bool(history.gesture)), corner, side)
         if states[0] > now:
             pale = packed(context.palette.panel, 0.55)

@@ -59,8 +59,7 @@ class State:
 
     def moved_from(self, before: State) -> bool:
         """They differ in nothing but the camera."""
-        same = replace(self, scene=before.scene) == before
-        return same and self.scene.codes is before.scene.codes
+        return replace(self, scene=before.scene) == before and self.scene.codes == before.scene.codes
 
     def change_from(self, before: State) -> str:
         """What was edited, in a few words."""
@@ -69,7 +68,7 @@ class State:
             return readable(mix.a.shape) + ("" if mix.a.shape == mix.a.texture else f" as {readable(mix.a.texture)}")
         if (mix.shape, mix.texture) != (was.shape, was.texture):
             return f"{readable(mix.b)} mixed in: shape {mix.shape:.0%}, texture {mix.texture:.0%}"
-        if self.scene.codes is before.scene.codes:
+        if self.scene.codes == before.scene.codes:
             return "timeline" if self.timeline != before.timeline else "B" if mix.b != was.b else "names of directions"
         now, then = self.scene.codes, before.scene.codes
         parts = (part for part in PARTS if not torch.equal(getattr(now, part), getattr(then, part)))

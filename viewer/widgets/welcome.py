@@ -19,8 +19,8 @@ _WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6
 """em, of the card, around it and within it"""
 _SMALL, _SAMPLE = 11.0, 3.0
 """em: the card once the object has been turned, and the thumbnail of a photo to try"""
-_GAP = 0.6
-"""em, between photos"""
+_GAP, _LEAST = 0.6, 7.0
+"""em, between photos, and of the button beside them"""
 _OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
 
 
@@ -67,9 +67,11 @@ class Welcome:
         photos = len(sample_images(context.editor.model.category)) * (_SAMPLE + _GAP)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, (_SAMPLE - 1) / 2 * em))
         width = imgui.get_content_region_avail().x / em - photos
-        action_button(context, "fit_image", _OPEN, width, context.palette.accent)
+        beside = width > _LEAST
+        action_button(context, "fit_image", _OPEN, width if beside else -1, context.palette.accent)
         imgui.pop_style_var()
-        imgui.same_line(0, _GAP * em)
+        if beside:
+            imgui.same_line(0, _GAP * em)
 
     _height = 0.0
     """px, in the last frame"""
