@@ -138,4 +138,4 @@ class Exporting:
 
 def _camera(scene: Scene) -> Camera:
     """From where its photo was taken; where there is none, from where it is seen."""
-    return scene.codes.detail.camera if scene.codes.detail else scene.camera
+    return scene.codes.detail.views[0].camera if scene.codes.detail else scene.camera
