@@ -168,7 +168,7 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
         ("render --out a.png --size none", "--size"),
         ("render --out a.png --azimuth nan", "--azimuth"),
         ("turntable --out t.avi --model {file}", "mp4"),
-        ("mesh --out a.stl --model {file}", "glb"),
+        ("mesh --out a.dae --model {file}", "glb"),
         ("convert {file} --out a.safetensors", "hpam.json"),
         ("convert {file} --config {file} --out a.pth", "safetensors"),
         ("evaluate gone --model {file}", "no such dataset"),

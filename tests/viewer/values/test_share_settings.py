@@ -19,7 +19,7 @@ def scene(model: Model) -> Scene:
         {"kind": "poster"},
         {"video": ".avi"},
         {"picture": ".bmp"},
-        {"mesh": ".stl"},
+        {"mesh": ".dae"},
         {"size": 1},
         {"rate": 0},
         {"quality": 101},
