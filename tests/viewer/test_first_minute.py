@@ -15,6 +15,11 @@ from viewer.services.backend import Backend
 _ACTIONS, _SECONDS = 6, 60.0
 
 
+@pytest.fixture(autouse=True)
+def _no_saliency_network() -> None:
+    """A person's first photo is cut out by it."""
+
+
 @pytest.mark.slow
 def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: Path, tmp_path: Path) -> None:
     film, waits = tmp_path / "police.mp4", dict[str, float]()
