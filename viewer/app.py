@@ -253,10 +253,11 @@ class App:
             self.params.imgui_window_params.background_color = imgui.ImVec4(*self.context.palette.back, 1.0)
         imgui.get_style().font_scale_main = preferences.text
         if not self._headless:
-            self.params.fps_idling.fps_max = self._rate()
+            self.params.fps_idling.fps_max = self.rate()
         self.each_frame()
 
-    def _rate(self) -> float:
+    def rate(self) -> float:
+        """Frames a second that the window needs now: few where software draws them beside a job of the worker."""
         io = imgui.get_io()
         if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
             self._touched = time.monotonic()
