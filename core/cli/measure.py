@@ -187,6 +187,7 @@ def bench_detail(chosen: argparse.Namespace) -> None:
 
 def bench_photos(chosen: argparse.Namespace) -> None:
     """``bench photos``: photographs against what an eye says of them; goes on where an earlier run stopped."""
+    drawing.prepare(chosen.out)
     seen, path = photos.read_seen(chosen.by_eye), chosen.out / "photos.csv"
     about = {"machine": describe_machine(torch.device("cpu")), "preset": chosen.preset}
     done = {trial.photo for trial in read_records(path, photos.PhotoTrial, about)}

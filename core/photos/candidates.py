@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -17,14 +18,16 @@ from core.photos.saliency import predict_saliency
 
 _CORE, _FAINT = 0.9, 0.1
 """opacities above and below which the saliency network has no doubt"""
-_HINT = 0.25
-"""opacity from which it may have seen a leg: thin things are nothing but edge to it"""
+_LEVELS = {"": 0.5, ", faint too": 0.25, ", sure only": 0.75}
+"""opacities from which a pixel is the object's: legs are nothing but edge to it and faint, and what stands behind is
+less sure than what stands in front
+"""
 NETWORK_ERROR = 0.006
 """of what the network looks at: two pixels of its own image, by which its edges may be off"""
 _ROOM = 0.15
 """of a box: how much around it the second look sees"""
 _CLOSER = 0.8
-"""of the image's area: a box that is larger would show the network nothing new"""
+"""of the image's area: a box that is larger would show the network little new"""
 _FAR = 0.12
 """of an object's size: background further from it than this is sure"""
 _PART = 0.12
@@ -51,6 +54,16 @@ class Candidate:
     """the background is white, as in training images"""
     certain: bool = False
     """beyond doubt: others need not be looked for"""
+
+
+class Look(NamedTuple):
+    """What the saliency network sees."""
+
+    name: str
+    salient: Float[np.ndarray, "height width"]
+    """0..1"""
+    side: float
+    """px: the longer side of what it was shown"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +99,9 @@ class Seen:
         found = self._within(_window(point, share, self.image.size))
         return found if found is not None and _hold(found > 0.5, point) else None
 
-    def _within(self, box: tuple[int, int, int, int]) -> Float[np.ndarray, "height width"] | None:
+    def _within(self, box: tuple[int, int, int, int], even: bool = False) -> Float[np.ndarray, "height width"] | None:
         """What it sees in a crop."""
-        found = predict_saliency(self.image.crop(box))
+        found = predict_saliency(self.image.crop(box), even)
         if found is None:
             return None
         left, top, right, bottom = box
@@ -97,54 +110,60 @@ class Seen:
         return whole
 
     @cached_property
-    def closer(self) -> tuple[Float[np.ndarray, "height width"], float] | None:
-        """What it sees in the crop around that, and how large (px) the crop is; None where that is all."""
+    def looks(self) -> list[Look]:
+        """All that it sees: also with local contrast evened out, and so in the crop around both."""
         if self.salient is None:
-            return None
-        left, top, right, bottom = box = _box_around(self.salient > _HINT)
-        if (right - left) * (bottom - top) > _CLOSER * self.salient.size:
-            return None
-        found = self._within(box)
-        return None if found is None else (found, max(right - left, bottom - top))
+            return []
+        looks, side = [Look("network", self.salient, max(self.image.size))], max(self.image.size)
+        if self.point is None and (even := predict_saliency(self.image, True)) is not None:
+            looks.append(Look("network, contrast evened", even, side))
+        left, top, right, bottom = box = _box_around(
+            np.max([look.salient for look in looks], axis=0) > _LEVELS[", faint too"]
+        )
+        if (right - left) * (bottom - top) < _CLOSER * self.salient.size:
+            closer = self._within(box, even=True)
+            if closer is not None:
+                looks.append(Look("network, closer", closer, max(right - left, bottom - top)))
+        return looks
+
+    @cached_property
+    def agreed(self) -> Float[np.ndarray, "height width"] | None:
+        """The mean of all looks; None where there is none."""
+        return np.asarray(np.mean([look.salient for look in self.looks], axis=0)) if self.looks else None
 
 
 def by_background(seen: Seen) -> Iterator[Candidate]:
-    """What differs from a plain background; with less of its shadows where the network sees an object."""
+    """What differs from a plain background; if that is in doubt, near what the network sees."""
     plain = seen.background
     if plain is None:
         return
     mask = ~plain.mask
     certain = plain.certain and (seen.point is None or _hold(mask, seen.point))
-    yield Candidate("plain background", mask.astype(np.float32), white=plain.white, certain=certain)
-    if not plain.certain and seen.salient is not None:
+    if certain or seen.salient is None:
+        yield Candidate("plain background", mask.astype(np.float32), white=plain.white, certain=certain)
+    else:
         # Colours follow edges more closely than a network of 320 px does, but take shadows for the object.
         near = binary_dilation(seen.salient > _FAINT, iterations=_network_pixels(max(mask.shape)))
         yield Candidate("plain background near the network's object", (mask & near).astype(np.float32))
 
 
 def by_network(seen: Seen) -> Iterator[Candidate]:
-    """The saliency network's answers, to the image and to the crop around the first one."""
-    if seen.salient is None:
-        return
-    looks: list[tuple[str, np.ndarray, float]] = [("network", seen.salient, max(seen.image.size))]
-    if seen.closer is not None:
-        looks.append(("network, closer", *seen.closer))
-    for name, salient, side in looks:
-        yield _of_network(name, salient, side)
-        yield _of_network(f"{name}, faint too", (salient * (0.5 / _HINT)).clip(0, 1), side)
+    """The saliency network's answers, each from three opacities on."""
+    for name, salient, side in seen.looks:
+        for level, least in _LEVELS.items():
+            yield _of_network(name + level, _raised(salient, least), side)
 
 
 def by_colours(seen: Seen) -> Iterator[Candidate]:
     """GrabCut, seeded by the network's core and the background far from it; by the point or the middle without one."""
-    if seen.salient is None:
+    if seen.salient is None or seen.agreed is None:
         labels = np.zeros(seen.colours.shape[:2], np.uint8)
         for share, label_there in ((1 - 2 * _MIDDLE, 3),) if seen.point is None else _AT_POINT:
             left, top, right, bottom = _window(seen.point or (0.5, 0.5), share, seen.image.size)
             labels[top:bottom, left:right] = label_there
         yield from _by_grabcut("colours in the middle" if seen.point is None else "colours", seen, labels)
         return
-    both = seen.salient if seen.closer is None else (seen.salient + seen.closer[0]) / 2
-    salient = both if (both > 0.5).any() else seen.salient
+    salient = seen.agreed if (seen.agreed > 0.5).any() else seen.salient
     yield from _by_grabcut("colours around the network's core", seen, _seeds(salient))
 
 
@@ -197,6 +216,13 @@ def _of_network(found_by: str, salient: Float[np.ndarray, "height width"], side:
     """Inside an object the network may be unsure what it sees, but not that there is something."""
     inside = binary_erosion(salient > 0.5, iterations=_network_pixels(side))
     return Candidate(found_by, np.where(inside, np.float32(1), salient), NETWORK_ERROR * side)
+
+
+def _raised(salient: Float[np.ndarray, "height width"], least: float) -> Float[np.ndarray, "height width"]:
+    """Scaled from that end at which ``least`` becomes a half."""
+    if least > 0.5:
+        return 1 - (0.5 / (1 - least) * (1 - salient)).clip(0, 1)
+    return (0.5 / least * salient).clip(0, 1)
 
 
 def _network_pixels(side: float) -> int:

@@ -114,7 +114,7 @@ def network(monkeypatch: pytest.MonkeyPatch) -> Callable[[np.ndarray], None]:
     """Makes the saliency network see an object in a given place."""
 
     def sees(mask: np.ndarray) -> None:
-        def look(image: Image.Image) -> np.ndarray | None:
+        def look(image: Image.Image, even: bool = False) -> np.ndarray | None:
             return mask.astype(np.float32) if image.size == mask.shape[::-1] else None
 
         monkeypatch.setattr(candidates, "predict_saliency", look)
@@ -179,7 +179,7 @@ def test_what_is_not_sure_says_so_and_offers_others(network: Callable[[np.ndarra
 
 
 def test_a_point_says_which_of_two_objects(monkeypatch: pytest.MonkeyPatch):
-    def blue(image: Image.Image) -> np.ndarray:
+    def blue(image: Image.Image, even: bool = False) -> np.ndarray:
         return (np.asarray(image.convert("RGB"))[..., 2] > 200).astype(np.float32)
 
     monkeypatch.setattr(candidates, "predict_saliency", blue)
@@ -201,8 +201,22 @@ def test_specks_far_from_the_object_go_and_legs_stay(network: Callable[[np.ndarr
     assert not cut.mask[20:40, 210:235].any()
 
 
+def test_legs_that_are_only_seen_with_contrast_evened_out_stay(monkeypatch: pytest.MonkeyPatch):
+    seat, legs = np.zeros((240, 240), bool), np.zeros((240, 240), bool)
+    seat[60:120, 80:160], legs[120:190, 84:90], legs[120:190, 150:156] = True, True, True
+
+    def look(image: Image.Image, even: bool = False) -> np.ndarray | None:
+        whole = image.size == (240, 240)
+        return (seat | (legs if even else False)).astype(np.float32) if whole else None
+
+    monkeypatch.setattr(candidates, "predict_saliency", look)
+    values = np.asarray(busy()).copy()
+    values[seat, :3], values[legs, :3] = (250, 250, 250), (60, 60, 60)
+    assert overlap(cut_out(Image.fromarray(values)), seat | legs) > 0.95
+
+
 def test_a_plain_background_beyond_doubt_runs_no_network(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(candidates, "predict_saliency", lambda image: pytest.fail("the network was run"))
+    monkeypatch.setattr(candidates, "predict_saliency", lambda image, even=False: pytest.fail("the network was run"))
     image = np.where(disc()[..., None], (20, 40, 230), (200, 220, 200)).astype(np.uint8)
     assert overlap(cut_out(Image.fromarray(image).convert("RGBA")), disc()) > 0.98
 
