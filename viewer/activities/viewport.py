@@ -11,6 +11,7 @@ from core.models.scene import Scene
 from core.rendering.baked_field import BakedField
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.activities.framing import Framing
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
@@ -68,10 +69,12 @@ class Viewport:
         self._followed_since: Scene | None = None
         """what was edited when following the fit began; None: no fit is followed"""
         editor.scene_changed.connect(self._refresh)
+        self.framing = Framing(jobs, editor)
+        editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
 
     def close(self) -> None:
         """Render no more."""
-        self._jobs.cancel("view", "bake", "fit view")
+        self._jobs.cancel("view", "bake", "fit view", "framing")
 
     @property
     def camera(self) -> Camera:
@@ -95,6 +98,8 @@ class Viewport:
         as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
         if not as_before or (self.baked_frame and not self.settings.baked):
             self._refresh()
+        if self.settings.panel != before.panel and not self._editor.history.past:
+            self.framing.keep_size(self.settings.panel)
 
     def pan_by(self, across: float, down: float) -> None:
         """Move the object in the view."""
@@ -104,6 +109,12 @@ class Viewport:
         """Back to where a model is first seen from."""
         self.change(pan=(0.0, 0.0))
         self._editor.set_camera(orbit.home(self._editor.model))
+        self.framing.frame(self.settings.panel)
+
+    def frame_result(self) -> None:
+        """Show all of the object that a fit has found, in the middle."""
+        self.change(pan=(0.0, 0.0))
+        self.framing.frame(self.settings.panel)
 
     @property
     def sharpened(self) -> float | None:
@@ -205,6 +216,7 @@ class Viewport:
 
     def follow(self) -> None:
         """Show the fit from now on, from the photo's camera."""
+        self._jobs.cancel("framing")
         self._followed_since = self._editor.scene
         self._editor.end_gesture()
         self._render_live()

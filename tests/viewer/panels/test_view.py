@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from core.export.framing import filling_distance
+from core.rendering.progressive import render_frame
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -245,3 +247,34 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
         assert window.session.messages.errors == []
 
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
+
+
+def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    stools = replace(tiny_model(), category="chairs")
+    framing = replace(backend, load_model=lambda name: stools, distance=filling_distance)
+
+    def act(window: Driver) -> None:
+        editor, viewport = window.workspace.editor, window.workspace.viewport
+
+        def filled() -> float:
+            window.wait(lambda: not window.session.jobs.busy("framing"))
+            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 64)
+            shown = render_frame(stools, editor.scene.codes, crop.camera).opacity > 0.2
+            ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
+            return max(np.abs(2 * both - 1).max() for both in ends)
+
+        assert filled() == pytest.approx(0.75, abs=0.06)
+        window.click(f"Library/**/show {editor.objects.names[2]}")
+        assert filled() == pytest.approx(0.75, abs=0.06)
+        assert len(editor.history.past) == 1
+        window.fit(photo)
+        assert filled() == pytest.approx(0.75, abs=0.06)
+        found = window.workspace.fitting.view.camera
+        assert orbit.same_direction(editor.scene.camera, found)
+        window.press(imgui.Key._4)
+        assert editor.scene.camera == found
+        assert window.session.messages.errors == []
+
+    drive(act, framing, size=(900, 600))
