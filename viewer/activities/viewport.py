@@ -14,6 +14,7 @@ from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.framing import Framing
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
+from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
@@ -70,6 +71,8 @@ class Viewport:
         """what was edited when following the fit began; None: no fit is followed"""
         editor.scene_changed.connect(self._refresh)
         self.framing = Framing(jobs, editor)
+        self.result_shown = Signal[[]]()
+        """emitted when what a fit has found is in the view"""
         editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
 
     def close(self) -> None:
@@ -115,6 +118,7 @@ class Viewport:
         """Show all of the object that a fit has found, in the middle."""
         self.change(pan=(0.0, 0.0))
         self.framing.frame(self.settings.panel)
+        self.result_shown.emit()
 
     @property
     def sharpened(self) -> float | None:
@@ -166,6 +170,10 @@ class Viewport:
         """Let OpenGL draw the scene's object in the place of this source's frames; it :meth:`is_baked`."""
         self.hold(source)
         self._show_baked(self.request)
+
+    def show_turned(self, camera: Camera) -> None:
+        """Let OpenGL draw the scene's object from another camera; it :meth:`is_baked`."""
+        self._show_baked(replace(self.request, camera=camera))
 
     def _show_baked(self, request: ViewRequest) -> None:
         self.baked_frame, self.sharp = request.crop(request.full), False

@@ -11,6 +11,7 @@ from core.export.framing import filling_distance
 from core.rendering.progressive import render_frame
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import Bakery
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.view_modes import MODES
@@ -278,3 +279,33 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
         assert window.session.messages.errors == []
 
     drive(act, framing, size=(900, 600))
+
+
+def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        idle = workspace.idle_turn
+        window.context.set_preference(turning="on")
+        window.fit(photo)
+        assert idle.due
+        window.wait(lambda: workspace.viewport.is_baked(editor.scene.codes) and workspace.viewport.sharp)
+        assert not idle.turning
+        window.context.attended = True
+        before, edits = editor.scene, len(editor.history.past)
+        window.wait(lambda: idle.turning and workspace.viewport.baked_frame is not None)
+        assert editor.scene is before
+        window.press(imgui.Key.f5)  # any key
+        assert not idle.due
+        assert editor.scene.camera.azimuth != before.camera.azimuth
+        assert len(editor.history.past) == edits
+        window.menu("View/###idle_turn")
+        assert not window.context.preferences.idle_turn
+        window.press(imgui.Key.escape)
+        window.fit(photo)
+        window.wait(lambda: workspace.viewport.is_baked(editor.scene.codes) and workspace.viewport.sharp)
+        window.ctx.yield_(3)
+        assert not idle.turning
+
+    drive(act, replace(backend, bake=Bakery()), size=(900, 600))
