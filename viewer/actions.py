@@ -222,6 +222,12 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             checked=lambda c: c.preferences.smooth,
         ),
         Action(
+            *("idle_turn", "Turn a result", "", "slowly, once it is rebuilt, until you touch something"),
+            lambda c: c.set_preference(idle_turn=not c.preferences.idle_turn),
+            _always,
+            checked=lambda c: c.preferences.idle_turn,
+        ),
+        Action(
             "reset_layout", "Reset layout", "", "all panels as they were first", lambda c: c.reset_layout(), _always
         ),
         Gesture("Esc", "close what is on top: a menu, a dialog, the help"),

@@ -26,7 +26,7 @@ from viewer.session import Session
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
 
-_RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS = 60.0, 30.0, 8.0
+_RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 8.0, 20.0
 """Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody
 touches anything meanwhile."""
 _TOUCHED = 0.7
@@ -80,6 +80,7 @@ class App:
         self._reported: dict[str, str] = {}
         """by what failed in the last frame, why"""
         if headless:
+            self.context.attended = False
             window.make_headless(self.params, self._finish_frame)
         self._dock()
         self._connect()
@@ -261,6 +262,8 @@ class App:
         io = imgui.get_io()
         if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
             self._touched = time.monotonic()
+        if self.context.ready and self.context.workspace.idle_turn.turning:
+            return _RATE_OF_IDLE_TURN
         if not (self._software and self.session.jobs.busy()):
             return _RATE
         return _RATE_BESIDE_WORKER if time.monotonic() - self._touched < _TOUCHED else _RATE_OF_PROGRESS

@@ -53,6 +53,8 @@ class PanelContext:
     baked_canvas: BakedCanvas | None = None
     fast_opengl: bool = False
     """measured at start: a baked object is drawn in no more than a frame's time"""
+    attended: bool = True
+    """somebody may look at the window; nothing moves by itself in one that nobody sees"""
     images: Images | None = None
     bold: imgui.ImFont | None = None
     """the font of headings"""

@@ -33,6 +33,8 @@ class Editor:
         self.history = History(State(scene, Mix(Pair(first, first), second), directions=directions))
         self.scene_changed = Signal[[]]()
         """emitted after every change of the scene, undo included"""
+        self.object_chosen = Signal[[]]()
+        """emitted after that when another object was chosen"""
         self._generator = generator
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
         """for each part the code that was looked up last, and the answer"""
@@ -149,6 +151,7 @@ class Editor:
     def show_pair(self, pair: Pair) -> None:
         """Make current the shape of one object in the texture of another; the pair becomes A."""
         self._set_codes(self.pair(pair), Mix(pair, self.state.mix.b))
+        self.object_chosen.emit()
 
     def take(self, part: Part, name: str) -> None:
         """Take only the shape, or only the texture, of an object; its slider goes to A."""
@@ -190,6 +193,10 @@ class Editor:
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
         """Show codes and the camera they belong to, such as a step of a fit, or a time of the timeline."""
         self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
+
+    def join(self, scene: Scene) -> None:
+        """Change the scene as a part of the edit before."""
+        self._go(replace(self.history, now=replace(self.state, scene=scene)))
 
     def improve(self, name: str, better: EditableObject, camera: Camera) -> bool:
         """Put a better one in the place of an added object. Whether that is shown: only where the object was, unedited.

@@ -8,6 +8,7 @@ from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
 from viewer.activities.fitting import Fitting
 from viewer.activities.grid import Grid
+from viewer.activities.idle_turn import IdleTurn
 from viewer.activities.player import Player
 from viewer.activities.segmenting import Segmenting
 from viewer.activities.thumbnails import Thumbnails
@@ -54,6 +55,7 @@ class Workspace:
         """whose object is being pointed out, as it was not found"""
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, model)
+        self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
         self.grid = Grid(jobs)
         self.player = Player(jobs, self.editor, self.viewport)
         self.fitting = Fitting(jobs, self.editor, self.viewport, fit)

@@ -1,4 +1,4 @@
-"""Cameras whose frame the object fills: as near as all of it stays in sight, in every view of a video."""
+"""Cameras whose frame the object fills: as near as all of it stays in sight, in every view of a video, or a share."""
 
 import math
 from collections.abc import Sequence
@@ -13,8 +13,9 @@ from core.export.keyframes import View
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
+from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
-from core.rendering.occupancy import CELLS, Occupancy
+from core.rendering.occupancy import CELLS
 
 MARGIN = 0.04
 """of the frame's width and height, left free at either side at the least"""
@@ -25,7 +26,7 @@ _CAMERAS = 180
 _MIN_OPACITY = 0.03
 """of a cell that counts as the object's: fainter ones are a haze that nobody sees at an edge"""
 _PARTS = 2
-"""points along each side of an occupied cell"""
+"""points along each side of an occupied cell, of an outline"""
 _BLOCK = 16384
 _NEAREST = 0.05
 """scene units in front of the camera: what is nearer, or behind, counts as if it were there"""
@@ -47,6 +48,15 @@ def filling_frame(model: Model, views: Sequence[View], zoom_out: bool = True) ->
     return [View(view.codes, replace(view.camera, focal=zoom * view.camera.focal)) for view in views]
 
 
+def filling_distance(model: Model, codes: Codes, camera: Camera, share: float) -> float:
+    """How far from the scene's origin (scene units) a camera of this direction and focal length sees the object fill a
+    share (0..1) of the frame's width or height, whichever binds.
+    """
+    local = camera.to_camera_axes(_opaque_points(model, codes, 1))
+    half = share * torch.tensor([camera.width, camera.height]) / (2 * camera.focal)
+    return camera.distance + float((local[:, :2].abs() / half + local[:, 2:]).amax())
+
+
 def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
     """By how much the focal length can grow until a point comes too near to the frame's edge."""
     local = camera.to_camera_axes(points)
@@ -60,17 +70,27 @@ def _outline(model: Model, codes: Codes) -> Float[Tensor, "corners 3"]:
     """The corners of the convex hull of an object (scene units); of the model's box where it is nowhere opaque."""
     from scipy.spatial import ConvexHull, QhullError  # a third of a second that the window need not wait for
 
-    folded = FoldedField(model, codes)
-    occupancy = Occupancy(model, folded)
-    steps = (torch.arange(_PARTS, device=model.device) + 0.5) / _PARTS
+    found = _opaque_points(model, codes, _PARTS)
+    try:
+        return found[ConvexHull(found.numpy()).vertices]
+    except (QhullError, ValueError):  # too few points to hold a volume
+        return _corners(model)
+
+
+def _opaque_points(model: Model, codes: Codes, parts: int) -> Float[Tensor, "points 3"]:
+    """Where an object is (scene units), so many points along each side of a cell; the corners of the model's box where
+    it is nowhere opaque.
+    """
+    folded, occupancy = FoldedField(model, codes), shape_occupancy(model, tuple(codes.shape.tolist()))
+    steps = (torch.arange(parts, device=model.device) + 0.5) / parts
     within = torch.cartesian_prod(steps, steps, steps)
     points = ((occupancy.cells.nonzero()[:, None] + within) * occupancy.cell - occupancy.extent).flatten(0, 1)
     least = -math.log1p(-_MIN_OPACITY) / (2 * max(model.extent) / CELLS)
     with torch.inference_mode():
         opaque = [part[folded.density(folded.first_layer(part))[0] > least] for part in points.split(_BLOCK)]
     found = torch.cat(opaque).cpu() if opaque else torch.empty(0, 3)
-    try:
-        return found[ConvexHull(found.numpy()).vertices]
-    except (QhullError, ValueError):  # too few points to hold a volume
-        half = torch.tensor(model.extent)
-        return torch.cartesian_prod(*(torch.stack((-side, side)) for side in half))
+    return found if len(found) else _corners(model)
+
+
+def _corners(model: Model) -> Float[Tensor, "8 3"]:
+    return torch.cartesian_prod(*(torch.stack((-side, side)) for side in torch.tensor(model.extent)))

@@ -49,6 +49,7 @@ def backend(model: Model) -> Backend:
         pictures=quick_pictures,
         pace=quick_pace,
         guess_category=no_guess,
+        distance=lambda model, codes, camera, share: camera.distance,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
 

@@ -16,8 +16,10 @@ from core.export.frames import Rgb, over
 from core.export.keyframes import View
 from core.export.pace import Pace
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
+from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
+from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 
@@ -125,3 +127,17 @@ def broken_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         if step.step == 4:
             raise ValueError("the loss is not finite")
         yield step
+
+
+class Bakery:
+    """Bakes nothing that is seen; counts its streams."""
+
+    def __init__(self) -> None:
+        self.codes: list[Codes] = []
+
+    def __call__(self, model: Model, codes: Codes) -> Iterator[BakedField | None]:
+        self.codes.append(codes)
+        for cells in (64, 128):
+            yield None
+            texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
+            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0, len(texels) - 1)

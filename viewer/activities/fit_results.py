@@ -5,6 +5,7 @@ import re
 from core.geometry.camera import Camera
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
+from viewer.values import orbit
 from viewer.values.fit_history import Ready
 from viewer.values.objects import EditableObject
 
@@ -28,8 +29,11 @@ class FitResults:
             restored: it takes the place of an object of the same photo, which a run that ended badly has made.
         """
         if self._viewport.following:
-            seen_from = self._editor.scene.camera if self._viewport.turned else camera
-            return Ready(self._editor.add_and_show(found, seen_from), camera)
+            turned, own = self._viewport.turned, self._editor.scene.camera
+            ready = Ready(self._editor.add_and_show(found, own if turned else camera), camera)
+            if not turned:
+                self._viewport.frame_result()
+            return ready
         objects = self._editor.objects
         if same := restored and next((one.name for one in objects.added if _is_same_photo(one, found)), ""):
             objects.replace(same, found)
@@ -41,8 +45,11 @@ class FitResults:
         """Put the final result in the place of the one handed over. Whether it is another."""
         name = handed.name
         differs = better.codes != self._editor.objects[name].codes
-        turned = self._editor.scene.camera != handed.camera
-        shown = self._editor.improve(name, better, self._editor.scene.camera if turned else camera)
+        own = self._editor.scene.camera
+        turned = not orbit.same_direction(own, handed.camera)
+        shown = self._editor.improve(name, better, own if turned else camera)
+        if shown and differs and not turned:
+            self._viewport.frame_result()
         if differs and not shown and name not in self._editor.objects.removed:
             self.unseen[name] = camera
         return differs
@@ -51,6 +58,7 @@ class FitResults:
         """Make a result that waits current."""
         if camera := self.unseen.pop(name, None):
             self._editor.show_added(name, camera)
+            self._viewport.frame_result()
 
     def rename(self, name: str, to: str) -> None:
         """A result has another name."""

@@ -140,11 +140,8 @@ class Fitting:
         """Continue from what is on screen: its codes, and for the photo that is shown its camera."""
         if initial := self.resume_point:
             scene, cameras, index = self._editor.scene, list(initial.cameras), self.history.photo_index
-            seen, found = scene.camera, cameras[index]
-            if self.history.photos[index].photo.cropped:  # its size in the view is not that in the photo
-                cameras[index] = replace(found, azimuth=seen.azimuth, elevation=seen.elevation)
-            else:
-                cameras[index] = seen.resized(found.width, found.height)
+            seen = scene.camera  # how large the object is in the view is not how large it is in the photo
+            cameras[index] = replace(cameras[index], azimuth=seen.azimuth, elevation=seen.elevation)
             self.resume(replace(initial, cameras=tuple(cameras), codes=scene.codes))
 
     @property

@@ -11,8 +11,10 @@ from core.models.scene import Scene
 from core.rendering.baked_field import BakedField
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from viewer.activities.framing import Framing
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
+from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
@@ -68,10 +70,14 @@ class Viewport:
         self._followed_since: Scene | None = None
         """what was edited when following the fit began; None: no fit is followed"""
         editor.scene_changed.connect(self._refresh)
+        self.framing = Framing(jobs, editor)
+        self.result_shown = Signal[[]]()
+        """emitted when what a fit has found is in the view"""
+        editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
 
     def close(self) -> None:
         """Render no more."""
-        self._jobs.cancel("view", "bake", "fit view")
+        self._jobs.cancel("view", "bake", "fit view", "framing")
 
     @property
     def camera(self) -> Camera:
@@ -95,6 +101,8 @@ class Viewport:
         as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
         if not as_before or (self.baked_frame and not self.settings.baked):
             self._refresh()
+        if self.settings.panel != before.panel and not self._editor.history.past:
+            self.framing.keep_size(self.settings.panel)
 
     def pan_by(self, across: float, down: float) -> None:
         """Move the object in the view."""
@@ -104,6 +112,13 @@ class Viewport:
         """Back to where a model is first seen from."""
         self.change(pan=(0.0, 0.0))
         self._editor.set_camera(orbit.home(self._editor.model))
+        self.framing.frame(self.settings.panel)
+
+    def frame_result(self) -> None:
+        """Show all of the object that a fit has found, in the middle."""
+        self.change(pan=(0.0, 0.0))
+        self.framing.frame(self.settings.panel)
+        self.result_shown.emit()
 
     @property
     def sharpened(self) -> float | None:
@@ -156,6 +171,10 @@ class Viewport:
         self.hold(source)
         self._show_baked(self.request)
 
+    def show_turned(self, camera: Camera) -> None:
+        """Let OpenGL draw the scene's object from another camera; it :meth:`is_baked`."""
+        self._show_baked(replace(self.request, camera=camera))
+
     def _show_baked(self, request: ViewRequest) -> None:
         self.baked_frame, self.sharp = request.crop(request.full), False
         self._last_orbit = time.monotonic()
@@ -205,6 +224,7 @@ class Viewport:
 
     def follow(self) -> None:
         """Show the fit from now on, from the photo's camera."""
+        self._jobs.cancel("framing")
         self._followed_since = self._editor.scene
         self._editor.end_gesture()
         self._render_live()

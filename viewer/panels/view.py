@@ -17,6 +17,7 @@ from viewer.widgets.camera_path import CameraPath
 from viewer.widgets.controls import action_button, button, choose, end_gesture, tooltip
 from viewer.widgets.welcome import Welcome
 
+_KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
 _KEY_TURN = 0.12
 """rad a key press"""
 _REST = 0.6
@@ -70,6 +71,7 @@ class ViewPanel(Panel):
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
+        _turn_idly(context)
         texture = self._texture(context, pixels)
         imgui.get_window_draw_list().add_image_rounded(
             texture, corner, corner + size, (0, 0), (1, 1), 0xFFFFFFFF, hello_imgui.em_size(0.4)
@@ -158,6 +160,14 @@ class ViewPanel(Panel):
         self._nudged = time.monotonic()
         context.set_preference(newcomer=False)
         context.editor.set_camera(camera, gesture)
+
+
+def _turn_idly(context: PanelContext) -> None:
+    """Until a key, a button of the mouse or its wheel, which are keys to imgui; an overlay is of the scene's camera."""
+    idle = context.workspace.idle_turn
+    if idle.due and context.attended and context.preferences.idle_turn:
+        touched = context.overlay is not None or any(map(imgui.is_key_down, _KEYS))
+        idle.stop() if touched else idle.tick()
 
 
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:

@@ -49,7 +49,7 @@ DARK = Palette(
     text=(0.89, 0.9, 0.915),
     accent=(0.33, 0.64, 0.88),
     warm=WARM,
-    error=(0.9, 0.38, 0.36),
+    error=(0.93, 0.43, 0.41),
     background=((0.93, 0.94, 0.95), (0.68, 0.7, 0.73)),
 )
 LIGHT = Palette(

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 from core.detail.frames import bake, render_progressively
 from core.export.frames import Image, render_frames
+from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
 from core.export.pace import Pace, measure_pace
 from core.export.video import write_video
 from core.fitting.category_check import guess_category
 from core.fitting.fit import FitJob, FitStep, fit
+from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
@@ -37,3 +39,4 @@ class Backend:
     guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
+    distance: Callable[[Model, Codes, Camera, float], float] = filling_distance

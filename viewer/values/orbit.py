@@ -62,6 +62,11 @@ def seen_from(camera: Camera, view: str) -> Camera:
     return replace(camera, azimuth=azimuth, elevation=elevation)
 
 
+def same_direction(one: Camera, other: Camera) -> bool:
+    """Both see the object from the same side; from how far away does not matter."""
+    return (one.azimuth, one.elevation) == (other.azimuth, other.elevation)
+
+
 def is_orthographic(camera: Camera, model: Model) -> bool:
     """The camera is so far away that nearly no perspective is left."""
     return camera.focal / camera.height > _FAR / 2 * model.focal / model.image_size

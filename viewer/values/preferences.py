@@ -32,6 +32,8 @@ class Preferences:
     """which of :data:`viewer.values.quality.QUALITIES`"""
     turning: str = "automatic"
     """what draws the object while it is turned: one of :data:`TURNING`"""
+    idle_turn: bool = True
+    """what was rebuilt turns slowly until something is touched"""
     newcomer: bool = True
     """nobody has turned the object yet"""
     camera_path: bool = True

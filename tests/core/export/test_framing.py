@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from core.export.framing import MARGIN, filling_frame
+from core.export.framing import MARGIN, filling_distance, filling_frame
 from core.export.keyframes import View, turntable
 from core.models.field import Field
 from core.models.model import Model
@@ -42,6 +42,14 @@ def test_a_close_view_stays_close_where_it_may_not_zoom_out(tiny: Model):  # noq
     near = View(tiny.codes[0], tiny.camera(0.3, 0.3, 0.6))
     assert filling_frame(tiny, [near], zoom_out=False) == [near]
     assert filling_frame(tiny, [near])[0].camera.focal < near.camera.focal
+
+
+@pytest.mark.parametrize(("size", "elevation"), [((96, 96), 0.0), ((64, 128), 0.5), ((192, 96), 1.5)])
+def test_an_object_fills_a_share_of_a_frame(tiny: Model, size: tuple[int, int], elevation: float):  # noqa: F811
+    camera = tiny.camera(0.3, elevation, 9.0).resized(*size)
+    camera = replace(camera, distance=filling_distance(tiny, tiny.codes[1], camera, 0.75))
+    left, top, right, bottom = edges(tiny, View(tiny.codes[1], camera))
+    assert 1 - 2 * min(left, top, right, bottom) == pytest.approx(0.75, abs=0.08)
 
 
 @pytest.mark.parametrize("aspect", [(64, 128), (128, 64)])

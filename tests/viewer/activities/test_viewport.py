@@ -1,14 +1,13 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.baked_field import BakedField
 from tests.viewer.driver import finish
+from tests.viewer.stand_ins import Bakery
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
@@ -34,29 +33,15 @@ def test_a_render_that_fails_is_reported(session: Session, editor: Editor, error
     assert session.messages.errors == ["Cannot render the object: not enough memory; try a smaller size"]
 
 
-class Baked:
-    """Stands in for baking; counts its streams."""
-
-    def __init__(self) -> None:
-        self.codes: list[Codes] = []
-
-    def __call__(self, model: Model, codes: Codes) -> Iterator[BakedField | None]:
-        self.codes.append(codes)
-        for cells in (64, 128):
-            yield None
-            texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
-            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0, len(texels) - 1)
-
-
 @pytest.fixture
-def bakery(session: Session) -> Baked:
-    bake = Baked()
+def bakery(session: Session) -> Bakery:
+    bake = Bakery()
     session.jobs.backend = replace(session.jobs.backend, bake=bake)
     return bake
 
 
 def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(
-    session: Session, workspace: Workspace, bakery: Baked
+    session: Session, workspace: Workspace, bakery: Bakery
 ) -> None:
     viewport, editor = workspace.viewport, workspace.editor
     editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
@@ -81,7 +66,7 @@ def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(
 
 
 def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(
-    session: Session, workspace: Workspace, bakery: Baked
+    session: Session, workspace: Workspace, bakery: Bakery
 ) -> None:
     viewport, editor = workspace.viewport, workspace.editor
     viewport.change(opengl=True)
@@ -111,7 +96,7 @@ def test_an_object_that_cannot_be_baked_is_reported_once(session: Session, works
 
 
 def test_a_timeline_of_a_baked_object_is_turned_by_opengl(
-    session: Session, workspace: Workspace, bakery: Baked
+    session: Session, workspace: Workspace, bakery: Bakery
 ) -> None:
     viewport, editor, player = workspace.viewport, workspace.editor, workspace.player
     viewport.change(opengl=True)

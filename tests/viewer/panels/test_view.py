@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from core.export.framing import filling_distance
+from core.rendering.progressive import render_frame
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import Bakery
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.view_modes import MODES
@@ -245,3 +248,64 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
         assert window.session.messages.errors == []
 
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
+
+
+def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    stools = replace(tiny_model(), category="chairs")
+    framing = replace(backend, load_model=lambda name: stools, distance=filling_distance)
+
+    def act(window: Driver) -> None:
+        editor, viewport = window.workspace.editor, window.workspace.viewport
+
+        def filled() -> float:
+            window.wait(lambda: not window.session.jobs.busy("framing"))
+            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 64)
+            shown = render_frame(stools, editor.scene.codes, crop.camera).opacity > 0.2
+            ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
+            return max(np.abs(2 * both - 1).max() for both in ends)
+
+        assert filled() == pytest.approx(0.75, abs=0.06)
+        window.click(f"Library/**/show {editor.objects.names[2]}")
+        assert filled() == pytest.approx(0.75, abs=0.06)
+        assert len(editor.history.past) == 1
+        window.fit(photo)
+        assert filled() == pytest.approx(0.75, abs=0.06)
+        found = window.workspace.fitting.view.camera
+        assert orbit.same_direction(editor.scene.camera, found)
+        window.press(imgui.Key._4)
+        assert editor.scene.camera == found
+        assert window.session.messages.errors == []
+
+    drive(act, framing, size=(900, 600))
+
+
+def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    def act(window: Driver) -> None:
+        workspace, editor = window.workspace, window.workspace.editor
+        idle = workspace.idle_turn
+        window.context.set_preference(turning="on")
+        window.fit(photo)
+        assert idle.due
+        window.wait(lambda: workspace.viewport.is_baked(editor.scene.codes) and workspace.viewport.sharp)
+        assert not idle.turning
+        window.context.attended = True
+        before, edits = editor.scene, len(editor.history.past)
+        window.wait(lambda: idle.turning and workspace.viewport.baked_frame is not None)
+        assert editor.scene is before
+        window.press(imgui.Key.f5)  # any key
+        assert not idle.due
+        assert editor.scene.camera.azimuth != before.camera.azimuth
+        assert len(editor.history.past) == edits
+        window.menu("View/###idle_turn")
+        assert not window.context.preferences.idle_turn
+        window.press(imgui.Key.escape)
+        window.fit(photo)
+        window.wait(lambda: workspace.viewport.is_baked(editor.scene.codes) and workspace.viewport.sharp)
+        window.ctx.yield_(3)
+        assert not idle.turning
+
+    drive(act, replace(backend, bake=Bakery()), size=(900, 600))

@@ -85,14 +85,12 @@ def test_rays_through_pixel_corners_stay_there(gl: moderngl.Context) -> None:
 def test_another_camera_or_object_is_drawn_at_once(
     gl: moderngl.Context, baked: tuple[BakedField, ...], stool: Model
 ) -> None:
-    canvas, pictures = BakedCanvas(gl), []
+    canvas = BakedCanvas(gl)
     for one, azimuth in ((baked[1], 0.0), (baked[1], 1.0), (baked[0], 1.0), (baked[1], 0.0)):
-        canvas.draw(one, fit_to_panel(stool.camera(azimuth, 0.4), 60, 60, 60), WHITE)
-        pictures.append(canvas.pixels())
+        crop = fit_to_panel(stool.camera(azimuth, 0.4), 60, 60, 60)
+        canvas.draw(one, crop, WHITE)
+        assert psnr(canvas.pixels() / 255, render_baked(one, crop.camera).colour.numpy()) > 42
     canvas.release()
-    assert (pictures[0] != pictures[1]).any()
-    assert (pictures[1] != pictures[2]).any()
-    np.testing.assert_array_equal(pictures[0], pictures[3])
 
 
 def test_whether_opengl_is_fast_is_measured(gl: moderngl.Context) -> None:

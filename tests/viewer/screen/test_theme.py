@@ -27,8 +27,9 @@ def test_every_text_can_be_read_on_every_part_of_widgets(palette: Palette) -> No
 def test_text_can_be_read_on_whatever_it_is_on(palette: Palette) -> None:
     for ground in (palette.panel, palette.back, palette.raised):
         assert contrast(palette.text, ground) > _READABLE
-    for colour in (palette.quiet, palette.warm, palette.error):
-        assert contrast(colour, palette.panel) > _READABLE
+    for ground in (palette.panel, colours(palette)["popup_bg"]):
+        for colour in (palette.quiet, palette.warm, palette.error):
+            assert contrast(colour, ground) > _READABLE
     for badge in (palette.accent, WARM):
         assert contrast(on(badge), badge) > _READABLE
     for ground in palette.background:  # through a plate that is not quite opaque

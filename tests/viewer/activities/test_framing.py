@@ -1,0 +1,56 @@
+from dataclasses import replace
+
+import pytest
+
+from tests.viewer.driver import finish
+from viewer.editor import Editor
+from viewer.session import Session
+from viewer.values import orbit
+from viewer.workspace import Workspace
+
+
+@pytest.fixture
+def nearer(session: Session) -> Session:
+    """The object fills its share at a distance of 1.1, whichever it is."""
+    session.jobs.backend = replace(session.jobs.backend, distance=lambda *about: 1.1)
+    return session
+
+
+def test_a_chosen_object_is_framed_as_a_part_of_that_edit(nearer: Session, editor: Editor) -> None:
+    before = editor.scene
+    editor.show_object("object 2")
+    finish(nearer)
+    assert editor.scene.camera == replace(before.camera, distance=1.1)
+    assert len(editor.history.past) == 1
+    editor.undo()
+    assert editor.scene == before
+    editor.redo()
+    finish(nearer)
+    assert editor.scene.camera.distance == 1.1
+
+
+def test_a_hand_that_turns_the_object_is_never_disturbed(nearer: Session, editor: Editor) -> None:
+    editor.show_object("object 2")
+    turned = orbit.turned(editor.scene.camera, 0.3, 0.0)
+    editor.set_camera(turned, gesture="orbit")
+    finish(nearer)
+    assert editor.scene.camera == turned
+    editor.end_gesture()
+    editor.show_object("object 3")
+    finish(nearer)
+    assert editor.scene.camera == replace(turned, distance=1.1)
+
+
+def test_a_zoom_of_a_persons_own_stays_until_home(nearer: Session, editor: Editor, workspace: Workspace) -> None:
+    zoomed = orbit.zoomed(editor.scene.camera, 3, workspace.model)
+    editor.set_camera(zoomed, gesture="zoom")
+    editor.end_gesture()
+    editor.show_object("object 2")
+    finish(nearer)
+    assert editor.scene.camera == zoomed
+    workspace.viewport.reset_view()
+    finish(nearer)
+    assert editor.scene.camera == replace(orbit.home(workspace.model), distance=1.1)
+    editor.show_object("object 3")
+    finish(nearer)
+    assert editor.scene.camera.distance == 1.1

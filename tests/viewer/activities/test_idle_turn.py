@@ -1,0 +1,72 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tests.viewer.driver import finish
+from tests.viewer.stand_ins import Bakery
+from viewer.activities.idle_turn import IdleTurn
+from viewer.editor import Editor
+from viewer.session import Session
+from viewer.values import orbit
+from viewer.workspace import Workspace
+
+
+class Clock:
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def idle(session: Session, workspace: Workspace, photo: Path, clock: Clock) -> IdleTurn:
+    """A result has just come into the view."""
+    session.jobs.backend = replace(session.jobs.backend, bake=Bakery())
+    viewport = workspace.viewport
+    viewport.change(opengl=True)
+    turn = IdleTurn(session.jobs, workspace.editor, viewport, clock)
+    session.fit_photos(photo)
+    finish(session, lambda: viewport.sharp and viewport.is_baked(workspace.editor.scene.codes))
+    return turn
+
+
+def test_a_result_turns_until_it_is_stopped_and_stays_there(
+    idle: IdleTurn, clock: Clock, workspace: Workspace, editor: Editor
+) -> None:
+    before, edits = editor.scene, len(editor.history.past)
+    idle.tick()
+    assert not idle.turning  # the finished picture first
+    azimuths = []
+    for clock.now in (3.0, 4.0):
+        idle.tick()
+        assert workspace.viewport.baked_frame is not None
+        azimuths.append(workspace.viewport.baked_frame.camera.azimuth)
+    assert before.camera.azimuth != azimuths[0] != azimuths[1]
+    assert editor.scene is before  # no edit
+    idle.stop()
+    assert not idle.due
+    assert editor.scene.camera == replace(before.camera, azimuth=azimuths[1])
+    assert len(editor.history.past) == edits
+
+
+def test_an_edit_ends_it(idle: IdleTurn, clock: Clock, editor: Editor) -> None:
+    idle.tick()
+    turned = orbit.turned(editor.scene.camera, 0.1, 0.0)
+    editor.set_camera(turned)
+    clock.now = 3.0
+    idle.tick()
+    assert not idle.due
+    assert editor.scene.camera == turned
+
+
+def test_what_is_not_baked_does_not_turn(idle: IdleTurn, clock: Clock, workspace: Workspace) -> None:
+    workspace.viewport.change(opengl=False)
+    for clock.now in (0.0, 3.0):
+        idle.tick()
+    assert not idle.turning

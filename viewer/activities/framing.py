@@ -1,0 +1,49 @@
+"""How large the object is in the view: three quarters of it after a fit, and whichever object is chosen."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+from viewer.values import orbit
+
+SHARE = 0.75
+"""of the view's width or height, whichever binds"""
+
+
+class Framing:
+    """Moves the camera nearer or farther, as a part of the edit before, unless somebody has touched the scene since."""
+
+    def __init__(self, jobs: Jobs, editor: Editor) -> None:
+        self._jobs, self._editor = jobs, editor
+        self._last, self._zoomed = editor.scene, False
+        """the scene as it was last, and whether its distance is one of a person's own"""
+        editor.scene_changed.connect(self._look)
+
+    def keep_size(self, panel: tuple[int, int]) -> None:
+        """Frame another object; as near as it is where a person has zoomed."""
+        if not self._zoomed:
+            self.frame(panel)
+
+    def frame(self, panel: tuple[int, int]) -> None:
+        """Frame the object of the scene, soon, in a view of this size."""
+        editor, scene, self._zoomed = self._editor, self._editor.scene, False
+        seen = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera
+
+        def found(distance: float) -> None:
+            nearest, farthest = orbit.reach(scene.camera, editor.model)
+            if editor.scene is scene and not editor.history.gesture:
+                camera = replace(scene.camera, distance=max(nearest, min(farthest, distance)))
+                self._last = replace(scene, camera=camera)
+                editor.join(self._last)
+
+        def stream() -> Iterator[float]:
+            yield self._jobs.backend.distance(editor.model, scene.codes, seen, SHARE)
+
+        self._jobs.submit(Job("framing", stream, found, self._jobs.reporting("Cannot frame the object"), urgent=True))
+
+    def _look(self) -> None:
+        scene, before, self._last = self._editor.scene, self._last, self._editor.scene
+        if scene.codes is before.codes and scene.camera.distance != before.camera.distance:
+            self._zoomed = True

@@ -1,0 +1,68 @@
+"""A slow turn of what a fit has found, until a hand touches something."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from core.models.scene import Scene
+from viewer.activities.viewport import Viewport
+from viewer.editor import Editor
+from viewer.services.jobs import Jobs
+from viewer.values import orbit
+
+_REST = 2.0
+"""s for which the finished picture is shown first"""
+_SPEED = 2 * math.pi / 40
+"""rad/s"""
+
+
+class IdleTurn:
+    """No edit while it lasts: the camera turns from that of the scene. It is drawn by OpenGL from the baked object, and
+    where that is not to be there is none.
+    """
+
+    def __init__(
+        self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
+        self._of: Scene | None = None
+        """what is to be turned; another scene ends it"""
+        self._began: float | None = None
+        """s on the clock, when it turns, or will"""
+        viewport.result_shown.connect(self._prepare)
+
+    @property
+    def due(self) -> bool:
+        """It turns, or will do so when the finished picture is there."""
+        return self._of is not None
+
+    @property
+    def turning(self) -> bool:
+        """It turns."""
+        return self._began is not None and self._clock() >= self._began
+
+    def _prepare(self) -> None:
+        self._of, self._began = self._editor.scene, None
+
+    def tick(self) -> None:
+        """Once a frame, unless something is touched: turn a little."""
+        viewport, scene = self._viewport, self._editor.scene
+        if self._of is None or viewport.source != "scene" or self._jobs.busy("fit", "framing"):
+            self._began = None
+        elif scene.codes is not self._of.codes or not orbit.same_direction(scene.camera, self._of.camera):
+            self._of = self._began = None  # an edit
+        elif self._began is None:
+            ready = viewport.sharp and viewport.is_baked(scene.codes)
+            self._began = self._clock() + _REST if ready else None
+        elif self.turning:
+            azimuth = _SPEED * (self._clock() - self._began)
+            viewport.show_turned(orbit.turned(scene.camera, azimuth, 0.0))
+            self._jobs.worker.wake()
+
+    def stop(self) -> None:
+        """Stay where it is, as a part of the edit before."""
+        shown, scene, turned = self._viewport.baked_frame, self._editor.scene, self.turning
+        self._of = self._began = None
+        if turned and shown:
+            self._editor.join(replace(scene, camera=replace(scene.camera, azimuth=shown.camera.azimuth)))
