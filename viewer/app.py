@@ -9,6 +9,7 @@ import moderngl
 from imgui_bundle import hello_imgui, imgui
 
 from core.models.library import shipped_models
+from core.runtime.files import THUMBNAILS, cache_folder
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
@@ -20,6 +21,7 @@ from viewer.screen.baked_canvas import BakedCanvas, is_fast
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, is_there
 from viewer.services.clipboard import Clipboard
+from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.services.messages import error_text
 from viewer.services.user_objects import UserObjects
 from viewer.session import Session
@@ -70,6 +72,7 @@ class App:
             session.view = replace(session.view, quality=QUALITIES[self.context.preferences.quality])
             session.user_objects, self.context.clipboard = UserObjects(folder / "mine"), Clipboard(folder / "pasted")
             self.context.autosave = Autosave(session, folder)
+            session.kept_thumbnails = KeptThumbnails(cache_folder() / THUMBNAILS)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None
         self._surface: moderngl.Framebuffer | None = None

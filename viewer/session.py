@@ -11,6 +11,7 @@ from core.models.scene import open_scene, scene_model
 from viewer.activities.fit_stream import FitOptions
 from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
+from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.services.messages import Button, MessageKind, Messages
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
@@ -39,6 +40,8 @@ class Session:
         """the name of the model on its way"""
         self.user_objects = UserObjects()
         """the objects that last from launch to launch"""
+        self.kept_thumbnails = KeptThumbnails()
+        """of a model's objects, which last too"""
         self.archive = Signal[Project]()
         """emitted with what is about to be replaced, or cannot be continued with"""
         self._deferred: list[Callable[[], None]] = []
@@ -208,7 +211,8 @@ class Session:
         """Give a model a workspace, once that stands in place of the old one, and go on with what was made with it."""
         if self.workspace:
             self.view = self.workspace.viewport.settings
-        begun = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, self.user_objects)
+        kept = self.user_objects, self.kept_thumbnails
+        begun = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, *kept)
         if self.workspace:
             self.workspace.close()
         self.model_name, self.workspace = name, begun

@@ -15,6 +15,7 @@ from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
+from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job
 from viewer.values import orbit
@@ -38,6 +39,7 @@ class Workspace:
         view: ViewSettings,
         fit: FitOptions,
         user_objects: UserObjects,
+        kept_thumbnails: KeptThumbnails,
     ) -> None:
         self.model, self._jobs, self._user_objects = model, jobs, user_objects
         self._directions = user_objects.directions(model)
@@ -54,7 +56,7 @@ class Workspace:
         self._prompting: tuple[PhotoSource, ...] = ()
         """whose object is being pointed out, as it was not found"""
         self.viewport = Viewport(jobs, self.editor, view)
-        self.thumbnails = Thumbnails(jobs, model)
+        self.thumbnails = Thumbnails(jobs, model, kept_thumbnails)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
         self.grid = Grid(jobs)
         self.player = Player(jobs, self.editor, self.viewport)

@@ -2,13 +2,13 @@
 
 import argparse
 
-from core.runtime.files import VIEW_BANKS, cache_folder
+from core.runtime.files import THUMBNAILS, VIEW_BANKS, cache_folder
 
 
 def cache(chosen: argparse.Namespace) -> None:
     """``cache``: prints the folder and the size of each file in it; with ``--clear`` the files are removed."""
     folder = cache_folder()
-    files = sorted(path for path in (folder / VIEW_BANKS).glob("*") if path.is_file())
+    files = sorted(path for kind in (THUMBNAILS, VIEW_BANKS) for path in (folder / kind).glob("*") if path.is_file())
     print(folder, flush=True)
     for path in files:
         size = path.stat().st_size / 1e6

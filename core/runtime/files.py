@@ -12,8 +12,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-VIEW_BANKS = "view-banks"
-"""folder of the cache folder"""
+VIEW_BANKS, THUMBNAILS = "view-banks", "thumbnails"
+"""folders of the cache folder"""
 _CACHE_VARIABLE = "CODENERF_CACHE"
 """of the environment: another folder than the platform's"""
 

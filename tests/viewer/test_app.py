@@ -4,6 +4,7 @@ import sys
 import textwrap
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +13,10 @@ from imgui_bundle import hello_imgui, imgui
 
 from core.models.model import Model
 from core.models.scene import Scene
+from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.machine import slowness
-from tests.viewer.stand_ins import endless_fit
+from tests.viewer.stand_ins import endless_fit, quick_frames
 from viewer import app
 from viewer.panels import all_panels
 from viewer.services.backend import Backend
@@ -407,3 +409,27 @@ def test_bad_files_are_reported_and_change_nothing(
         window.context.drop([])
 
     drive(act)
+
+
+def test_objects_have_their_thumbnails_at_once_at_the_next_launch(
+    drive: Drive, backend: Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CODENERF_CACHE", str(tmp_path / "cache"))
+    rendered = list[int]()
+
+    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+        rendered.append(job.camera.width)
+        return quick_frames(model, job)
+
+    def tiles(window: Driver) -> None:
+        objects, thumbnails = window.workspace.editor.objects, window.workspace.thumbnails
+        window.wait(lambda: all(thumbnails.of_object(objects[name].codes) for name in objects.names[:2]))
+        window.wait()
+        counts.append(rendered.count(32))  # coarse ones, which come before all others
+
+    counts = list[int]()
+    for _ in range(2):
+        rendered.clear()
+        drive(tiles, replace(backend, frames=counted), folder=tmp_path / "config")
+    assert counts[0] > counts[1]
+    assert len(list((tmp_path / "cache" / "thumbnails").iterdir())) == 1

@@ -1,15 +1,20 @@
 """Small renders of any codes from any camera, made beside everything else and kept for a while: the one queue."""
 
+import hashlib
 from collections import OrderedDict
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.services.jobs import Jobs
+from viewer.services.kept_thumbnails import KeptThumbnails, Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
 
@@ -36,12 +41,30 @@ class _Key(NamedTuple):
     samples: int
     detail: PhotoDetail | None
 
+    @property
+    def digest(self) -> str:
+        """For files; of keys without photos."""
+        text = f"{self.camera} {self.samples}".encode()
+        return hashlib.blake2b(self.shape + self.texture + text, digest_size=16).hexdigest()
+
+
+def _key(codes: Codes, camera: Camera, samples: int) -> _Key:
+    shape, texture = codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes()
+    return _Key(shape, texture, camera, samples, codes.detail)
+
+
+def _frame(pixels: Pixels, samples: int) -> Frame:
+    opacity = pixels[..., 3] / np.float32(255)
+    return Frame(pixels[..., :3], np.zeros_like(opacity), opacity, 0, 1, samples, 0.0)
+
 
 class Thumbnails:
     """The worker renders the thumbnails that panels want in a frame; those that are wanted no more are dropped."""
 
-    def __init__(self, jobs: Jobs, model: Model) -> None:
-        self._jobs, self._model = jobs, model
+    def __init__(self, jobs: Jobs, model: Model, kept: KeptThumbnails | None = None) -> None:
+        self._jobs, self._model, self._kept = jobs, model, kept or KeptThumbnails()
+        self._on_disk, self._wanted = self._kept.load(model), dict[_Key, str]()
+        """pictures that were kept, and the names of those to keep: of objects from the first view"""
         self._home = orbit.home(model)
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()
         self._queue: dict[_Key, RenderJob] = {}
@@ -54,8 +77,15 @@ class Thumbnails:
         return len(self._frames)
 
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
-        """An object from where the model is first seen; see :meth:`get`."""
-        return self.get(codes, self._home.resized(size, size), samples=samples)
+        """An object from where the model is first seen; see :meth:`get`. The usual size is kept on disk."""
+        camera = self._home.resized(size, size)
+        if size == SIZE and codes.detail is None:
+            key = _key(codes, camera, samples)
+            if key not in self._wanted:
+                self._wanted[key] = key.digest
+                if (found := self._on_disk.get(key.digest)) is not None and key not in self._frames:
+                    self._frames[key] = _frame(found, samples)
+        return self.get(codes, camera, samples=samples)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
         """The thumbnail at the camera's size; until that is rendered a coarse one, before it None. To be called in
@@ -64,15 +94,14 @@ class Thumbnails:
         Args:
             soon: before the others, as someone waits for it.
         """
-        shape, texture = codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes()
-        key = _Key(shape, texture, camera, samples, codes.detail)
+        key = _key(codes, camera, samples)
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
         if min(camera.width, camera.height) <= _COARSE:
             self._want(key, codes, soon)
             return None
-        coarse = _Key(shape, texture, camera.resized(_COARSE, _COARSE), min(samples, _COARSE_SAMPLES), codes.detail)
+        coarse = key._replace(camera=camera.resized(_COARSE, _COARSE), samples=min(samples, _COARSE_SAMPLES))
         found = self._frames.get(coarse)
         self._want(key if found or coarse in self._failed else coarse, codes, soon)
         return found
@@ -88,7 +117,10 @@ class Thumbnails:
         # Coarse ones first; the sort keeps the order otherwise.
         queue = sorted(self._queue.items(), key=lambda one: one[0].camera.width > _COARSE)
         batch, self._queue = queue[:_BATCH], {}
-        if not batch or self._jobs.busy("thumbnails"):
+        if self._jobs.busy("thumbnails"):
+            return
+        if not batch:
+            self._save()
             return
 
         def ended(error: Exception | None) -> None:
@@ -97,6 +129,24 @@ class Thumbnails:
                 self._jobs.messages.report("Cannot render the thumbnails", error)
 
         self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=_SHARE))
+
+    def _save(self) -> None:
+        """Nothing is to be rendered: keep what is there of objects, if that is more than is kept."""
+        new = {
+            name: np.dstack((self._frames[key].image, to_bytes(self._frames[key].opacity)))
+            for key, name in self._wanted.items()
+            if name not in self._on_disk and key in self._frames
+        }
+        if not new:
+            return
+        self._on_disk |= new
+        kept, model, on_disk = self._kept, self._model, self._on_disk
+
+        def stream() -> Iterator[None]:
+            kept.save(model, on_disk)
+            yield None
+
+        self._jobs.submit(Job("thumbnails", stream, lambda nothing: None, share=_SHARE))
 
     def close(self) -> None:
         """Render no more."""

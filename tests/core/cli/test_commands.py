@@ -364,10 +364,13 @@ def test_what_is_kept_is_listed_and_cleared(tmp_path: Path, capsys, monkeypatch)
     assert capsys.readouterr().out == f"{kept}\nnothing is kept\n"
     (kept / "view-banks").mkdir(parents=True)
     (kept / "view-banks/a.view-bank-1.safetensors").write_bytes(bytes(1_300_000))
+    (kept / "thumbnails").mkdir()
+    (kept / "thumbnails/a.thumbnails-1.safetensors").write_bytes(bytes(200_000))
     (kept / "mine.txt").touch()
     for words, end in ("cache", ""), ("cache --clear", "  removed"):
         run(words)
-        assert capsys.readouterr().out.endswith(f"\n1.3 MB  view-banks/a.view-bank-1.safetensors{end}\n")
+        listed = ("0.2 MB  thumbnails/a.thumbnails-1", "1.3 MB  view-banks/a.view-bank-1")
+        assert capsys.readouterr().out.endswith("".join(f"\n{one}.safetensors{end}" for one in listed) + "\n")
     run("cache")
     assert "nothing is kept" in capsys.readouterr().out
     assert (kept / "mine.txt").exists()

@@ -1,11 +1,16 @@
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import finish
 from tests.viewer.stand_ins import quick_frames
+from viewer.activities.thumbnails import SIZE, Thumbnails
 from viewer.editor import Editor
+from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.session import Session
 from viewer.workspace import Workspace
 
@@ -95,3 +100,24 @@ def test_coarse_thumbnails_come_first(session: Session, workspace: Workspace, mo
         finish(session)
     assert sizes == [0, 32, 64]
     assert rendered == [32, 32, 32, 64, 64, 64]
+
+
+def test_objects_have_their_thumbnails_at_once_the_next_time(session: Session, model: Model, tmp_path: Path) -> None:
+    kept, camera = KeptThumbnails(tmp_path), model.camera(0.1, 0.2).resized(16, 16)
+
+    def shown(first: Thumbnails) -> list[Frame | None]:
+        first.get(model.codes[0], camera)  # of a panel: not kept
+        return [first.of_object(model.codes[index]) for index in range(3)]
+
+    first = Thumbnails(session.jobs, model, kept)
+    while (before := shown(first)) and (None in before or min(one.image.shape[0] for one in before if one) < SIZE):
+        first.tick()
+        finish(session)
+    first.tick()
+    finish(session)
+    again = shown(Thumbnails(session.jobs, model, kept))
+    for one, other in zip(before, again, strict=True):
+        assert one and other
+        np.testing.assert_array_equal(one.image, other.image)
+        np.testing.assert_allclose(one.opacity, other.opacity, atol=1 / 255)
+    assert len(kept.load(model)) == 3

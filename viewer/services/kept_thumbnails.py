@@ -1,0 +1,46 @@
+"""Thumbnails of a model's objects, kept from one launch to the next: a file for each model."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from core.models.model import Model
+from core.runtime.files import atomic_file
+
+_FORMAT = "thumbnails-1"
+"""another one where renders look different"""
+Pixels = UInt8[np.ndarray, "height width 4"]
+
+
+class KeptThumbnails:
+    """Pictures (rgb on white, and opacity) by a text that says all that they depend on."""
+
+    def __init__(self, folder: Path | None = None) -> None:
+        """``folder`` None keeps nothing."""
+        self._folder = folder
+
+    def load(self, model: Model) -> dict[str, Pixels]:
+        """Those of a model; none where they cannot be read."""
+        if self._folder:
+            with suppress(OSError, SafetensorError, ValueError):
+                found = load_file(self._path(model))
+                return {key: one for key, one in found.items() if one.dtype == np.uint8 and one.shape[2:] == (4,)}
+        return {}
+
+    def save(self, model: Model, pictures: Mapping[str, Pixels]) -> None:
+        """Keep these and no others of a model, where the folder can be written to."""
+        if self._folder:
+            with suppress(OSError, SafetensorError, ValueError):
+                path = self._path(model)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with atomic_file(path) as partial:
+                    save_file(dict(pictures), partial)
+
+    def _path(self, model: Model) -> Path:
+        assert self._folder is not None, "nothing is kept"
+        return self._folder / f"{model.fingerprint}.{_FORMAT}.safetensors"
