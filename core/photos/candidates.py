@@ -18,10 +18,8 @@ from core.photos.saliency import predict_saliency
 
 _CORE, _FAINT = 0.9, 0.1
 """opacities above and below which the saliency network has no doubt"""
-_LEVELS = {"": 0.5, ", faint too": 0.25, ", sure only": 0.75}
-"""opacities from which a pixel is the object's: legs are nothing but edge to it and faint, and what stands behind is
-less sure than what stands in front
-"""
+_HINT = 0.25
+"""opacity from which it may have seen a leg: thin things are nothing but edge to it"""
 NETWORK_ERROR = 0.006
 """of what the network looks at: two pixels of its own image, by which its edges may be off"""
 _ROOM = 0.15
@@ -117,9 +115,7 @@ class Seen:
         looks, side = [Look("network", self.salient, max(self.image.size))], max(self.image.size)
         if self.point is None and (even := predict_saliency(self.image, True)) is not None:
             looks.append(Look("network, contrast evened", even, side))
-        left, top, right, bottom = box = _box_around(
-            np.max([look.salient for look in looks], axis=0) > _LEVELS[", faint too"]
-        )
+        left, top, right, bottom = box = _box_around(np.max([look.salient for look in looks], axis=0) > _HINT)
         if (right - left) * (bottom - top) < _CLOSER * self.salient.size:
             closer = self._within(box, even=True)
             if closer is not None:
@@ -148,10 +144,10 @@ def by_background(seen: Seen) -> Iterator[Candidate]:
 
 
 def by_network(seen: Seen) -> Iterator[Candidate]:
-    """The saliency network's answers, each from three opacities on."""
+    """The saliency network's answers, and all that is faint in them too."""
     for name, salient, side in seen.looks:
-        for level, least in _LEVELS.items():
-            yield _of_network(name + level, _raised(salient, least), side)
+        yield _of_network(name, salient, side)
+        yield _of_network(f"{name}, faint too", (salient * (0.5 / _HINT)).clip(0, 1), side)
 
 
 def by_colours(seen: Seen) -> Iterator[Candidate]:
@@ -216,13 +212,6 @@ def _of_network(found_by: str, salient: Float[np.ndarray, "height width"], side:
     """Inside an object the network may be unsure what it sees, but not that there is something."""
     inside = binary_erosion(salient > 0.5, iterations=_network_pixels(side))
     return Candidate(found_by, np.where(inside, np.float32(1), salient), NETWORK_ERROR * side)
-
-
-def _raised(salient: Float[np.ndarray, "height width"], least: float) -> Float[np.ndarray, "height width"]:
-    """Scaled from that end at which ``least`` becomes a half."""
-    if least > 0.5:
-        return 1 - (0.5 / (1 - least) * (1 - salient)).clip(0, 1)
-    return (0.5 / least * salient).clip(0, 1)
 
 
 def _network_pixels(side: float) -> int:
