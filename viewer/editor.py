@@ -196,7 +196,8 @@ class Editor:
 
     def join(self, scene: Scene) -> None:
         """Change the scene as a part of the edit before."""
-        self._go(replace(self.history, now=replace(self.state, scene=scene)))
+        if scene != self.scene:
+            self._go(replace(self.history, now=replace(self.state, scene=scene)))
 
     def improve(self, name: str, better: EditableObject, camera: Camera) -> bool:
         """Put a better one in the place of an added object. Whether that is shown: only where the object was, unedited.
