@@ -10,7 +10,6 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
@@ -28,12 +27,6 @@ CELLS = 64
 """Cells along each axis of the box."""
 _MIN_OPACITY = 0.001
 """A corner whose cell would take less of the light than this is empty."""
-_DENSE = 0.03
-"""A cell that takes no more of the light than this joins nothing to the object."""
-_SPECK = 0.01
-"""Share of the object's opacity: what is apart from it and has less is no part of it."""
-_HAZE = 2
-"""cells around what is dense: haze farther away is no part of the object"""
 _FINE_TOLERANCE = 0.002
 """Share of a ray's light that may be neglected with :data:`_FINE_SAMPLES` intervals."""
 _FINE_SAMPLES = 192
@@ -88,8 +81,7 @@ class Occupancy:
                 corners = _densities_around(folded, known, rows)
             else:
                 corners = _complete_densities(folded, known, limit)
-        most = max_of_corners(corners)
-        self.cells: Bool[Tensor, "cells cells cells"] = without_specks(most > limit, most * self.cell.amin())
+        self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
         self._flat = self.cells.flatten()
         self._min_density = -max_of_corners(-corners).flatten()
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
@@ -173,26 +165,6 @@ class Occupancy:
         )
         near, far = (tile.index_select(0, rows).index_select(1, columns) for tile in (-tiles[0], tiles[1]))
         return near, far
-
-
-def without_specks(cells: Bool[Tensor, "x y z"], optical_depth: Float[Tensor, "x y z"]) -> Bool[Tensor, "x y z"]:
-    """The cells near the object: without specks, which nothing as dense joins to it, and without haze far from it.
-
-    Args:
-        optical_depth: of each cell.
-    """
-    from scipy.ndimage import label  # a tenth of a second that a command's --help need not wait for
-
-    opacity = (-torch.expm1(-optical_depth) * cells).cpu().numpy()
-    part, count = label(opacity > _DENSE, np.ones((3, 3, 3)))
-    if not count:
-        return cells
-    mass = np.bincount(part.ravel(), opacity.ravel())
-    mass[0] = 0.0  # of what is not dense
-    near = torch.from_numpy((mass >= _SPECK * mass.max())[part]).to(cells.device)
-    for _ in range(_HAZE):
-        near = with_neighbours(near)
-    return cells & near
 
 
 def _cumulative_per_ray(
