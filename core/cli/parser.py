@@ -189,7 +189,9 @@ def _add_preset(command: argparse.ArgumentParser) -> None:
 
 
 def _add_cache(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "cache", "cache.cache", "list what is kept on disk to start faster: view banks, thumbnails")
+    command = add_command(
+        commands, "cache", "cache.cache", "list what is kept on disk to start faster: view banks, thumbnails"
+    )
     command.add_argument("--clear", action="store_true", help="remove it; it is made again when it is needed")
 
 

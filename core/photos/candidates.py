@@ -144,8 +144,11 @@ def by_background(seen: Seen) -> Iterator[Candidate]:
 
 
 def by_network(seen: Seen) -> Iterator[Candidate]:
-    """The saliency network's answers, and all that is faint in them too."""
+    """The saliency network's answers, and all faint in them too; none that has lost nearly all of the object."""
+    most = max((int((look.salient > 0.5).sum()) for look in seen.looks), default=0)
     for name, salient, side in seen.looks:
+        if (salient > 0.5).sum() < _PART * most:
+            continue
         yield _of_network(name, salient, side)
         yield _of_network(f"{name}, faint too", (salient * (0.5 / _HINT)).clip(0, 1), side)
 

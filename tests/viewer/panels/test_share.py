@@ -67,6 +67,9 @@ def test_the_preview_is_the_first_frame_on_its_background(
     block = filled(model, 100.0)
 
     def act(window: Driver) -> None:
+        editor = window.workspace.editor
+        camera = editor.scene.camera
+        editor.set_camera(replace(camera, distance=0.6 * camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
         preview = window.workspace.exporting.preview
         window.wait(lambda: preview.frame is not None)
