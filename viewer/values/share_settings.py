@@ -110,9 +110,13 @@ class ShareSettings:
         return replace(self, background="colour", red=red, green=green, blue=blue)
 
     def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
-        """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same."""
+        """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same; a
+        turntable that fills its frame is seen from no nearer than the model's images are, however near the view is.
+        """
         if self.kind == "turntable":
-            shots = turntable(scene.codes, scene.camera, self.frames)
+            nearest = model.distance if self.fill else 0.0
+            camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))
+            shots = turntable(scene.codes, camera, self.frames)
         elif self.kind == "video":
             shots = timeline.views(self.rate)
         else:

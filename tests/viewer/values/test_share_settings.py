@@ -53,6 +53,15 @@ def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
 
 
+@pytest.mark.parametrize(("fill", "nearest"), [(True, 1.0), (False, 0.4)])
+def test_a_turntable_that_fills_its_frame_keeps_the_usual_perspective(
+    model: Model, scene: Scene, fill: bool, nearest: float
+) -> None:
+    near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
+    views = ShareSettings(frames=3, size=40, fill=fill).views(model, near, Timeline())
+    assert {view.camera.distance for view in views} == {nearest * model.distance}
+
+
 def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:
     video = ShareSettings("video", rate=10)
     for distance, nearer in ((6.0, True), (0.5, False)):
