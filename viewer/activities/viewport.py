@@ -30,8 +30,8 @@ _EXACT_DELAY = 0.15
 """s without a change after which the exact image is rendered that replaces one drawn by OpenGL"""
 _BAKE_SHARE = 0.5
 """of the worker's time"""
-_FULL_RESOLUTION_SHARE = 0.5
-"""of the worker's time"""
+_SHARPENING_SHARE = 0.15
+"""of the worker's time for what no hand waits for, against exports and fits; alone it has all of it"""
 
 
 class Viewport:
@@ -157,7 +157,7 @@ class Viewport:
         if rests and not self._jobs.busy("fit"):
             self._last_render = None
             pixels = (request.full / request.preview) ** 2
-            self._sharpens = now, pixels * (self.times[-1][1] if self.times else 0.0) / _FULL_RESOLUTION_SHARE
+            self._sharpens = now, pixels * (self.times[-1][1] if self.times else 0.0)
             self._submit(request, request.full, continues=True)
 
     # Baked by core, drawn by OpenGL
@@ -299,7 +299,7 @@ class Viewport:
 
         frames, model = self._jobs.backend.frames, self._editor.model
         ended = self._jobs.reporting("Cannot render the object")
-        share = _FULL_RESOLUTION_SHARE if continues else 1.0
+        share = 1.0 if urgent else _SHARPENING_SHARE
         self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent, share))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
