@@ -79,13 +79,12 @@ class Thumbnails:
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
         """An object from where the model is first seen; see :meth:`get`. The usual size is kept on disk."""
         camera = self._home.resized(size, size)
-        if size == SIZE and codes.detail is None:
-            key = _key(codes, camera, samples)
-            if key not in self._wanted:
-                self._wanted[key] = key.digest
-                if (found := self._on_disk.get(key.digest)) is not None and key not in self._frames:
-                    self._frames[key] = _frame(found, samples)
-        return self.get(codes, camera, samples=samples)
+        key = _key(codes, camera, samples)
+        if size == SIZE and codes.detail is None and key not in self._wanted:
+            self._wanted[key] = name = key.digest
+            if (found := self._on_disk.get(name)) is not None and key not in self._frames:
+                self._frames[key] = _frame(found, samples)
+        return self._get(key, codes)
 
     def get(self, codes: Codes, camera: Camera, soon: bool = False, samples: int = _SAMPLES) -> Frame | None:
         """The thumbnail at the camera's size; until that is rendered a coarse one, before it None. To be called in
@@ -94,10 +93,13 @@ class Thumbnails:
         Args:
             soon: before the others, as someone waits for it.
         """
-        key = _key(codes, camera, samples)
+        return self._get(_key(codes, camera, samples), codes, soon)
+
+    def _get(self, key: _Key, codes: Codes, soon: bool = False) -> Frame | None:
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
+        camera, samples = key.camera, key.samples
         if min(camera.width, camera.height) <= _COARSE:
             self._want(key, codes, soon)
             return None
