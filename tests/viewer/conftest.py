@@ -14,7 +14,7 @@ from core.detail.frames import render_progressively
 from core.models.model import Model
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
-from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames, quick_pace, quick_photo, quick_pictures
+from tests.viewer.stand_ins import Clock, no_guess, quick_fit, quick_frames, quick_pace, quick_photo, quick_pictures
 from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
@@ -29,6 +29,11 @@ from viewer.workspace import Workspace
 def _no_saliency_network(monkeypatch: pytest.MonkeyPatch) -> None:
     """It has tests of its own; here a person points at what stands before a cluttered background."""
     monkeypatch.setitem(sys.modules, "rembg", None)
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
 
 
 @pytest.fixture(scope="session")

@@ -23,6 +23,15 @@ from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 
+class Clock:
+    """Stands until it is moved."""
+
+    now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
 def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
     """A disc whose colour follows the texture, its size the shape and the distance, its place the camera's angles."""
     codes, camera, stages = job.codes, job.camera, job.settings.divisors

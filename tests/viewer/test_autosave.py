@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import endless_fit
+from tests.viewer.stand_ins import Clock, endless_fit
 from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
@@ -19,20 +19,6 @@ from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.project import Project
 from viewer.workspace import Workspace
-
-
-class Clock:
-    """Stands until it is moved."""
-
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 def edit(session: Session, photo: Path) -> None:

@@ -4,24 +4,12 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.driver import finish
-from tests.viewer.stand_ins import Bakery
+from tests.viewer.stand_ins import Bakery, Clock
 from viewer.activities.idle_turn import IdleTurn
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.workspace import Workspace
-
-
-class Clock:
-    now = 0.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 @pytest.fixture

@@ -3,27 +3,13 @@ from pathlib import Path
 import pytest
 
 from tests.viewer.driver import finish
+from tests.viewer.stand_ins import Clock
 from viewer.activities.player import Player
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.share_settings import ShareSettings
 from viewer.workspace import Workspace
-
-
-class Clock:
-    """Stands until it is moved."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock() -> Clock:
-    return Clock()
 
 
 @pytest.fixture
@@ -56,7 +42,7 @@ def test_playing_goes_with_the_clock_and_round(editor: Editor, player: Player, c
     editor.end_gesture()
     player.play()
     for passed, stands in ((1.0, 1.0), (3.5, 3.5), (5.0, 1.0)):
-        clock.now = 100.0 + passed
+        clock.now = passed
         player.tick()
         assert player.seconds == pytest.approx(stands)
         assert editor.scene.codes == player.timeline.at(stands).codes
