@@ -5,6 +5,8 @@ uncertainties of the same fits calibrate :mod:`core.fitting.confidence`.
 """
 
 import math
+import time
+from bisect import bisect_right
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -44,6 +46,7 @@ class FitTrial:
     """of the object"""
     view: int
     seconds: float
+    """of the processor, so that other programs do not count; of the clock on a graphics card"""
     initial_rotation: float
     """degrees, error after the first step"""
     rotation: float
@@ -129,7 +132,11 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
     """Fits a view without its camera and compares with the truth. ``preset`` is only a name."""
     views, index = target.views, target.index
     job = FitJob((as_photo(views, index, False),), method.settings, seed, components=method.components)
-    steps = list(fit_as_set(model, job))
+    clock = time.perf_counter if model.device.type == "cuda" else time.process_time
+    began, steps, seconds = clock(), list[FitStep](), list[float]()
+    for step in fit_as_set(model, job):
+        steps.append(step)
+        seconds.append(clock() - began)
     last, errors = steps[-1], [rotation_error(step.cameras[0], target.camera) for step in steps]
     remaining = [other for other in range(len(views.cameras)) if other != index]
     others = remaining[:: max(1, len(remaining) // HELD_OUT_VIEWS)][:HELD_OUT_VIEWS]
@@ -141,7 +148,7 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         preset,
         views.name,
         index,
-        seconds=last.seconds,
+        seconds=seconds[-1],
         initial_rotation=errors[0],
         rotation=errors[-1],
         translation=translation_error(last.cameras[0], target.camera),
@@ -150,14 +157,14 @@ def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, 
         margin=last.margin,
         uncertainty=last.uncertainty,
         confidence=last.confidence,
-        rotation_curve=tuple(errors[_step_at(steps, time)] for time in TIMES),
+        rotation_curve=tuple(errors[_step_at(seconds, moment)] for moment in TIMES),
         symmetric=symmetric,
     )
 
 
-def _step_at(steps: Sequence[FitStep], seconds: float) -> int:
+def _step_at(seconds: Sequence[float], moment: float) -> int:
     """Index of the last step that a fit had finished by then; the first before that."""
-    return max((index for index, step in enumerate(steps) if step.seconds <= seconds), default=0)
+    return max(0, bisect_right(seconds, moment) - 1)
 
 
 def summarise_presets(trials: Sequence[FitTrial]) -> tuple[FitSummary, ...]:
@@ -171,9 +178,9 @@ def summarise_fits(preset: str, trials: Sequence[FitTrial]) -> FitSummary:
     rotations = [trial.effective_rotation for trial in trials]
     translations = [0.0 if trial.symmetric else trial.translation for trial in trials]
     curve = []
-    for number, time in enumerate(TIMES):
+    for number, moment in enumerate(TIMES):
         errors = [trial.rotation_curve[number] for trial in trials]
-        curve.append((time, median(errors), share_within(errors, 5.0).mean))
+        curve.append((moment, median(errors), share_within(errors, 5.0).mean))
     return FitSummary(
         preset,
         len(trials),
