@@ -1,12 +1,13 @@
 """The value of each component of a blind fit: the ``normal`` preset, and the same without one component at a time.
 
-Every view is fitted in all these ways, one right after the other, and each is compared with the full fit of the same
-view: views differ by far more than components do.
+Every view is fitted in all these ways, one right after the other, and each is compared with the full fits of the same
+view: views differ by far more than components do. The full method has several seeds: one lucky seed would make all
+components look worth something.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from statistics import median
+from statistics import fmean, median
 
 import torch
 
@@ -20,8 +21,13 @@ from core.models.model import Model
 
 FULL = "full"
 _USUAL = PRESETS["normal"]
-ABLATIONS: dict[str, FitMethod] = {
+REPEATS: dict[str, FitMethod] = {
     FULL: FitMethod(_USUAL),
+    "full, second seed": FitMethod(_USUAL, seed=1000),
+    "full, third seed": FitMethod(_USUAL, seed=2000),
+}
+ABLATIONS: dict[str, FitMethod] = {
+    **REPEATS,
     "without the view bank": FitMethod(_USUAL, Components(view_bank=False, prototype_shapes=False)),
     "without the viewpoint classifier": FitMethod(_USUAL, Components(viewpoint_classifier=False)),
     "without fresh codes for the local search": FitMethod(_USUAL, Components(fresh_codes=False)),
@@ -36,12 +42,13 @@ ABLATIONS: dict[str, FitMethod] = {
     "without the mask loss": FitMethod(_USUAL, Components(mask_loss=False)),
     "in float32": FitMethod(_USUAL, dtype=torch.float32),
 }
-"""All but the first leave something out."""
+"""All but the repeats leave something out."""
 
 
 @dataclass(frozen=True)
 class Ablation:
-    """The preset without one component, beside the full one."""
+    """The preset without one component, beside the mean of the full fits of the same views; one of these beside the
+    others, which says what is noise."""
 
     summary: FitSummary
     gain: Mean
@@ -53,12 +60,26 @@ class Ablation:
 def measure_ablations(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | Results[Ablation]]:
     """Yields what is being measured, and at the end the results: :data:`FULL`, then without each component."""
     trials = yield from fit_views(model, targets, ABLATIONS)
-    by_name = {name: [trial for trial in trials if trial.preset == name] for name in ABLATIONS}
-    found = tuple(_ablation(name, some, by_name[FULL]) for name, some in by_name.items())
-    yield Results({"machine": describe_machine(model.device)}, found)
+    yield Results({"machine": describe_machine(model.device)}, summarise_ablations(trials))
 
 
-def _ablation(name: str, trials: Sequence[FitTrial], full: Sequence[FitTrial]) -> Ablation:
-    gain = mean_gain([one.held_out for one in trials], [one.held_out for one in full])
-    times = [one.seconds / other.seconds for one, other in zip(trials, full, strict=True)]
-    return Ablation(summarise_fits(name, trials), gain, median(times))
+def summarise_ablations(trials: Sequence[FitTrial]) -> tuple[Ablation, ...]:
+    """One row per method, in the order of the trials; each on the views that it was measured on."""
+    by_name: dict[str, dict[tuple[str, int], FitTrial]] = {
+        name: {} for name in dict.fromkeys(trial.preset for trial in trials)
+    }
+    for trial in trials:
+        by_name[trial.preset][trial.name, trial.view] = trial
+    return tuple(_ablation(name, by_name) for name in by_name)
+
+
+def _ablation(name: str, by_name: Mapping[str, Mapping[tuple[str, int], FitTrial]]) -> Ablation:
+    found = by_name[name]
+    full = {view: [by_name[other][view] for other in REPEATS if other != name] for view in found}
+    gain = mean_gain([one.held_out for one in found.values()], [_held_out(others) for others in full.values()])
+    times = [one.seconds / fmean(other.seconds for other in full[view]) for view, one in found.items()]
+    return Ablation(summarise_fits(name, tuple(found.values())), gain, median(times))
+
+
+def _held_out(trials: Sequence[FitTrial]) -> float:
+    return fmean(trial.held_out for trial in trials)

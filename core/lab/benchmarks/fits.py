@@ -105,6 +105,8 @@ class FitMethod(NamedTuple):
     components: Components = ALL_COMPONENTS
     dtype: torch.dtype | None = None
     """of multiplications; None for the machine's"""
+    seed: int = 0
+    """of its random numbers, added to the view's"""
 
 
 def measure_fits(
@@ -124,7 +126,7 @@ def fit_views(
         for name, method in methods.items():
             yield f"{target.views.name}, {name}"
             with use_dtype(method.dtype) if method.dtype else nullcontext():
-                trials.append(fit_view(model, target, name, method, number))
+                trials.append(fit_view(model, target, name, method, number + method.seed))
     return trials
 
 

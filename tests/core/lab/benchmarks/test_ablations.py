@@ -4,7 +4,7 @@ import pytest
 
 from core.fitting.settings import ALL_COMPONENTS, PRESETS
 from core.lab.benchmarks import fits
-from core.lab.benchmarks.ablations import ABLATIONS, FULL, Ablation, measure_ablations
+from core.lab.benchmarks.ablations import ABLATIONS, FULL, REPEATS, Ablation, measure_ablations, summarise_ablations
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.fits import TIMES, FitMethod, FitTrial
 from core.lab.benchmarks.held_out_views import HeldOutView
@@ -24,9 +24,12 @@ def found(monkeypatch: pytest.MonkeyPatch) -> Results[Ablation]:
     def fit_view(model: Model, target: HeldOutView, preset: str, method: FitMethod, seed: int) -> FitTrial:
         USED[preset] = method.settings, method.components, matmul_dtype("cpu")
         many = method.settings.hypotheses > 1
-        seconds, psnr = (4.0 if many else 1.0) * (1 + seed), 50.0 - 10 * seed - (not many)
+        index = int(target.views.name)
+        seconds, psnr = (4.0 if many else 1.0) * (1 + index), 50.0 - 10 * index - (not many)
         errors = (3.0, 2.0, 0.01)
-        return FitTrial(preset, "a", 0, seconds, *errors, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False)
+        return FitTrial(
+            preset, target.views.name, 0, seconds, *errors, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False
+        )
 
     monkeypatch.setattr(fits, "fit_view", fit_view)
     model = tiny_model()
@@ -46,7 +49,16 @@ def test_each_ablation_is_compared_with_the_full_fit_of_the_same_view(found: Res
 
 def test_every_ablation_leaves_something_out_and_no_two_the_same(found: Results[Ablation]) -> None:
     assert USED[FULL][:2] == (PRESETS["normal"], ALL_COMPONENTS)
-    assert len(set(USED.values())) >= len(ABLATIONS) - (USED["in float32"] == USED[FULL])
+    different = len(ABLATIONS) - len(REPEATS) + 1
+    assert len(set(USED.values())) >= different - (USED["in float32"] == USED[FULL])
+
+
+def test_a_seed_of_the_full_method_is_compared_with_the_other_seeds() -> None:
+    trials = [
+        FitTrial(name, "a", 0, 1.0, 3.0, 2.0, 0.01, 30.0, psnr, None, None, None, (2.0,) * len(TIMES), False)
+        for name, psnr in zip((*REPEATS, "in float32"), (20.0, 23.0, 26.0, 25.0), strict=True)
+    ]
+    assert [one.gain.mean for one in summarise_ablations(trials)] == [-4.5, 0.0, 4.5, 2.0]
 
 
 def test_the_table_has_a_row_for_every_ablation(found: Results[Ablation]) -> None:
