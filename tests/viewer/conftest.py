@@ -129,13 +129,16 @@ def opengl() -> None:
 
 
 @pytest.fixture
-def drive(backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFactory) -> Drive:
+def drive(
+    backend: Backend, opengl: None, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Drive:
     """Opens the real window and hands a :class:`Driver` to a function.
 
     ``strict`` makes a mistake in the use of imgui fail the test; in the program it is logged.
     """
     ours = backend
     captures = tmp_path_factory.mktemp("captures")
+    monkeypatch.setattr("viewer.app.is_fast", lambda gl: False)  # measured in half a second, and not alike everywhere
 
     def run(
         act: Callable[[Driver], None],
