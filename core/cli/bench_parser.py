@@ -90,20 +90,16 @@ def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentPa
         "measure.bench_architectures",
         "the paper's ablations M1 and M2; trains a model for each",
     )
-    recipe = add_command(
-        kinds, "recipe", "measure.bench_recipe", "the effect of each choice in the training recipe, at equal time"
-    )
-    recipe.add_argument("--seconds", type=count, default=120, help="of the processor, to train each model")
-    for kind in (size, shapes, recipe):
+    for kind in (size, shapes):
         kind.add_argument(
             "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
         )
         kind.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
-    for kind in (size, shapes, designs, recipe):
+    for kind in (size, shapes, designs):
         kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
     for kind, steps in ((size, 3000), (shapes, 6000), (designs, 4000)):
         kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
         kind.add_argument(
             "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
         )
-    return [size, shapes, designs, recipe]
+    return [size, shapes, designs]

@@ -22,7 +22,6 @@ from core.lab.benchmarks import (
     model_sizes,
     photo_detail,
     photos,
-    recipe,
     rendering,
     rendering_charts,
     robustness,
@@ -33,7 +32,7 @@ from core.lab.benchmarks.figures import fit_photo, write_figures
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
 from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects, read_dataset
+from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects
 from core.lab.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
 from core.lab.evaluation.protocol import evaluate as scored
@@ -219,20 +218,6 @@ def bench_architectures(chosen: argparse.Namespace) -> None:
     found = architectures.measure_architectures(chosen.datasets, chosen.steps, chosen.models)
     results = _write(chosen, "architectures", found)
     results.picture.save(chosen.out / "architectures.png", optimize=True)
-
-
-def bench_recipe(chosen: argparse.Namespace) -> None:
-    """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
-    drawing.prepare(chosen.out)
-    dataset, tests = read_dataset(chosen.datasets), _tests(chosen)
-    about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
-    about |= {"objects": str(len(dataset.objects)), "time": f"{chosen.seconds:g}"}
-    about |= {"tests": " ".join(entry.name for entry in tests)}
-    path = chosen.out / "recipe.csv"
-    done = {one.name for one in read_records(path, recipe.RecipeScore, about)}
-    for score in _said(recipe.measure_recipe(dataset, tests, chosen.seconds, done)):
-        append_record(path, about, score)
-    print(charts.draw(chosen.out, "recipe"), flush=True)
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:

@@ -20,7 +20,6 @@ from core.lab.benchmarks.fits import FitTrial
 from core.lab.benchmarks.model_sizes import ModelSize
 from core.lab.benchmarks.photo_detail import DetailView, FrameCost
 from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.recipe import RecipeScore
 from core.lab.benchmarks.robustness import RobustnessTrial
 from core.lab.benchmarks.scaling import ScalingPoint
 from core.lab.training.curve import CurvePoint, draw_curves
@@ -91,7 +90,6 @@ CHARTS = {
     "model_sizes": Chart(_rows_of(ModelSize), tables.model_sizes_table, training_charts.model_sizes_chart),
     "scaling": Chart(_rows_of(ScalingPoint), tables.scaling_table, training_charts.scaling_chart),
     "architectures": Chart(_rows_of(Architecture), tables.architectures_table),
-    "recipe": Chart(_rows_of(RecipeScore), tables.recipe_table, training_charts.recipe_chart),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
     "training": Chart(_read_curves, figure=draw_curves),
 }

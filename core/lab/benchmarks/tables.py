@@ -13,7 +13,6 @@ from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.recipe import RecipeScore
 from core.lab.benchmarks.rendering import Interaction, RenderRow, median_turns
 from core.lab.benchmarks.robustness import (
     ROUGH_DEGREES,
@@ -321,27 +320,6 @@ architectures_table = Table(
         ),
     ],
 )
-
-
-def recipe_table(found: Results[RecipeScore]) -> str:
-    """A line per variant of the recipe, the first of them the default."""
-    default = found.rows[0]
-    columns: list[Column] = [
-        ("recipe", "name", "{}"),
-        ("steps", "steps", "{}"),
-        ("time (s)", "seconds", "{:.0f}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        ("held out (dB)", lambda one: statistics.mean(one.held_out), "{:.2f}"),
-        ("difference to the default (dB)", lambda one: one.gain(default), format_difference),
-    ]
-    what = f"held out: {len(default.held_out)} objects, one view of known camera; 95 % intervals."
-    return _text(f"{recipe_title(found)}; {what}", markdown_table(columns, found.rows))
-
-
-def recipe_title(found: Results[RecipeScore]) -> str:
-    """Machine, data and time of all models."""
-    of = found.about
-    return f"{of['machine']}; {of['objects']} {of['category']}, about {of['time']} s each"
 
 
 # Photographs

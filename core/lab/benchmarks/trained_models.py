@@ -23,6 +23,7 @@ from core.models.model import Model
 from core.photos.view_bank import build_view_bank
 from core.runtime.files import write_json
 from core.runtime.reading import read_json, reading, typed
+from core.streams import run_to_end
 
 _NEW_VIEWS = 8
 """training objects of which a view that was not trained on is rendered"""
@@ -112,18 +113,6 @@ def trained_objects_views(entries: Sequence[ObjectEntry], category: str, model: 
     return hold_out(Dataset(some, category, model.image_size, model.focal), _NEW_VIEWS)[1]
 
 
-def held_out_psnrs(model: Model, tests: Sequence[ObjectEntry]) -> tuple[float, ...]:
-    """dB of other views of each object, fitted on one view from its true camera: the paper's, if there are so many."""
-    psnrs = []
-    for _ in build_view_bank(model):
-        pass
-    for entry in tests:
-        views, paper = entry.read(), EvaluationProtocol(every=_VIEW_STRIDE)
-        known = paper if len(views.cameras) > max(paper.inputs) else replace(paper, inputs=(0,))
-        psnrs += [score.psnr for score in evaluate(model, [views], known)]
-    return tuple(psnrs)
-
-
 def score_variants(
     trained: Sequence[TrainedModel], views: Dataset, tests: Sequence[ObjectEntry]
 ) -> Generator[str, None, list[Scores]]:
@@ -153,9 +142,12 @@ def _score(model: Model, name: str, views: Dataset, tests: Sequence[ObjectEntry]
     yield f"new views of training objects, {name}"
     new_views = held_out_psnr(model, views)
     psnrs, trials = list[float](), list[FitTrial]()
+    run_to_end(build_view_bank(model))
     for number, entry in enumerate(tests):
         yield f"fits, {name}, {entry.name}"
-        psnrs += held_out_psnrs(model, [entry])
+        test, paper = entry.read(), EvaluationProtocol(every=_VIEW_STRIDE)
+        known = paper if len(test.cameras) > max(paper.inputs) else replace(paper, inputs=(0,))
+        psnrs += [score.psnr for score in evaluate(model, [test], known)]
         (target,) = dataset_views(model, [entry], torch.Generator().manual_seed(number))
         trials.append(fit_view(model, target, "normal", FitMethod(PRESETS["normal"]), number))
     found = tuple(float(trial.effective_rotation <= RIGHT_DEGREES) for trial in trials)

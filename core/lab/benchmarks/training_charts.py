@@ -1,14 +1,12 @@
-"""Charts of the benchmarks that train models: model sizes, training shapes and recipes."""
+"""Charts of the benchmarks that train models: model sizes and training shapes."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.drawing import around, differences_figure, log_ticks, new_figure
+from core.lab.benchmarks.drawing import around, log_ticks, new_figure
 from core.lab.benchmarks.model_sizes import ModelSize
-from core.lab.benchmarks.recipe import RecipeScore
 from core.lab.benchmarks.scaling import ScalingPoint
-from core.lab.benchmarks.tables import recipe_title
 from core.lab.evaluation.statistics import Mean
 
 if TYPE_CHECKING:
@@ -64,15 +62,3 @@ def scaling_chart(found: Results[ScalingPoint]) -> "Figure":
 
 def _with_intervals(means: Sequence[Mean]) -> dict[str, Any]:
     return {"y": [one.mean for one in means], "yerr": around(means), "fmt": "o-", "capsize": 2}
-
-
-def recipe_chart(found: Results[RecipeScore]) -> "Figure":
-    """The gain of each variant of the recipe over the default."""
-    default, *others = found.rows
-    better = [one.new_views - default.new_views for one in others]
-    figure = differences_figure([one.name for one in others], better, 0.0, [one.gain(default) for one in others])
-    left, right = figure.axes
-    left.set(xlabel="training objects, new views (dB over the default)")
-    right.set(xlabel="held-out objects (dB over the default)")
-    figure.suptitle(recipe_title(found), fontsize=9)
-    return figure

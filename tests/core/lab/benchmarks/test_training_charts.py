@@ -1,8 +1,7 @@
 from pathlib import Path
 
-from core.lab.benchmarks.charts import draw, redraw, write
-from core.lab.benchmarks.csv_files import Results, append_record, read_results
-from core.lab.benchmarks.recipe import RecipeScore
+from core.lab.benchmarks.charts import redraw, write
+from core.lab.benchmarks.csv_files import Results, read_results
 from core.lab.benchmarks.scaling import ScalingPoint
 from core.lab.evaluation.statistics import Mean
 
@@ -21,15 +20,3 @@ def test_what_is_written_is_read_and_drawn_again(tmp_path: Path) -> None:
     (tmp_path / "scaling.png").unlink()
     assert redraw(tmp_path) == [tmp_path / "scaling.csv"]
     assert (tmp_path / "scaling.png").stat().st_size > 5000
-
-
-def test_recipes_are_drawn_beside_the_default(tmp_path: Path) -> None:
-    about = {"machine": "a machine", "category": "stools", "objects": "20", "time": "30"}
-    for name, better in (("default", 0), ("without masks", -1), ("twice the rays", 2)):
-        append_record(
-            tmp_path / "recipe.csv", about, RecipeScore(name, 100, 30.0, 25.0 + better, (20.0, 22.0 + better))
-        )
-    table = draw(tmp_path, "recipe")
-    assert "| default | 100 | 30 | 25.00 | 21.00 |" in table
-    assert "| without masks | 100 | 30 | 24.00 | 20.50 | -0.50 (" in table
-    assert (tmp_path / "recipe.png").stat().st_size > 5000
