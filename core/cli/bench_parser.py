@@ -78,28 +78,20 @@ def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentPa
     size = add_command(
         kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
     )
-    shapes = add_command(
-        kinds,
-        "scaling",
-        "measure.bench_scaling",
-        "the effect of the number of training shapes; trains a model for each",
-    )
     designs = add_command(
         kinds,
         "architectures",
         "measure.bench_architectures",
         "the paper's ablations M1 and M2; trains a model for each",
     )
-    for kind in (size, shapes):
-        kind.add_argument(
-            "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
-        )
-        kind.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
-    for kind in (size, shapes, designs):
+    size.add_argument(
+        "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
+    )
+    size.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
+    for kind, steps in ((size, 3000), (designs, 4000)):
         kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
-    for kind, steps in ((size, 3000), (shapes, 6000), (designs, 4000)):
         kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
         kind.add_argument(
             "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
         )
-    return [size, shapes, designs]
+    return [size, designs]

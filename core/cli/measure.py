@@ -25,7 +25,6 @@ from core.lab.benchmarks import (
     rendering,
     rendering_charts,
     robustness,
-    scaling,
 )
 from core.lab.benchmarks.csv_files import Results, append_record, read_records, to_row, write_csv
 from core.lab.benchmarks.figures import fit_photo, write_figures
@@ -204,12 +203,6 @@ def bench_model_size(chosen: argparse.Namespace) -> None:
     _prepare_models(chosen)
     found = model_sizes.measure_model_sizes(chosen.datasets, _tests(chosen), chosen.steps, chosen.models)
     _write(chosen, "model_sizes", found)
-
-
-def bench_scaling(chosen: argparse.Namespace) -> None:
-    """``bench scaling``: quality against the number of training shapes, as CSV, table and chart."""
-    _prepare_models(chosen)
-    _write(chosen, "scaling", scaling.measure_scaling(chosen.datasets, _tests(chosen), chosen.steps, chosen.models))
 
 
 def bench_architectures(chosen: argparse.Namespace) -> None:

@@ -21,7 +21,6 @@ from core.lab.benchmarks.model_sizes import ModelSize
 from core.lab.benchmarks.photo_detail import DetailView, FrameCost
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.robustness import RobustnessTrial
-from core.lab.benchmarks.scaling import ScalingPoint
 from core.lab.training.curve import CurvePoint, draw_curves
 
 if TYPE_CHECKING:
@@ -88,7 +87,6 @@ CHARTS = {
     "photo_detail": Chart(_rows_of(DetailView), tables.photo_detail_table, fit_charts.photo_detail_chart),
     "frame_cost": Chart(_rows_of(FrameCost), tables.frame_cost_table),
     "model_sizes": Chart(_rows_of(ModelSize), tables.model_sizes_table, training_charts.model_sizes_chart),
-    "scaling": Chart(_rows_of(ScalingPoint), tables.scaling_table, training_charts.scaling_chart),
     "architectures": Chart(_rows_of(Architecture), tables.architectures_table),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
     "training": Chart(_read_curves, figure=draw_curves),

@@ -294,19 +294,6 @@ model_sizes_table = Table(
 )
 
 
-scaling_table = Table(
-    "{machine}; {category}, {steps} steps each; held out: {tests} objects, one view fitted; with 95 % intervals.",
-    [
-        ("shapes", "shapes", "{}"),
-        ("objects", "objects", "{}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        ("held out, camera known (dB)", "held_out.mean", "{:.2f}"),
-        ("difference to the fewest (dB)", "gain", format_difference),
-        ("cameras within 10°", "found", format_share),
-    ],
-)
-
-
 architectures_table = Table(
     "{machine}; {objects} {category}, {steps} steps each; with 95 % intervals.",
     [
