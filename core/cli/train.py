@@ -143,9 +143,9 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     training = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
     torch.manual_seed(seed)
     classifier = ViewpointClassifier()
-    with tqdm(total=steps, desc="viewpoint", unit="step", disable=None) as bar:
-        for _ in train_viewpoint(classifier, training, steps, seed):
-            bar.update()
+    stream = train_viewpoint(classifier, training, steps, seed)
+    for _ in tqdm(stream, total=steps, desc="viewpoint", unit="step", disable=None):
+        pass
     share = 100 * accuracy_within(
         classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE
     )
