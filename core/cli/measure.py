@@ -164,22 +164,17 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
 
 
 def bench_detail(chosen: argparse.Namespace) -> None:
-    """``bench detail``: what photos add to other views, and its cost; goes on where an earlier run stopped."""
+    """``bench detail``: what photos add to other views; goes on where an earlier run stopped."""
     drawing.prepare(chosen.out)
-    path, cost = chosen.out / "photo_detail.csv", chosen.out / "frame_cost.csv"
-    model = load_model(chosen.model, chosen.device)
+    path, model = chosen.out / "photo_detail.csv", load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
     about = {"machine": describe_machine(model.device)}
-    if model.category not in {row.category for row in read_records(cost, photo_detail.FrameCost)}:
-        for row in _said(photo_detail.measure_cost(model)):
-            append_record(cost, about, row)
     done = {row.key for row in read_records(path, photo_detail.DetailView)}
     rows = photo_detail.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
     for view in _said(rows):
         append_record(path, about, view)
-    for name in ("photo_detail", "frame_cost"):
-        print(charts.draw(chosen.out, name), flush=True)
+    print(charts.draw(chosen.out, "photo_detail"), flush=True)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:

@@ -17,7 +17,7 @@ from core.lab.benchmarks.csv_files import Results, read_csv, read_results, write
 from core.lab.benchmarks.drawing import DPI
 from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial
-from core.lab.benchmarks.photo_detail import DetailView, FrameCost
+from core.lab.benchmarks.photo_detail import DetailView
 from core.lab.benchmarks.photos import PhotoTrial
 from core.lab.benchmarks.robustness import RobustnessTrial
 from core.lab.training.curve import CurvePoint, draw_curves
@@ -84,7 +84,6 @@ CHARTS = {
     "robustness": Chart(_rows_of(RobustnessTrial), tables.robustness_table, fit_charts.robustness_chart),
     "ablations": Chart(_rows_of(Ablation), tables.ablations_table, fit_charts.ablations_chart),
     "photo_detail": Chart(_rows_of(DetailView), tables.photo_detail_table, fit_charts.photo_detail_chart),
-    "frame_cost": Chart(_rows_of(FrameCost), tables.frame_cost_table),
     "architectures": Chart(_rows_of(Architecture), tables.architectures_table),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
     "training": Chart(_read_curves, figure=draw_curves),

@@ -263,18 +263,6 @@ def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
     return statistics.mean([getattr(row, what) for row in _right(rows)] or [float("nan")])
 
 
-frame_cost_table = Table(
-    "{machine}; milliseconds of the processor for a finished frame, the fastest of three.",
-    [
-        ("category", "category", "{}"),
-        ("size (px)", "size", "{}"),
-        ("render", "render", "{:.1f}"),
-        ("detail in addition", "detail", "{:.1f}"),
-        ("ratio", lambda one: 1 + one.detail / one.render, "{:.2f}"),
-    ],
-)
-
-
 # Architectures and photographs
 
 
