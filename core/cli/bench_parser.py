@@ -56,54 +56,18 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
         "--by-eye", type=Path, default=Path("assets/charts/photos_by_eye.csv"), metavar="CSV", help="what they show"
     )
     pictures.add_argument("--preset", default="normal", metavar="P", help="of the fits")
-    for kind in (
-        rendering,
-        films,
-        fitting,
-        ablations,
-        robustness,
-        detail,
-        pictures,
-        *_add_training(kinds),
-        redraw,
-        guard,
-    ):
-        kind.add_argument(
-            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
-        )
-
-
-def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentParser]:
-    """The kinds that train models."""
-    size = add_command(
-        kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
-    )
-    shapes = add_command(
-        kinds,
-        "scaling",
-        "measure.bench_scaling",
-        "the effect of the number of training shapes; trains a model for each",
-    )
     designs = add_command(
         kinds,
         "architectures",
         "measure.bench_architectures",
         "the paper's ablations M1 and M2; trains a model for each",
     )
-    recipe = add_command(
-        kinds, "recipe", "measure.bench_recipe", "the effect of each choice in the training recipe, at equal time"
+    designs.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
+    designs.add_argument("--steps", type=count, default=4000, help="of training, for each model")
+    designs.add_argument(
+        "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
     )
-    recipe.add_argument("--seconds", type=count, default=120, help="of the processor, to train each model")
-    for kind in (size, shapes, recipe):
+    for kind in (*measured, pictures, designs, redraw, guard):
         kind.add_argument(
-            "--tests", type=Path, nargs="+", required=True, metavar="D", help="SRN folders of held-out objects"
+            "--out", type=Path, default=Path("assets/charts"), metavar="DIR", help="where to write the charts"
         )
-        kind.add_argument("--objects", type=count, default=12, metavar="N", help="held-out objects that are fitted")
-    for kind in (size, shapes, designs, recipe):
-        kind.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders to train on")
-    for kind, steps in ((size, 3000), (shapes, 6000), (designs, 4000)):
-        kind.add_argument("--steps", type=count, default=steps, help="of training, for each model")
-        kind.add_argument(
-            "--models", type=Path, required=True, metavar="DIR", help="where the models are kept, to resume later"
-        )
-    return [size, shapes, designs, recipe]

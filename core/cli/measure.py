@@ -19,21 +19,18 @@ from core.lab.benchmarks import (
     films,
     fits,
     gate,
-    model_sizes,
     photo_detail,
     photos,
-    recipe,
     rendering,
     rendering_charts,
     robustness,
-    scaling,
 )
 from core.lab.benchmarks.csv_files import Results, append_record, read_records, to_row, write_csv
 from core.lab.benchmarks.figures import fit_photo, write_figures
 from core.lab.benchmarks.held_out_views import HeldOutView, dataset_views, training_object_views
 from core.lab.benchmarks.machine import describe_machine
 from core.lab.datasets.splits import evenly_spaced
-from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects, read_dataset
+from core.lab.datasets.srn import ObjectEntry, ObjectViews, index_objects
 from core.lab.evaluation.disentanglement import PairScore, pairs, score_pairs
 from core.lab.evaluation.protocol import EvaluationProtocol, ObjectScore
 from core.lab.evaluation.protocol import evaluate as scored
@@ -167,22 +164,17 @@ def bench_robustness(chosen: argparse.Namespace) -> None:
 
 
 def bench_detail(chosen: argparse.Namespace) -> None:
-    """``bench detail``: what photos add to other views, and its cost; goes on where an earlier run stopped."""
+    """``bench detail``: what photos add to other views; goes on where an earlier run stopped."""
     drawing.prepare(chosen.out)
-    path, cost = chosen.out / "photo_detail.csv", chosen.out / "frame_cost.csv"
-    model = load_model(chosen.model, chosen.device)
+    path, model = chosen.out / "photo_detail.csv", load_model(chosen.model, chosen.device)
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
     about = {"machine": describe_machine(model.device)}
-    if model.category not in {row.category for row in read_records(cost, photo_detail.FrameCost)}:
-        for row in _said(photo_detail.measure_cost(model)):
-            append_record(cost, about, row)
     done = {row.key for row in read_records(path, photo_detail.DetailView)}
     rows = photo_detail.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
     for view in _said(rows):
         append_record(path, about, view)
-    for name in ("photo_detail", "frame_cost"):
-        print(charts.draw(chosen.out, name), flush=True)
+    print(charts.draw(chosen.out, "photo_detail"), flush=True)
 
 
 def bench_photos(chosen: argparse.Namespace) -> None:
@@ -200,39 +192,14 @@ def bench_photos(chosen: argparse.Namespace) -> None:
     print(charts.draw(chosen.out, "photos"), flush=True)
 
 
-def bench_model_size(chosen: argparse.Namespace) -> None:
-    """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
-    _prepare_models(chosen)
-    found = model_sizes.measure_model_sizes(chosen.datasets, _tests(chosen), chosen.steps, chosen.models)
-    _write(chosen, "model_sizes", found)
-
-
-def bench_scaling(chosen: argparse.Namespace) -> None:
-    """``bench scaling``: quality against the number of training shapes, as CSV, table and chart."""
-    _prepare_models(chosen)
-    _write(chosen, "scaling", scaling.measure_scaling(chosen.datasets, _tests(chosen), chosen.steps, chosen.models))
-
-
 def bench_architectures(chosen: argparse.Namespace) -> None:
     """``bench architectures``: CodeNeRF beside the paper's ablations M1 and M2, as CSV, table and picture."""
-    _prepare_models(chosen)
+    drawing.prepare(chosen.out)
+    if not chosen.models.is_dir():
+        raise ValueError(f"there is no folder {chosen.models}")
     found = architectures.measure_architectures(chosen.datasets, chosen.steps, chosen.models)
     results = _write(chosen, "architectures", found)
     results.picture.save(chosen.out / "architectures.png", optimize=True)
-
-
-def bench_recipe(chosen: argparse.Namespace) -> None:
-    """``bench recipe``: the training recipe without each part, for equal time; goes on where an earlier run stopped."""
-    drawing.prepare(chosen.out)
-    dataset, tests = read_dataset(chosen.datasets), _tests(chosen)
-    about = {"machine": describe_machine(torch.device("cpu")), "category": dataset.category}
-    about |= {"objects": str(len(dataset.objects)), "time": f"{chosen.seconds:g}"}
-    about |= {"tests": " ".join(entry.name for entry in tests)}
-    path = chosen.out / "recipe.csv"
-    done = {one.name for one in read_records(path, recipe.RecipeScore, about)}
-    for score in _said(recipe.measure_recipe(dataset, tests, chosen.seconds, done)):
-        append_record(path, about, score)
-    print(charts.draw(chosen.out, "recipe"), flush=True)
 
 
 def bench_redraw(chosen: argparse.Namespace) -> None:
@@ -240,17 +207,6 @@ def bench_redraw(chosen: argparse.Namespace) -> None:
     drawing.prepare(chosen.out)
     for path in charts.redraw(chosen.out):
         print(path, flush=True)
-
-
-def _prepare_models(chosen: argparse.Namespace) -> None:
-    drawing.prepare(chosen.out)
-    if not chosen.models.is_dir():
-        raise ValueError(f"there is no folder {chosen.models}")
-
-
-def _tests(chosen: argparse.Namespace) -> tuple[ObjectEntry, ...]:
-    """The objects that no model is trained on."""
-    return evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
 
 
 def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:

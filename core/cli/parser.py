@@ -42,7 +42,6 @@ def build_parser() -> argparse.ArgumentParser:
     _add_train(commands)
     _add_train_viewpoint(commands)
     _add_train_category(commands)
-    _add_select_gallery(commands)
     _add_convert(commands)
     _add_evaluate(commands)
     _add_figures(commands)
@@ -288,19 +287,6 @@ def _add_train_category(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--out", type=Path, required=True, metavar="C.safetensors")
     command.add_argument("--steps", type=count, default=4000, help="of training")
     add_seed(command)
-
-
-def _add_select_gallery(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands,
-        "select-gallery",
-        "train.select_model_gallery",
-        "shrink a model file: keep some of its training objects, varied and well rendered",
-    )
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders it was trained on")
-    add_model(command)
-    command.add_argument("--count", type=count, default=150, metavar="N", help="objects to keep")
-    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:

@@ -1,4 +1,4 @@
-"""Commands that make data and models: ``dataset``, ``train`` and its parts, ``select-gallery``, ``convert``."""
+"""Commands that make data and models: ``dataset``, ``train`` and its parts, ``convert``."""
 
 import argparse
 import math
@@ -19,7 +19,6 @@ from core.lab.datasets.srn import Dataset, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
 from core.lab.training.category import category_accuracy, train_category
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
-from core.lab.training.gallery import select_gallery, training_psnr
 from core.lab.training.recipes import RECIPES
 from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
 from core.lab.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
@@ -137,15 +136,6 @@ def train_category_classifier(chosen: argparse.Namespace) -> None:
     print(f"recognised training images: {', '.join(shares)}")
 
 
-def select_model_gallery(chosen: argparse.Namespace) -> None:
-    """``select-gallery``: the model with a varied gallery in place of the codes of all training objects."""
-    require_writable(chosen.out)
-    model, dataset = load_model(chosen.model), read_dataset(chosen.datasets)
-    objects = select_gallery(model.codes, training_psnr(model, dataset), chosen.count)
-    model.subset(objects).save(chosen.out)
-    print(f"{len(objects)} of {len(model.codes)} objects, {chosen.out.stat().st_size / 1e6:.2f} MB")
-
-
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:
     """The model with a viewpoint classifier, trained on most of the objects and measured on the others."""
     validation = dataset.objects[::_VALIDATION_STRIDE]
@@ -153,9 +143,9 @@ def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Mo
     training = viewpoint_dataset(replace(dataset, objects=tuple(shown)))
     torch.manual_seed(seed)
     classifier = ViewpointClassifier()
-    with tqdm(total=steps, desc="viewpoint", unit="step", disable=None) as bar:
-        for _ in train_viewpoint(classifier, training, steps, seed):
-            bar.update()
+    stream = train_viewpoint(classifier, training, steps, seed)
+    for _ in tqdm(stream, total=steps, desc="viewpoint", unit="step", disable=None):
+        pass
     share = 100 * accuracy_within(
         classifier, viewpoint_dataset(replace(dataset, objects=validation)), _VALIDATION_ANGLE
     )

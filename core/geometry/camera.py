@@ -23,7 +23,8 @@ WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """glTF has y up and the front at +z. Its own inverse's transpose: a row vector times it goes from the world to glTF."""
 MAX_SIDE = 16_384
 """px of a square image's width and height, as most OpenGL has it; another has as many pixels at the most"""
-_OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
+"""Turns the camera axes of pose files (x right, y down, looking along +z) into ours, and back."""
 
 
 @dataclass(frozen=True)
@@ -85,16 +86,16 @@ class Camera:
         projection[0, 0], projection[1, 1] = 2 * self.focal / self.width, 2 * self.focal / self.height
         projection[2, 2:] = (far + near) / (near - far), 2 * far * near / (near - far)
         projection[3, 2] = -1.0
-        camera_to_world = self.pose().numpy() @ _OPENCV_FROM_OPENGL
+        camera_to_world = self.pose().numpy() @ OPENCV_FROM_OPENGL
         return (projection @ np.linalg.inv(camera_to_world)).astype(np.float32)
 
     def pose(self) -> Float[Tensor, "4 4"]:
         """Camera-to-world matrix with OpenCV axes in float64, as SRN's pose files hold it."""
         angles = torch.tensor([self.azimuth, self.elevation, self.distance], dtype=torch.float64)
         matrix = torch.eye(4, dtype=torch.float64)
-        matrix[:3, :3] = camera_rotation(angles[0], angles[1]).T
-        matrix[:3, 3] = camera_position(angles[0], angles[1], angles[2])
-        return matrix @ torch.from_numpy(_OPENCV_FROM_OPENGL)
+        rotation = camera_rotation(angles[0], angles[1])
+        matrix[:3, :3], matrix[:3, 3] = rotation.T, angles[2] * rotation[2]
+        return matrix @ torch.from_numpy(OPENCV_FROM_OPENGL)
 
     @classmethod
     def from_pose(cls, pose: Float[Tensor, "4 4"], focal: float, width: int, height: int) -> "Camera":
@@ -139,15 +140,6 @@ def camera_rotation(
     up = -sin_e * cos_a, -sin_e * sin_a, cos_e
     backward = cos_e * cos_a, cos_e * sin_a, sin_e
     return torch.stack((*right, *up, *backward), -1).unflatten(-1, (3, 3))
-
-
-def camera_position(
-    azimuth: Float[Tensor, "*batch"], elevation: Float[Tensor, "*batch"], distance: Float[Tensor, "*batch"]
-) -> Float[Tensor, "*batch 3"]:
-    """The camera's position in the world, the paper's p."""
-    cos_e = elevation.cos()
-    direction = torch.stack((cos_e * azimuth.cos(), cos_e * azimuth.sin(), elevation.sin()), -1)
-    return distance[..., None] * direction
 
 
 def project(

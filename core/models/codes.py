@@ -1,6 +1,5 @@
 """Shape and texture codes: a pair for an object, the book of a trained model, and the space its codes span."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -131,12 +130,9 @@ class CodeBook:
     objects: tuple[Entry, ...]
     collapsed: frozenset[int] = frozenset()
     """Objects that collapsed in training and show next to nothing: still indexed, but not part of the code spaces."""
-    spaces: tuple[CodeSpace, CodeSpace] | None = None
-    """Shape and texture space of all training objects, where the book keeps only some of them (a gallery)."""
 
     def __post_init__(self) -> None:
-        spaces = [part for space in self.spaces or () for part in (space.mean, space.directions, space.std)]
-        if not all(bool(torch.isfinite(part).all()) for part in (self.shapes, self.textures, *spaces)):
+        if not bool(torch.isfinite(self.shapes).all() and torch.isfinite(self.textures).all()):
             raise ValueError("codes must be finite")
         if not self.collapsed <= set(range(len(self.objects))):
             raise ValueError(f"collapsed objects {sorted(self.collapsed)} of a book of {len(self.objects)}")
@@ -166,36 +162,17 @@ class CodeBook:
     @cached_property
     def shape_space(self) -> CodeSpace:
         """The cloud of the shape codes."""
-        if self.spaces:
-            return self.spaces[0]
         return CodeSpace.from_codes(self._valid_rows(self.shapes, [entry.shape for entry in self.objects]))
 
     @cached_property
     def texture_space(self) -> CodeSpace:
         """The cloud of the texture codes."""
-        if self.spaces:
-            return self.spaces[1]
         return CodeSpace.from_codes(self._valid_rows(self.textures, [entry.texture for entry in self.objects]))
 
     @property
     def mean(self) -> Codes:
         """The mean shape in the mean texture, where the paper's fit begins."""
         return Codes(self.shape_space.mean, self.texture_space.mean)
-
-    def subset(self, objects: Sequence[int]) -> "CodeBook":
-        """The book of these objects alone, in this order, with the code spaces of all."""
-        shapes, textures = dict[int, int](), dict[int, int]()
-        entries = tuple(
-            Entry(
-                entry.name,
-                shapes.setdefault(entry.shape, len(shapes)),
-                textures.setdefault(entry.texture, len(textures)),
-            )
-            for entry in (self.objects[index] for index in objects)
-        )
-        collapsed = frozenset(row for row, index in enumerate(objects) if index in self.collapsed)
-        spaces = self.shape_space, self.texture_space
-        return CodeBook(self.shapes[list(shapes)], self.textures[list(textures)], entries, collapsed, spaces)
 
     def nearest_shape(self, code: Float[Tensor, "shape_latent"]) -> int:
         """The valid object with the nearest shape, by :meth:`CodeSpace.distance`.
@@ -231,17 +208,12 @@ class CodeBook:
         return codes[[row for row in range(len(codes)) if row not in lost]] if lost else codes
 
 
-def farthest_first(points: Float[Tensor, "points size"], count: int | None = None, first: int = 0) -> list[int]:
-    """Indices of points: ``first``, then always the one that is farthest from all before it (Gonzalez 1985).
-
-    Args:
-        count: at most so many; all of them if None.
-    """
-    count = len(points) if count is None else min(count, len(points))
-    if not count:
+def farthest_first(points: Float[Tensor, "points size"]) -> list[int]:
+    """Indices of points: the first, then always the one that is farthest from all before it (Gonzalez 1985)."""
+    if not len(points):
         return []
-    order, left = [first], (points - points[first]).norm(dim=1)
-    while len(order) < count:
+    order, left = [0], (points - points[0]).norm(dim=1)
+    while len(order) < len(points):
         left[order[-1]] = -1.0  # also where points are equal, each comes once
         order.append(int(left.argmax()))
         left = torch.minimum(left, (points - points[order[-1]]).norm(dim=1))

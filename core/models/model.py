@@ -2,8 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from torch import Tensor
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.geometry.camera import MAX_SIDE, Camera
 from core.models.architecture_variants import build_field
-from core.models.codes import CodeBook, CodeSpace, Entry
+from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
@@ -29,8 +29,6 @@ _LARGEST = 1e6
 _CELLS = "occupied_cells"
 _CLASSIFIER = "viewpoint."
 """prefix of the viewpoint classifier's tensors"""
-_SPACES, _SPACE_PARTS = ("shape_space", "texture_space"), ("mean", "directions", "std")
-"""Tensors of the code spaces, in files that keep a gallery instead of all codes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +51,6 @@ class Model:
     """The network itself paints the white background (the authors' checkpoints): the last sample is always opaque."""
     viewpoint_classifier: ViewpointClassifier | None = None
     """predicts from where an image was probably taken; on the processor"""
-    gallery_of: str = ""
-    """The fingerprint of the model whose objects were reduced to a gallery: scenes of either open with the other."""
     extends: tuple[str, ...] = ()
     """The fingerprints of the models that its training started from, the latest first."""
     metres: float = 1.0
@@ -134,8 +130,6 @@ class Model:
     @cached_property
     def fingerprint(self) -> str:
         """A hash of the field's weights and the codes, by which a scene recognises its model."""
-        if self.gallery_of:
-            return self.gallery_of
         digest = hashlib.sha256()
         for name, tensor in sorted(_rendering_tensors(self).items()):
             digest.update(name.encode())
@@ -153,11 +147,6 @@ class Model:
         size = self.image_size
         return Camera(azimuth, elevation, distance or self.distance, self.focal, size, size)
 
-    def subset(self, objects: Sequence[int]) -> "Model":
-        """The model with these objects only; its code spaces and occupied cells stay those of all."""
-        codes, cells = self.codes.subset(objects), self.occupied_cells
-        return replace(self, codes=codes, gallery_of=self.fingerprint, stored_cells=cells)
-
     def save(self, path: Path) -> None:
         """Write weights, codes and configuration as one safetensors file; an interrupted write leaves no file."""
         about = {
@@ -171,7 +160,6 @@ class Model:
             "distance": self.distance,
             "metres": self.metres,
             "white_from_network": self.white_from_network,
-            "gallery_of": self.gallery_of,
             "extends": self.extends,
         }
         with atomic_file(path, Model.load) as partial:
@@ -190,11 +178,10 @@ class Model:
     def _from_parts(cls, about: "_About", tensors: dict[str, Tensor]) -> "Model":
         field = build_field(about.config)
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
-        spaces, cells = _pop_spaces(tensors), tensors.pop(_CELLS, None)
-        classifier = _pop_classifier(tensors)
+        cells, classifier = tensors.pop(_CELLS, None), _pop_classifier(tensors)
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about.objects)
-        codes = CodeBook(shapes, textures, objects, about.collapsed, spaces)
+        codes = CodeBook(shapes, textures, objects, about.collapsed)
         cells = None if cells is None else unpack(cells)
         rest = {name: getattr(about, name) for name in _About._fields if name not in ("config", "objects", "collapsed")}
         return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells)
@@ -222,7 +209,6 @@ class _About(NamedTuple):
     distance: float
     collapsed: frozenset[int] = frozenset()
     white_from_network: bool = False
-    gallery_of: str = ""
     extends: tuple[str, ...] = ()
     metres: float = 1.0
 
@@ -237,29 +223,16 @@ def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
     return classifier
 
 
-def _pop_spaces(tensors: dict[str, Tensor]) -> tuple[CodeSpace, CodeSpace] | None:
-    """The code spaces, taken out of a file's tensors; None where they follow from the codes."""
-    if "shape_space.mean" not in tensors:
-        return None
-    shape, texture = (CodeSpace(*(tensors.pop(f"{kind}.{part}").float() for part in _SPACE_PARTS)) for kind in _SPACES)
-    return shape, texture
-
-
 def _all_tensors(model: Model) -> dict[str, Tensor]:
     """All that is saved: what renders in single precision, codes in half where that loses nothing, the viewpoint
     classifier in half, occupied cells as bits.
     """
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
-    spaces = {
-        f"{kind}.{part}": getattr(space, part).detach().cpu().contiguous()
-        for kind, space in zip(_SPACES, model.codes.spaces or (), strict=False)
-        for part in _SPACE_PARTS
-    }
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
     looking = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
     rendering = _rendering_tensors(model)
     rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
-    return rendering | spaces | looking | cells
+    return rendering | looking | cells
 
 
 def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:

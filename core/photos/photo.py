@@ -108,7 +108,7 @@ def load_photo(
         pose: a text file with the camera-to-world matrix of SRN (16 numbers); the image is then only resized.
         hints: where the object is, for an image without a plain background.
         crop: against the usual one.
-        pose_axes: of the pose, one of :data:`core.geometry.pose_files.POSE_AXES`.
+        pose_axes: of the pose, as :func:`core.geometry.pose_files.read_pose` takes them.
 
     Without a pose the model's view bank must be there (:func:`core.photos.view_bank.build_view_bank`). Raises
     ``ValueError``, one line naming the file, where it is not and for anything that is no image of an object, and

@@ -115,7 +115,7 @@ def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
     Yields which share (0..1) is done; returns the bank. Two callers in turn share the work. Where the cache folder
     cannot be written, the bank lasts as long as the process.
     """
-    key = _key(model)
+    key = model.fingerprint
     while (bank := _kept(model)) is None:
         building = _in_progress.pop(key, None) or _build(model)
         try:
@@ -152,18 +152,13 @@ def apparent_size(model: Model) -> SizeRange:
 # Keeping
 
 
-def _key(model: Model) -> str:
-    """A model and the galleries of its objects share a fingerprint, and have different prototypes."""
-    return f"{model.fingerprint}-{len(model.codes)}"
-
-
 def _path(key: str) -> Path:
     return cache_folder() / VIEW_BANKS / f"{key}.{FORMAT}.safetensors"
 
 
 def _kept(model: Model) -> ViewBank | None:
     """From memory, else from its file; None where there is none, or a damaged one."""
-    key = _key(model)
+    key = model.fingerprint
     bank: ViewBank | None = CACHE.get(Kind.BANK, key)
     if bank is None and (bank := _read(_path(key))):
         CACHE.put(Kind.BANK, key, bank, bank.size)

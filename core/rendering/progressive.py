@@ -93,41 +93,30 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
     # A new texture begins with the finest stage whose shape is cached, if that has one render pixel a pixel.
     cached = [
         at
-        for at, stage in enumerate(stages)
-        if stage.supersampling == 1 and is_cached(model, job.codes, *stage.arguments)
+        for at, (camera, samples, complete, supersampling) in enumerate(stages)
+        if supersampling == 1 and is_cached(model, job.codes, camera, samples, complete)
     ]
     for at in range(max(cached, default=0), len(stages)):
-        stage = stages[at]
-        rendered = yield from render_steps(model, job.codes, *stage.arguments, supersampling=stage.supersampling)
+        camera, samples, complete, supersampling = stages[at]
+        rendered = yield from render_steps(model, job.codes, camera, samples, complete, supersampling=supersampling)
         sources = None
         if job.detail:
-            width, height = stage.arguments.camera.width, stage.arguments.camera.height
-            shown = stage.arguments.camera.resized(width // stage.supersampling, height // stage.supersampling)
+            shown = camera.resized(camera.width // supersampling, camera.height // supersampling)
             rendered, shares = job.detail.added(rendered, shown)
             sources = torch.stack(shares, -1).cpu().numpy()
         image = to_bytes(rendered.colour)
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
-        yield Frame(
-            *(image, depth, opacity, at, len(stages), stage.arguments.samples, seconds, evaluations),
-            stage.supersampling,
-            sources,
-        )
+        yield Frame(image, depth, opacity, at, len(stages), samples, seconds, evaluations, supersampling, sources)
 
 
-class _Arguments(NamedTuple):
-    """The arguments of :func:`core.rendering.fast.render_steps` besides model and codes."""
+class _Stage(NamedTuple):
+    """One render of the stream: arguments of :func:`core.rendering.fast.render_steps`."""
 
     camera: Camera
     samples: int
     complete: bool
-
-
-class _Stage(NamedTuple):
-    """One render of the stream."""
-
-    arguments: _Arguments
     supersampling: int = 1
 
 
@@ -139,15 +128,8 @@ def _stages(job: RenderJob) -> list[_Stage]:
         last = at == len(settings.divisors) - 1
         samples = settings.samples if last else settings.preview_samples
         camera = job.camera.resized(max(1, width // divisor), max(1, height // divisor))
-        stages.append(_Stage(_Arguments(camera, samples, last)))
+        stages.append(_Stage(camera, samples, last))
     if settings.supersampling > 1:
         camera = job.camera.resized(width * settings.supersampling, height * settings.supersampling)
-        stages.append(_Stage(_Arguments(camera, settings.samples, True), settings.supersampling))
+        stages.append(_Stage(camera, settings.samples, True, settings.supersampling))
     return stages
-
-
-def render_frame(model: Model, codes: Codes, camera: Camera) -> Frame:
-    """The finished frame, in one call."""
-    *_, last = render_progressively(model, RenderJob(codes, camera, RenderSettings(divisors=(1,))))
-    assert last is not None
-    return last

@@ -47,23 +47,6 @@ def around(means: Sequence[Mean]) -> list[list[float]]:
     return [[one.mean - one.low for one in means], [one.high - one.mean for one in means]]
 
 
-def differences_figure(names: Sequence[str], values: Sequence[float], origin: float, gains: Sequence[Mean]) -> "Figure":
-    """A figure of comparisons with one baseline, a row each: on the left ``values``, of which the baseline has
-    ``origin``, and on the right gains over it, with their intervals. Both axes are left to be labelled.
-    """
-    figure, (left, right) = new_figure(2)
-    left.barh(names, values)
-    left.axvline(origin, color="black", linewidth=0.8)
-    right.errorbar([one.mean for one in gains], names, xerr=around(gains), fmt="o", capsize=2)
-    right.axvline(0.0, color="black", linewidth=0.8)
-    left.invert_yaxis()
-    right.set(yticks=[], ylim=left.get_ylim())
-    for axes in (left, right):
-        axes.grid(alpha=0.3, axis="x")
-        axes.set_axisbelow(True)
-    return figure
-
-
 def draw_frontier(axes: "Axes", points: Sequence[tuple[float, float]]) -> None:
     """A line through the points of (cost, quality) that no other point beats in both."""
     best = frontier(points)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from core.lab.benchmarks.ablations import Ablation
 from core.lab.benchmarks.csv_files import Results
-from core.lab.benchmarks.drawing import around, differences_figure, draw_frontier, log_ticks, new_figure
+from core.lab.benchmarks.drawing import around, draw_frontier, log_ticks, new_figure
 from core.lab.benchmarks.fits import FitTrial, summarise_presets
 from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, others
 from core.lab.benchmarks.robustness import SUCCESS_DEGREES, RobustnessTrial, success_rates
@@ -47,11 +47,18 @@ def fit_chart(found: Results[FitTrial]) -> "Figure":
 def ablations_chart(found: Results[Ablation]) -> "Figure":
     """Time and accuracy of each ablation beside the full method."""
     full, *others = found.rows
-    names, times = [part.summary.preset for part in others], [part.time for part in others]
-    figure = differences_figure(names, times, 1.0, [part.gain for part in others])
-    left, right = figure.axes
+    names, gains = [part.summary.preset for part in others], [part.gain for part in others]
+    figure, (left, right) = new_figure(2)
+    left.barh(names, [part.time for part in others])
+    left.axvline(1.0, color="black", linewidth=0.8)
+    right.errorbar([one.mean for one in gains], names, xerr=around(gains), fmt="o", capsize=2)
+    right.axvline(0.0, color="black", linewidth=0.8)
+    left.invert_yaxis()
     left.set(xlabel="time (of the full method's)")
-    right.set(xlabel="other views (dB over the full method's)")
+    right.set(xlabel="other views (dB over the full method's)", yticks=[], ylim=left.get_ylim())
+    for axes in (left, right):
+        axes.grid(alpha=0.3, axis="x")
+        axes.set_axisbelow(True)
     figure.suptitle(f"{found.about['machine']}, {full.summary.fits} views", fontsize=9)
     return figure
 

@@ -6,7 +6,6 @@ opacity detail never changes, is not empty.
 """
 
 import statistics
-import time
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,23 +17,18 @@ from torch.nn import functional
 from core.detail.maps import detail_maps
 from core.fitting.fit import FitJob, fit
 from core.geometry.camera import Camera
-from core.geometry.pixels import to_bytes
 from core.lab.datasets.srn import ObjectEntry
 from core.lab.evaluation.protocol import as_photo
 from core.lab.evaluation.statistics import Mean, mean_of
 from core.metrics import psnr, rotation_error
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import PhotoDetail, PhotoView
+from core.models.photo_detail import PhotoView
 from core.rendering.detail_maps import MIN_OPACITY, DetailMaps
 from core.rendering.images import render_image
 from core.streams import run_to_end
 
 CAMERAS = "known", "found"
-SIZES = 256, 1024
-"""px of the frames whose cost is measured"""
-_REPEATS = 3
-"""of which the fastest counts"""
 
 
 @dataclass(frozen=True)
@@ -67,18 +61,6 @@ class DetailView:
     def key(self) -> tuple[str, str, str, str]:
         """Of all views of a fit."""
         return self.category, self.renderer, self.camera, self.name
-
-
-@dataclass(frozen=True)
-class FrameCost:
-    """Milliseconds of the processor for a finished frame, the fastest of a few."""
-
-    category: str
-    size: int
-    """px"""
-    render: float
-    detail: float
-    """in addition"""
 
 
 def others(rows: Iterable[DetailView]) -> list[DetailView]:
@@ -169,24 +151,3 @@ def _input_row(
     bound = torch.where(left < 1 - MIN_OPACITY, torch.maximum(image, left), rendered.colour.clamp(0, 1).cpu())
     plain, direct, full = _scores(model, codes, maps, seen, image)
     return replace(row, bound=psnr(bound, image), plain=plain, direct=direct, full=full)
-
-
-def measure_cost(model: Model) -> Iterator[FrameCost]:
-    """Yields a row per size, of an object whose photo is its render."""
-    codes, camera = model.codes[0], model.camera(0.8, 0.3)
-    source = camera.resized(SIZES[-1] // 2, SIZES[-1] // 2)
-    rendered = render_image(model, codes, source)
-    rgba = to_bytes(torch.cat((rendered.colour.clamp(0, 1), rendered.opacity[..., None]), -1))
-    detail = PhotoDetail((PhotoView.of(rgba, source),), codes.shape.cpu(), codes.texture.cpu())
-    maps = run_to_end(detail_maps(model, replace(codes, detail=detail)))
-    assert maps is not None
-    for size in SIZES:
-        seen, rendering, adding = camera.resized(size, size), list[float](), list[float]()
-        for _ in range(_REPEATS):
-            began = time.process_time()
-            rendered = render_image(model, codes, seen)
-            middle = time.process_time()
-            maps.added(rendered, seen)
-            rendering.append(middle - began)
-            adding.append(time.process_time() - middle)
-        yield FrameCost(model.category, size, 1000 * min(rendering), 1000 * min(adding))

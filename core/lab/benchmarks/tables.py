@@ -13,7 +13,6 @@ from core.lab.benchmarks.films import Film
 from core.lab.benchmarks.fits import FitTrial, calibrate_fits, summarise_presets
 from core.lab.benchmarks.photo_detail import DetailView, gain_by_object, object_gains, others
 from core.lab.benchmarks.photos import PhotoTrial
-from core.lab.benchmarks.recipe import RecipeScore
 from core.lab.benchmarks.rendering import Interaction, RenderRow, median_turns
 from core.lab.benchmarks.robustness import (
     ROUGH_DEGREES,
@@ -264,48 +263,7 @@ def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
     return statistics.mean([getattr(row, what) for row in _right(rows)] or [float("nan")])
 
 
-frame_cost_table = Table(
-    "{machine}; milliseconds of the processor for a finished frame, the fastest of three.",
-    [
-        ("category", "category", "{}"),
-        ("size (px)", "size", "{}"),
-        ("render", "render", "{:.1f}"),
-        ("detail in addition", "detail", "{:.1f}"),
-        ("ratio", lambda one: 1 + one.detail / one.render, "{:.2f}"),
-    ],
-)
-
-
-# Trained models
-
-
-model_sizes_table = Table(
-    "{machine}; {objects} objects, {steps} steps each; held out: {tests} objects fitted on one view of known camera.",
-    [
-        ("differs in", lambda one: f"{one.axis.replace('_', ' ')} {one.value or ''}".strip(), "{}"),
-        ("parameters", "parameters", "{}"),
-        ("file (kB)", lambda one: one.bytes / 1000, "{:.0f}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        ("held out (dB)", "held_out.mean", "{:.2f}"),
-        ("difference to the baseline (dB)", "gain", format_difference),
-        ("cameras within 10°", "found", format_share),
-        ("100,000 samples (ms)", "field_ms", "{:.0f}"),
-        ("blind fit (s)", "fit_seconds", "{:.1f}"),
-    ],
-)
-
-
-scaling_table = Table(
-    "{machine}; {category}, {steps} steps each; held out: {tests} objects, one view fitted; with 95 % intervals.",
-    [
-        ("shapes", "shapes", "{}"),
-        ("objects", "objects", "{}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        ("held out, camera known (dB)", "held_out.mean", "{:.2f}"),
-        ("difference to the fewest (dB)", "gain", format_difference),
-        ("cameras within 10°", "found", format_share),
-    ],
-)
+# Architectures and photographs
 
 
 architectures_table = Table(
@@ -321,30 +279,6 @@ architectures_table = Table(
         ),
     ],
 )
-
-
-def recipe_table(found: Results[RecipeScore]) -> str:
-    """A line per variant of the recipe, the first of them the default."""
-    default = found.rows[0]
-    columns: list[Column] = [
-        ("recipe", "name", "{}"),
-        ("steps", "steps", "{}"),
-        ("time (s)", "seconds", "{:.0f}"),
-        ("training objects, new views (dB)", "new_views", "{:.2f}"),
-        ("held out (dB)", lambda one: statistics.mean(one.held_out), "{:.2f}"),
-        ("difference to the default (dB)", lambda one: one.gain(default), format_difference),
-    ]
-    what = f"held out: {len(default.held_out)} objects, one view of known camera; 95 % intervals."
-    return _text(f"{recipe_title(found)}; {what}", markdown_table(columns, found.rows))
-
-
-def recipe_title(found: Results[RecipeScore]) -> str:
-    """Machine, data and time of all models."""
-    of = found.about
-    return f"{of['machine']}; {of['objects']} {of['category']}, about {of['time']} s each"
-
-
-# Photographs
 
 
 def photos_table(found: Results[PhotoTrial]) -> str:

@@ -117,16 +117,15 @@ def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
 
     Raises ``ValueError`` naming the file for anything missing, broken or contradictory.
     """
-    several = [folders] if isinstance(folders, str | Path) else list(folders)
-    objects: list[ObjectViews] = []
-    categories: set[str] = set()
-    for folder in map(Path, several):
-        category, found = _read_folder(folder)
-        objects += found
-        categories |= {category} - {""}
-    _check_consistent(objects, categories)
+    category, entries = index_objects([folders] if isinstance(folders, str | Path) else folders)
+    if not entries:
+        raise ValueError("no dataset folder was given")
+    # Decoding a PNG releases the interpreter lock, so threads are enough.
+    with ThreadPoolExecutor() as pool:
+        objects = tuple(pool.map(ObjectEntry.read, entries))
+    _check_sizes(objects)
     camera = objects[0].cameras[0]
-    return Dataset(tuple(objects), "".join(categories), camera.height, camera.focal)
+    return Dataset(objects, category, camera.height, camera.focal)
 
 
 def write_object(folder: Path | str, views: ObjectViews) -> None:
@@ -157,14 +156,6 @@ def write_manifest(folder: Path | str, category: str, identities: Mapping[str, t
     objects = {name: {"shape_id": shape, "texture_id": texture} for name, (shape, texture) in identities.items()}
     Path(folder).mkdir(parents=True, exist_ok=True)
     write_json(Path(folder) / "manifest.json", {"category": category, "objects": objects})
-
-
-def _read_folder(folder: Path) -> tuple[str, list[ObjectViews]]:
-    """The category and the objects of one dataset folder."""
-    category, entries = _index_folder(folder)
-    # Decoding a PNG releases the interpreter lock, so threads are enough.
-    with ThreadPoolExecutor() as pool:
-        return category, list(pool.map(ObjectEntry.read, entries))
 
 
 def _index_folder(folder: Path) -> tuple[str, list[ObjectEntry]]:
@@ -255,19 +246,12 @@ def _read_image(
     return np.ascontiguousarray(image), mask
 
 
-def _check_consistent(objects: Sequence[ObjectViews], categories: set[str]) -> None:
-    """Raises ``ValueError`` unless the objects make one dataset."""
-    if not objects:
-        raise ValueError("no dataset folder was given")
-    if len(categories) > 1:
-        raise ValueError(f"the folders hold different categories: {', '.join(sorted(categories))}")
-    first, names = objects[0].cameras[0], set[str]()
+def _check_sizes(objects: Sequence[ObjectViews]) -> None:
+    """Raises ``ValueError`` unless all images are square, of one size and of one focal length."""
+    first = objects[0].cameras[0]
     if first.width != first.height:
         raise ValueError(f"{objects[0].name}: images must be square, got {first.width}x{first.height}")
     for views in objects:
-        if views.name in names:
-            raise ValueError(f"{views.name}: two folders hold an object of this name")
-        names.add(views.name)
         camera = views.cameras[0]
         if (camera.width, camera.height) != (first.width, first.height):
             size = f"{camera.width}x{camera.height}"

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 from PIL import Image
 
 from core.lab.evaluation.disentanglement import PairScore, summarise_pairs
@@ -169,10 +170,7 @@ def _pose_histogram(scores: Sequence[ObjectScore]) -> list[str]:
 
 def _counts(values: Sequence[float], bins: Sequence[int]) -> list[int]:
     """Counts per bin; the first and the last bin include what lies beyond them."""
-    counts = [0] * (len(bins) - 1)
-    for value in values:
-        counts[max(0, sum(value >= edge for edge in bins[:-1]) - 1)] += 1
-    return counts
+    return np.histogram(np.clip(values, bins[0], bins[-1]), bins)[0].tolist()
 
 
 def _draw_panel(axes: "Axes", panel: _Panel) -> None:

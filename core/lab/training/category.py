@@ -11,7 +11,7 @@ from torch.nn import functional
 from core.classifiers.category import CategoryClassifier
 from core.classifiers.crops import SIDE
 from core.lab.training.augmentation import Crops, augment_photo, on_white, recrop, resample, some
-from core.lab.training.viewpoint import BATCH_SIZE, ViewpointDataset, ViewpointStep, train_classifier
+from core.lab.training.viewpoint import BATCH_SIZE, ViewpointDataset, train_classifier
 
 _LABEL_SMOOTHING = 0.02
 """avoids over-confidence"""
@@ -24,8 +24,8 @@ _Distractors = Float[Tensor, "distractors 4 side side"]
 
 def train_category(
     classifier: CategoryClassifier, datasets: Sequence[ViewpointDataset], steps: int, seed: int = 0
-) -> Iterator[ViewpointStep]:
-    """Train a network in place, yielding each step; to stop, take no more values.
+) -> Iterator[float]:
+    """Train a network in place, yielding the loss of each step; to stop, take no more values.
 
     Args:
         datasets: images of each of the classifier's categories.

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -32,15 +31,6 @@ class ViewpointDataset(NamedTuple):
     """rad"""
 
 
-@dataclass(frozen=True)
-class ViewpointStep:
-    """The progress of the training."""
-
-    step: int
-    steps: int
-    loss: float
-
-
 def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
     """All images that show anything. Raises ``ValueError`` where every mask is empty."""
     images, angles = [], []
@@ -57,8 +47,8 @@ def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:
 
 def train_viewpoint(
     classifier: ViewpointClassifier, dataset: ViewpointDataset, steps: int, seed: int = 0
-) -> Iterator[ViewpointStep]:
-    """Train a network in place, yielding each step; to stop, take no more values."""
+) -> Iterator[float]:
+    """Train a network in place, yielding the loss of each step; to stop, take no more values."""
     generator = torch.Generator().manual_seed(seed)
 
     def batch_loss() -> Tensor:
@@ -70,10 +60,8 @@ def train_viewpoint(
     yield from train_classifier(classifier, batch_loss, steps)
 
 
-def train_classifier(
-    classifier: CropClassifier, batch_loss: Callable[[], Tensor], steps: int
-) -> Iterator[ViewpointStep]:
-    """Train a network in place on the losses of batches, yielding each step."""
+def train_classifier(classifier: CropClassifier, batch_loss: Callable[[], Tensor], steps: int) -> Iterator[float]:
+    """Train a network in place on the losses of batches, yielding each."""
     optimiser = torch.optim.AdamW(classifier.parameters(), _PEAK_LR, weight_decay=1e-2)
     classifier.requires_grad_(True).train()
     for step in range(steps):
@@ -82,7 +70,7 @@ def train_classifier(
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
-        yield ViewpointStep(step + 1, steps, float(loss.detach()))
+        yield float(loss.detach())
     classifier.requires_grad_(False).eval()
 
 

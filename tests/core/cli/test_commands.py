@@ -220,8 +220,6 @@ def test_dataset_train_and_render_from_nothing():
     looks = load_model("looks.safetensors")
     assert looks.fingerprint == before.fingerprint
     assert looks.viewpoint_classifier is not None
-    run("select-gallery d --model n.safetensors --count 1 --out small.safetensors")
-    assert len(load_model("small.safetensors").codes) == 1
     write_object(Path("other"), replace(objects[0], name="boat"))
     write_manifest(Path("other"), "boats", {})
     run("train-category d other --steps 2 --out c.safetensors")

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import torch
 
+from core.detail.frames import render_frame
 from core.export.framing import MARGIN, filling_distance, filling_frame
 from core.export.keyframes import View, turntable
 from core.models.field import Field
 from core.models.model import Model
-from core.rendering.progressive import render_frame
 from tests.core.export.test_mesh import tiny  # noqa: F401  (a fixture)
 
 

@@ -12,13 +12,13 @@ import torch
 import trimesh
 from scipy.spatial import cKDTree
 
+from core.detail.frames import render_frame
 from core.export import mesh as module
 from core.export.mesh import TOLERANCE, MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering.progressive import render_frame
 from core.streams import run_to_end
 from tests.core.tiny import tiny_model
 

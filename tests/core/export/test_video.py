@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from core.detail.frames import render_frame
 from core.export.frames import over
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.export.video import FORMATS, VideoSettings, write_video
 from core.models.model import Model
-from core.rendering.progressive import render_frame
 from tests.core.tiny import tiny_model
 
 

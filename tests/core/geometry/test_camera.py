@@ -6,7 +6,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry.camera import Camera, camera_position, camera_rotation
+from core.geometry.camera import Camera, camera_rotation
 
 azimuths = st.floats(-math.pi, math.pi)
 elevations = st.floats(-math.pi / 2, math.pi / 2)
@@ -24,12 +24,6 @@ def test_rotation_is_the_papers_and_a_rotation(azimuth: float, elevation: float)
     torch.testing.assert_close(found, torch.tensor(paper, dtype=torch.float64))
     torch.testing.assert_close(found @ found.T, torch.eye(3, dtype=torch.float64))
     assert torch.linalg.det(found) == pytest.approx(1.0)
-
-
-@given(azimuths, elevations, st.floats(0.5, 5.0))
-def test_camera_stands_behind_its_own_backward_axis(azimuth: float, elevation: float, distance: float):
-    a, e, d = (torch.tensor(v, dtype=torch.float64) for v in (azimuth, elevation, distance))
-    torch.testing.assert_close(camera_position(a, e, d), d * camera_rotation(a, e)[2])
 
 
 @given(azimuths, elevations, st.floats(0.5, 5.0))

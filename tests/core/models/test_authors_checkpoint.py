@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from core.detail.frames import render_frame
 from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.authors_checkpoint import load_authors
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
-from core.rendering.progressive import render_frame
 from core.rendering.reference import Rendered, render_exact
 from tests.core.models.authors_reference import FOCAL, GOLDEN, SAMPLES, SIDE, evaluate, read_weights, render
 

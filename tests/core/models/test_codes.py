@@ -129,5 +129,3 @@ def test_the_most_different_come_first_and_each_once() -> None:
     points = torch.tensor([[0.0], [0.1], [10.0], [4.0], [4.0]])
     assert farthest_first(points) == [0, 2, 3, 1, 4]
     assert farthest_first(torch.empty(0, 3)) == []
-    assert farthest_first(points, 2, 3)[0] == 3
-    assert len(farthest_first(points, 2, 3)) == 2

@@ -65,8 +65,3 @@ def test_shapes_of_five_standard_deviations_are_inside(name: str, seed: int):
 
 
 _shipped = cache(load_model)
-
-
-def test_a_subset_of_the_objects_keeps_the_cells_of_all():
-    model = tiny_model()
-    assert model.subset([0]).occupied_cells is model.occupied_cells

@@ -26,8 +26,8 @@ def test_what_a_word_says_is_seen(name: str) -> None:
 
 def lightness_rises(name: str, words: Words) -> bool | None:
     """Whether renders of more of *lighter* (or less of *darker*) are lighter; None without such a word."""
+    from core.detail.frames import render_frame
     from core.models.codes import Codes
-    from core.rendering.progressive import render_frame
 
     model = load_model(name)
     signs = {"lighter": 1.0, "darker": -1.0}

@@ -129,12 +129,6 @@ def test_the_next_process_reads_the_file(tiny: Model, folder: Path):
     assert steps(tiny) == 0
 
 
-def test_a_model_and_its_gallery_have_banks_of_their_own(tiny: Model, folder: Path):
-    some = tiny.subset([0, 1])
-    assert some.fingerprint == tiny.fingerprint
-    assert len(make_view_bank(tiny).codes.shape) > len(make_view_bank(some).codes.shape)
-
-
 @pytest.mark.parametrize("damage", ["empty", "cut", "other", "numbers"])
 def test_a_damaged_file_is_made_again(damage: str, tiny: Model, folder: Path):
     made = make_view_bank(tiny)

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from torch import Tensor
 
+from core.detail.frames import render_frame
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.fast import clear_cache, is_cached, shape_occupancy
 from core.rendering.folded_field import FoldedField
-from core.rendering.progressive import RenderJob, RenderSettings, render_frame, render_progressively
+from core.rendering.progressive import RenderJob, RenderSettings, render_progressively
 from tests.conftest import random_model
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from core.detail.frames import render_frame
 from core.export.framing import filling_distance
-from core.rendering.progressive import render_frame
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import Bakery

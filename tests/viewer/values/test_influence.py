@@ -3,8 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.detail.frames import render_frame
 from core.models.model import Model
-from core.rendering.progressive import Frame, render_frame
+from core.rendering.progressive import Frame
 from viewer.values.influence import CodeInfluence
 
 

@@ -1,13 +1,9 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-import pytest
-
 from core.lab.benchmarks import charts, photo_detail
 from core.lab.benchmarks.csv_files import append_record
-from core.lab.benchmarks.photo_detail import DetailView, FrameCost, measure_cost
-from core.models.model import Model
+from core.lab.benchmarks.photo_detail import DetailView
 
 
 def rows() -> list[DetailView]:
@@ -31,16 +27,7 @@ def test_gains_are_means_of_objects() -> None:
 def test_rows_become_a_table_and_a_chart(tmp_path: Path) -> None:
     for row in rows():
         append_record(tmp_path / "photo_detail.csv", {"machine": "m"}, row)
-    append_record(tmp_path / "frame_cost.csv", {"machine": "m"}, FrameCost("cars", 256, 50.0, 5.0))
     table = charts.draw(tmp_path, "photo_detail")
     assert "| cars | own | found | 2 | 24.0 | +2.0" in table
     assert "| 26.0 | 36.0 | 40.0 | 100 %" in table
     assert (tmp_path / "photo_detail.png").stat().st_size > 1000
-    assert "| cars | 256 | 50.0 | 5.0 | 1.10 |" in charts.draw(tmp_path, "frame_cost")
-
-
-def test_the_cost_of_a_frame_is_measured_with_detail(tiny: Model, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(photo_detail, "SIZES", (24, 48))
-    costs = list(measure_cost(tiny))
-    assert [one.size for one in costs] == [24, 48]
-    assert all(np.isfinite(one.render) and one.detail > 0 for one in costs)

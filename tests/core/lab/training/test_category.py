@@ -31,8 +31,7 @@ def test_it_learns_to_tell_categories_apart_and_is_read_back(tmp_path: Path, mon
     monkeypatch.setattr(category, "BATCH_SIZE", 48)
     torch.manual_seed(0)
     classifier, datasets = CategoryClassifier(("posts", "planks")), (bars(True), bars(False))
-    *_, last = train_category(classifier, datasets, 60)
-    assert last.step == 60
+    assert len(list(train_category(classifier, datasets, 60))) == 60
     assert category_accuracy(classifier, datasets[0].images, 0) > 0.9
     assert category_accuracy(classifier, datasets[1].images, 1) > 0.9
     classifier.save(tmp_path / "categories.safetensors")

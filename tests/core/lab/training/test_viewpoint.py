@@ -31,9 +31,9 @@ def test_it_learns_from_which_direction_an_image_is(seen: ViewpointDataset, monk
     monkeypatch.setattr(viewpoint, "BATCH_SIZE", 32)  # of twenty images
     torch.manual_seed(0)
     glance = ViewpointClassifier()
-    steps = list(train_viewpoint(glance, seen, 100))
-    assert [step.step for step in steps] == list(range(1, 101))
-    assert steps[-1].loss < steps[0].loss
+    losses = list(train_viewpoint(glance, seen, 100))
+    assert len(losses) == 100
+    assert losses[-1] < losses[0]
     assert accuracy_within(glance, seen, math.radians(20)) > 0.5
     assert not glance.training
 
