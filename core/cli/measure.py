@@ -19,6 +19,7 @@ from core.lab.benchmarks import (
     films,
     fits,
     gate,
+    model_sizes,
     photo_detail,
     photos,
     rendering,
@@ -192,11 +193,16 @@ def bench_photos(chosen: argparse.Namespace) -> None:
     print(charts.draw(chosen.out, "photos"), flush=True)
 
 
+def bench_model_size(chosen: argparse.Namespace) -> None:
+    """``bench model-size``: quality against speed by size of the network and the codes, as CSV, table and chart."""
+    _prepare_models(chosen)
+    found = model_sizes.measure_model_sizes(chosen.datasets, _tests(chosen), chosen.steps, chosen.models)
+    _write(chosen, "model_sizes", found)
+
+
 def bench_architectures(chosen: argparse.Namespace) -> None:
     """``bench architectures``: CodeNeRF beside the paper's ablations M1 and M2, as CSV, table and picture."""
-    drawing.prepare(chosen.out)
-    if not chosen.models.is_dir():
-        raise ValueError(f"there is no folder {chosen.models}")
+    _prepare_models(chosen)
     found = architectures.measure_architectures(chosen.datasets, chosen.steps, chosen.models)
     results = _write(chosen, "architectures", found)
     results.picture.save(chosen.out / "architectures.png", optimize=True)
@@ -207,6 +213,17 @@ def bench_redraw(chosen: argparse.Namespace) -> None:
     drawing.prepare(chosen.out)
     for path in charts.redraw(chosen.out):
         print(path, flush=True)
+
+
+def _prepare_models(chosen: argparse.Namespace) -> None:
+    drawing.prepare(chosen.out)
+    if not chosen.models.is_dir():
+        raise ValueError(f"there is no folder {chosen.models}")
+
+
+def _tests(chosen: argparse.Namespace) -> tuple[ObjectEntry, ...]:
+    """The objects that no model is trained on."""
+    return evenly_spaced(index_objects(chosen.tests)[1], chosen.objects)
 
 
 def _held_out_views(chosen: argparse.Namespace) -> tuple[Model, tuple[HeldOutView, ...]]:

@@ -7,7 +7,6 @@ kept, so that a run resumes where one was stopped.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 
 import torch
@@ -17,10 +16,11 @@ from core.geometry.camera import Camera
 from core.lab.benchmarks.csv_files import Results
 from core.lab.benchmarks.figures import Cell, labelled_sheet, to_cell
 from core.lab.benchmarks.machine import describe_machine
-from core.lab.datasets.srn import Dataset, ObjectEntry, index_objects, read_dataset
+from core.lab.benchmarks.trained_models import Variant, train_variants, trained_objects_views
+from core.lab.datasets.srn import Dataset, index_objects
 from core.lab.evaluation.statistics import Mean, mean_of
-from core.lab.training.recipes import RECIPES, TrainSettings
-from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
+from core.lab.training.recipes import RECIPES
+from core.lab.training.trainer import held_out_psnr
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.reference import Rendered, render_exact
@@ -32,8 +32,6 @@ _SAMPLES = 64
 _TURN = math.radians(60)
 _SHOWN = 2
 """objects"""
-_NEW_VIEWS = 8
-"""training objects of which a view that was not trained on is rendered"""
 
 
 @dataclass(frozen=True)
@@ -58,47 +56,23 @@ class ArchitectureResults(Results[Architecture]):
 
 
 def measure_architectures(folders: Sequence[Path], steps: int, kept: Path) -> Iterator[str | ArchitectureResults]:
-    """Yields what is being done, and at the end the results; models are kept in ``kept``.
-
-    Raises ``ValueError`` where a kept model was trained on other objects.
-    """
+    """Yields what is being done, and at the end the results; models are kept in ``kept``."""
     category, entries = index_objects(folders)
-    training = cache(lambda: hold_out(read_dataset(folders))[0])  # read only where a model is missing
+    variants = [
+        Variant(f"{category}-{name}", replace(RECIPES[recipe], steps=steps), entries)
+        for name, recipe in ARCHITECTURES.items()
+    ]
+    trained = yield from train_variants(folders, variants, kept)
     found, rows = list[Architecture](), list[list[Cell]]()
-    for name, recipe in ARCHITECTURES.items():
-        path, settings = kept / f"{category}-{name}-{steps}.safetensors", replace(RECIPES[recipe], steps=steps)
-        if not path.exists() or Model.load(path).field.config != settings.field:
-            yield from _train(training(), settings, path)
-        model = _load(path, entries)
+    for name, one in zip(ARCHITECTURES, trained, strict=True):
         yield f"renders, {name}"
-        views = _new_views(entries, category, model)
-        parameters = sum(parameter.numel() for parameter in model.field.parameters())
-        found.append(Architecture(name, parameters, held_out_psnr(model, views), _opacity_change(model, views)))
-        rows += _rows(name, model, views)
-    about = {"machine": describe_machine(model.device), "category": category}
+        views = trained_objects_views(entries, category, one.model)
+        new_views = held_out_psnr(one.model, views)
+        found.append(Architecture(name, one.parameters, new_views, _opacity_change(one.model, views)))
+        rows += _rows(name, one.model, views)
+    about = {"machine": describe_machine(trained[-1].model.device), "category": category}
     about |= {"objects": str(len(entries)), "steps": str(steps)}
     yield ArchitectureResults(about, tuple(found), labelled_sheet(rows))
-
-
-def _train(dataset: Dataset, settings: TrainSettings, path: Path) -> Iterator[str]:
-    trainer = Trainer(dataset, settings)
-    for step in trainer.steps():
-        if step.step % 100 == 0:
-            yield f"training, {path.stem}, step {step.step} of {settings.steps}, {step.psnr:.1f} dB"
-    trainer.model().save(path)
-
-
-def _load(path: Path, entries: Sequence[ObjectEntry]) -> Model:
-    model = Model.load(path)
-    if {entry.name for entry in model.codes.objects} != {entry.name for entry in entries}:
-        raise ValueError(f"{path} was trained on other objects; keep models of these in another folder")
-    return model
-
-
-def _new_views(entries: Sequence[ObjectEntry], category: str, model: Model) -> Dataset:
-    """Of some training objects, evenly over ``entries``, the view that no model was trained on."""
-    some = tuple(entry.read() for entry in entries[:: max(1, len(entries) // _NEW_VIEWS)][:_NEW_VIEWS])
-    return hold_out(Dataset(some, category, model.image_size, model.focal), _NEW_VIEWS)[1]
 
 
 def _others(model: Model, views: Dataset) -> list[tuple[Codes, Codes, Camera]]:

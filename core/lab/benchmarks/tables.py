@@ -263,7 +263,23 @@ def _photo_itself(rows: Sequence[DetailView], what: str) -> float:
     return statistics.mean([getattr(row, what) for row in _right(rows)] or [float("nan")])
 
 
-# Architectures and photographs
+# Trained models and photographs
+
+
+model_sizes_table = Table(
+    "{machine}; {objects} objects, {steps} steps each; held out: {tests} objects fitted on one view of known camera.",
+    [
+        ("differs in", lambda one: f"{one.axis.replace('_', ' ')} {one.value or ''}".strip(), "{}"),
+        ("parameters", "parameters", "{}"),
+        ("file (kB)", lambda one: one.bytes / 1000, "{:.0f}"),
+        ("training objects, new views (dB)", "new_views", "{:.2f}"),
+        ("held out (dB)", "held_out.mean", "{:.2f}"),
+        ("difference to the baseline (dB)", "gain", format_difference),
+        ("cameras within 10°", "found", format_share),
+        ("100,000 samples (ms)", "field_ms", "{:.0f}"),
+        ("blind fit (s)", "fit_seconds", "{:.1f}"),
+    ],
+)
 
 
 architectures_table = Table(
@@ -279,6 +295,9 @@ architectures_table = Table(
         ),
     ],
 )
+
+
+# Photographs
 
 
 def photos_table(found: Results[PhotoTrial]) -> str:
