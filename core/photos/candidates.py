@@ -14,7 +14,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, label
 
 from core.geometry.pixels import bounding_box, widened
 from core.photos.grabcut import grabcut
-from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
+from core.photos.plain_background import PlainBackground, find_background
 from core.photos.saliency import predict_saliency
 
 _CORE, _FAINT = 0.9, 0.1
@@ -78,10 +78,7 @@ class Seen:
     @cached_property
     def background(self) -> PlainBackground | None:
         """None where there is no plain one."""
-        try:
-            return find_background(self.colours)
-        except NoBackgroundError:
-            return None
+        return find_background(self.colours)
 
     @cached_property
     def salient(self) -> Float[np.ndarray, "height width"] | None:
