@@ -12,15 +12,16 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, label
 
+from core.geometry.pixels import bounding_box, widened
 from core.photos.grabcut import grabcut
-from core.photos.plain_background import NoBackgroundError, PlainBackground, find_background
+from core.photos.plain_background import PlainBackground, find_background
 from core.photos.saliency import predict_saliency
 
 _CORE, _FAINT = 0.9, 0.1
 """opacities above and below which the saliency network has no doubt"""
 _HINT = 0.25
 """opacity from which it may have seen a leg: thin things are nothing but edge to it"""
-NETWORK_ERROR = 0.006
+_NETWORK_ERROR = 0.006
 """of what the network looks at: two pixels of its own image, by which its edges may be off"""
 _ROOM = 0.15
 """of a box: how much around it the second look sees"""
@@ -77,10 +78,7 @@ class Seen:
     @cached_property
     def background(self) -> PlainBackground | None:
         """None where there is no plain one."""
-        try:
-            return find_background(self.colours)
-        except NoBackgroundError:
-            return None
+        return find_background(self.colours)
 
     @cached_property
     def salient(self) -> Float[np.ndarray, "height width"] | None:
@@ -214,11 +212,11 @@ def guess(size: tuple[int, int], points: tuple[tuple[float, float], ...]) -> Can
 def _of_network(found_by: str, salient: Float[np.ndarray, "height width"], side: float) -> Candidate:
     """Inside an object the network may be unsure what it sees, but not that there is something."""
     inside = binary_erosion(salient > 0.5, iterations=_network_pixels(side))
-    return Candidate(found_by, np.where(inside, np.float32(1), salient), NETWORK_ERROR * side)
+    return Candidate(found_by, np.where(inside, np.float32(1), salient), _NETWORK_ERROR * side)
 
 
 def _network_pixels(side: float) -> int:
-    return max(1, round(NETWORK_ERROR * side))
+    return max(1, round(_NETWORK_ERROR * side))
 
 
 def _seeds(salient: Float[np.ndarray, "height width"]) -> UInt8[np.ndarray, "height width"]:
@@ -268,13 +266,5 @@ def _window(point: tuple[float, float], share: float, size: tuple[int, int]) -> 
 
 def _box_around(mask: Bool[np.ndarray, "height width"]) -> tuple[int, int, int, int]:
     """Left, top, right and bottom (px) of a box around all of it, with room."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    left, top, right, bottom = columns[0], rows[0], columns[-1] + 1, rows[-1] + 1
-    room = round(_ROOM * max(right - left, bottom - top))
-    height, width = mask.shape
-    return (
-        int(max(0, left - room)),
-        int(max(0, top - room)),
-        int(min(width, right + room)),
-        int(min(height, bottom + room)),
-    )
+    left, top, right, bottom = box = bounding_box(mask)
+    return widened(box, round(_ROOM * max(right - left, bottom - top)), mask.shape)

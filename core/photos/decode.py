@@ -105,7 +105,8 @@ def _small_rgba(image: Image.Image) -> Image.Image:
         image = _in_srgb(image, profile)
     # Pillow resizes RGBA with the colours weighted by alpha.
     image = _in_srgb(_shrunk(image.convert("RGBA"), WORKING_SIDE, Image.Resampling.LANCZOS), profile)
-    if turn := _TURNS.get(exif.pop(ExifTags.Base.Orientation, None)):
+    turn = _TURNS.get(exif.pop(ExifTags.Base.Orientation, None))
+    if turn is not None:  # Pillow counts them from 0
         image = image.transpose(turn)
     written = optional(exif.tobytes)
     image.info = {"exif": written} if written else {}

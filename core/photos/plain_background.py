@@ -43,15 +43,17 @@ class PlainBackground(NamedTuple):
     """The border is of one even colour, and the rest is one object that does not touch it."""
 
 
-def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground:
-    """The plain background of an image (sRGB, 0..1). Raises :class:`NoBackgroundError` where the border shows none.
+def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
+    """The plain background of an image (sRGB, 0..1); None where the border shows none.
 
     The background's colour may change slowly over the image (a wall lit from one side). It spreads from the border over
     what is similar, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the
     object's unless they are as the background is (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
-    model, noise, share = _background_colour(lab)
+    if (found := _background_colour(lab)) is None:
+        return None
+    model, noise, share = found
     distance = np.linalg.norm(lab - model, axis=-1)
     alike = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
     outside = connected_to_border(alike | _shaded(lab, model))
@@ -75,9 +77,9 @@ def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:
 
 def _background_colour(
     lab: Float[np.ndarray, "height width 3"],
-) -> tuple[Float[np.ndarray, "height width 3"], float, float]:
+) -> tuple[Float[np.ndarray, "height width 3"], float, float] | None:
     """A smooth background fitted to the border, robust to an object that touches it; how much it wavers (CIE76); and
-    the share of the border that it explains.
+    the share of the border that it explains. None where that is too little.
     """
     height, width = lab.shape[:2]
     y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j].astype(np.float32)
@@ -90,12 +92,12 @@ def _background_colour(
     kept = np.linalg.norm(colours - centre, axis=1) < 3 * _BACKGROUND_DISTANCE
     for count in (1, 3, 6, 6):
         if kept.sum() < 2 * count:
-            raise NoBackgroundError
+            return None
         factors = np.linalg.lstsq(places[kept, :count], colours[kept], rcond=None)[0]
         away = np.linalg.norm(colours - places[:, :count] @ factors, axis=1)
         kept = away < (2 if count == 1 else 1) * _BACKGROUND_DISTANCE
     if kept.mean() < 0.6:
-        raise NoBackgroundError
+        return None
     return terms @ factors, float(np.quantile(away[kept], 0.9)), float(kept.mean())
 
 

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
 
-from core.geometry.pixels import bounding_box
+from core.geometry.pixels import bounding_box, widened
 from core.photos.candidates import Candidate, Seen, guess
 from core.photos.decode import lens_focal
 from core.photos.frames import Box, fill, find_frame, is_sliver
@@ -212,9 +212,11 @@ def _on_white(
 
 def _segment_with_hints(image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints) -> CutOut:
     """GrabCut from the box, what is at the points, or what is found without either; then where strokes correct it."""
-    window = _around(hints.box, *image.size)
+    window = (0, 0, *image.size)
     if hints.box is not None:
-        mask = grabcut(colours, _in_box(hints.box, colours.shape[:2]), window)
+        left, top, right, bottom = box = _in_pixels(hints.box, *image.size)
+        window = widened(box, max(4, round(_MARGIN * max(right - left, bottom - top))), colours.shape)
+        mask = grabcut(colours, _in_box(box, colours.shape[:2]), window)
         found = _on_white(colours, Candidate("box", mask.astype(np.float32), certain=True))
     elif hints.points:
         found = _best(colours, _at_points(image, colours, hints.points), hints)
@@ -241,12 +243,12 @@ def _at_points(
     return [joined(*one) for one in first]
 
 
-def _in_box(box: tuple[float, float, float, float], size: tuple[int, int]) -> UInt8[np.ndarray, "height width"]:
-    """Labels of GrabCut: the object is somewhere in the box."""
+def _in_box(box: tuple[int, int, int, int], size: tuple[int, int]) -> UInt8[np.ndarray, "height width"]:
+    """Labels of GrabCut: the object is somewhere in the box (px)."""
     import cv2
 
     labels = np.full(size, cv2.GC_BGD, np.uint8)
-    left, top, right, bottom = _in_pixels(box, size[1], size[0])
+    left, top, right, bottom = box
     labels[top:bottom, left:right] = cv2.GC_PR_FGD
     return labels
 
@@ -286,15 +288,6 @@ def _in_pixels(box: tuple[float, float, float, float], width: int, height: int) 
     left, top, right, bottom = box
     across, down = round(left * width), round(top * height)
     return across, down, max(across + 1, round(right * width)), max(down + 1, round(bottom * height))
-
-
-def _around(box: tuple[float, float, float, float] | None, width: int, height: int) -> tuple[int, int, int, int]:
-    """The box with a margin of background, in px; the whole image where there is none."""
-    if box is None:
-        return 0, 0, width, height
-    left, top, right, bottom = _in_pixels(box, width, height)
-    margin = max(4, round(_MARGIN * max(right - left, bottom - top)))
-    return max(0, left - margin), max(0, top - margin), min(width, right + margin), min(height, bottom + margin)
 
 
 # Masks

@@ -27,6 +27,8 @@ from core.lab.evaluation.statistics import Mean, format_difference, format_share
 
 _SURE = 0.9
 """A wrong camera of more confidence misleads."""
+_THRESHOLDS = (0.0, 0.5, 0.8, _SURE)
+"""confidences from which on a camera may be believed"""
 
 Column = tuple[str, str | Callable[[Any], Any], str | Callable[[Any], str]]
 """heading; attribute of a row, or a function of it; how its value is formatted"""
@@ -194,10 +196,30 @@ def robustness_table(found: Results[RobustnessTrial]) -> str:
     return _text(
         f"{found.about['machine']}; {len({trial.name for trial in found.rows})} objects; {what}",
         markdown_table(columns, within),
-        f"Confidence of {presets[0]} over {len(judged)} fits: AUROC {area:.3f}.",
+        f"Confidence of {presets[0]} over {len(judged)} fits: AUROC {area:.3f}. Where there is an object to be found:",
+        _risk_and_coverage([trial for trial in judged if trial.rotation is not None]),
         f"Failures of {presets[0]}: {', '.join(f'{count} {name}' for name, count in failed)}.",
         f"Right by symmetry, for they look the same from there: {', '.join(symmetric) or 'none'}.",
     )
+
+
+def _risk_and_coverage(trials: Sequence[RobustnessTrial]) -> str:
+    """From each confidence on: the share of all fits, how many of these are wrong, and the share of all right fits."""
+
+    def right(least: float) -> list[bool]:
+        return [trial.success for trial in trials if (trial.confidence or 0) >= least]
+
+    columns: list[Column] = [
+        ("confidence from", lambda least: least, "{:g}"),
+        ("fits (coverage)", lambda least: _ratio(len(right(least)), len(trials)), "{}"),
+        ("wrong ones of these (risk)", lambda least: _ratio(right(least).count(False), len(right(least))), "{}"),
+        ("of the right ones", lambda least: _ratio(sum(right(least)), sum(right(0.0))), "{}"),
+    ]
+    return markdown_table(columns, _THRESHOLDS)
+
+
+def _ratio(count: int, of: int) -> str:
+    return f"{100 * count / of:.0f} %" if of else ""
 
 
 def _level(key: tuple[str, float]) -> str:

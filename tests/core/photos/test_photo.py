@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from PIL import ExifTags, Image, ImageDraw
+from PIL import ExifTags, Image, ImageDraw, ImageOps
 from pillow_heif import from_pillow
 
 from core.models.model import Model
@@ -109,13 +109,18 @@ def test_16_bit_colour(tmp_path: Path, tiny: Model):
     check_found(load_photo(str(tmp_path / "a.png"), tiny), tiny)
 
 
-def test_a_phone_image_lying_on_its_side_is_turned_upright(tmp_path: Path, tiny: Model):
-    image = Image.new("RGB", (300, 200), "white")
-    ImageDraw.Draw(image).rectangle((50, 80, 250, 120), fill=(200, 20, 20))
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_images_are_turned_upright_as_pillow_turns_them(tmp_path: Path, orientation: int):
     exif = Image.Exif()
-    exif[0x0112] = 6
-    photo = load_photo(saved(image, tmp_path / "a.jpg", exif=exif), tiny)
-    assert int(photo.mask.any(1).sum()) > 2 * int(photo.mask.any(0).sum())
+    exif[ExifTags.Base.Orientation] = orientation
+    path = saved(drawing(), tmp_path / "a.png", exif=exif)
+    with Image.open(path) as lying:
+        np.testing.assert_array_equal(np.asarray(read_rgba(path))[..., :3], np.asarray(ImageOps.exif_transpose(lying)))
+
+
+def test_a_transparent_entry_of_a_palette_is_background(tmp_path: Path, tiny: Model):
+    image = drawing(background=(0, 200, 60)).convert("P", palette=Image.Palette.ADAPTIVE)
+    check_found(load_photo(saved(image, tmp_path / "a.png", transparency=image.getpixel((0, 0))), tiny), tiny)
 
 
 def test_a_huge_image_is_made_smaller(tmp_path: Path, tiny: Model):

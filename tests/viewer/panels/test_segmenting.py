@@ -1,3 +1,5 @@
+import importlib.util
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -10,12 +12,14 @@ from imgui_bundle import imgui
 from PIL import Image
 
 from core.models.model import Model
+from core.photos.photo import read_cut_out
 from tests.conftest import make_view_bank
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
 from viewer.values.fit_history import PhotoSource
 
+_SAMPLES = Path(__file__).parents[3] / "assets" / "samples"
 _BOX = (0.15, 0.15), (0.4, 0.5), (0.7, 0.85)
 """around the blue block of ``busy``"""
 
@@ -101,6 +105,58 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert segmenting.settled
         assert segmenting.hints == before_zoom
         window.click("Cut out###segment/**/###cancel segmentation")
+
+    tiny = tiny_model()
+    make_view_bank(tiny)
+    drive(act, replace(backend, load_model=lambda name: tiny))
+
+
+def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarray]]:
+    """Sample images before a wall, on a floor, both of grainy paint; and where each object is."""
+    rng, size = np.random.default_rng(seed), (320, 60 + 200 * len(names))
+    wall, floor = rng.uniform(120, 200, 3), rng.uniform(60, 130, 3)
+    paint = np.where(np.arange(size[0])[:, None, None] < 200, wall, floor) + rng.normal(0, 8, (*size, 3))
+    room, places = Image.fromarray(paint.clip(0, 255).astype(np.uint8)), []
+    for number, name in enumerate(names):
+        cut, at = read_cut_out(_SAMPLES / f"{name}.png"), (200 * number, 40 + 10 * number)
+        values = np.dstack((cut.pixels, cut.opacity)) * 255
+        seen = Image.fromarray(values.astype(np.uint8)).resize((256, 256), Image.Resampling.BICUBIC)
+        room.paste(seen, at, seen)
+        place = Image.new("L", room.size)
+        place.paste(seen.getchannel("A"), at)
+        places.append(np.asarray(place) > 127)
+    return room, places
+
+
+def _inside(place: np.ndarray) -> tuple[float, float]:
+    """A place on the object, next to its middle, in shares of width and height."""
+    rows, columns = np.nonzero(place)
+    nearest = np.hypot(rows - rows.mean(), columns - columns.mean()).argmin()
+    return (columns[nearest] + 0.5) / place.shape[1], (rows[nearest] + 0.5) / place.shape[0]
+
+
+@pytest.mark.slow  # the network beside a window that is drawn without end
+def test_one_click_finds_each_of_several_objects(
+    drive: Drive, backend: Backend, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "rembg")  # as in the program, the network looks around the point
+    if importlib.util.find_spec("rembg") is None:
+        pytest.skip("needs the saliency network")
+    pictures = (("chairs/purple", "chairs/cushion"), ("cars/estate", "chairs/children"), ("cars/sports", "cars/hybrid"))
+    rooms = [_room(names, seed) for seed, names in enumerate(pictures)]
+
+    def act(window: Driver) -> None:
+        segmenting = window.workspace.segmenting
+        for number, (room, places) in enumerate(rooms):
+            room.save(tmp_path / f"{number}.png")
+            canvas = _drop(window, tmp_path / f"{number}.png")
+            for place in places:
+                canvas.draw(_inside(place))
+                assert len(segmenting.hints.points) == 1
+                assert segmenting.result is not None
+                found = segmenting.result.found.mask
+                assert (found & place).sum() / (found | place).sum() > 0.8
+            window.click("Cut out###segment/**/###cancel segmentation")
 
     tiny = tiny_model()
     make_view_bank(tiny)

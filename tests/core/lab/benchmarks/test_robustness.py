@@ -90,8 +90,8 @@ def test_parts_share_out_all_trials_and_a_resumed_run_leaves_out_what_is_done(mo
 
 def test_shares_have_intervals_and_are_read_at_two_angles():
     trials = tuple(
-        RobustnessTrial("none", 0.0, "normal", f"{i}", rotation, 0.95, 0.02, "correct" if rotation < 10 else "near")
-        for i, rotation in enumerate((1.0, 2.0, 20.0, 60.0))
+        RobustnessTrial("none", 0.0, "normal", f"{i}", rotation, sure, 0.02, "correct" if rotation < 10 else "near")
+        for i, (rotation, sure) in enumerate(((1.0, 0.95), (2.0, 0.6), (20.0, 0.95), (60.0, 0.95)))
     )
     share = success_rates(trials)["none", 0.0]["normal"]
     assert share.mean == 0.5
@@ -101,6 +101,7 @@ def test_shares_have_intervals_and_are_read_at_two_angles():
     assert "| none | 0 | 50 % (" in table
     assert "| 75 % | 2 | 2.0 % |" in table
     assert "Failures of normal: 2 near." in table
+    assert "| 0.5 | 100 % | 50 % | 100 % |\n| 0.8 | 75 % | 67 % | 50 % |" in table
 
 
 def test_charts_are_drawn_from_rows(found: list[RobustnessTrial], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
