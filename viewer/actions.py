@@ -222,6 +222,12 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
             checked=lambda c: c.preferences.smooth,
         ),
         Action(
+            *("shadow", "Shadow", "", "on the ground, where the object stands; in shared pictures and videos too"),
+            lambda c: c.set_preference(shadow=not c.preferences.shadow),
+            _always,
+            checked=lambda c: c.preferences.shadow,
+        ),
+        Action(
             *("idle_turn", "Turn a result", "", "slowly, once it is rebuilt, until you touch something"),
             lambda c: c.set_preference(idle_turn=not c.preferences.idle_turn),
             _always,

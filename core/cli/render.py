@@ -40,7 +40,7 @@ def turntable(chosen: argparse.Namespace) -> None:
     """``turntable``: a video of one turn, morphing into another object and back with ``--morph-to``."""
     model, codes, camera = _load_view(chosen)
     background = None if chosen.transparent else WHITE
-    settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, background, chosen.exact)
+    settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
     shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
         there, length = View(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps

@@ -47,25 +47,36 @@ _EXACT = RenderSettings(divisors=(1,))
 
 
 def render_frames(
-    model: Model, views: Sequence[View], size: int, background: Rgb | None, exact: bool = False
+    model: Model,
+    views: Sequence[View],
+    size: int,
+    background: Rgb | None,
+    exact: bool = False,
+    shadow: bool = False,
 ) -> Iterator[Image | None]:
     """Every frame, drawn from a baked copy unless that takes longer, or all are wanted exact; None many times a frame.
 
     Args:
         size: px, width and height.
+        shadow: with the object's shadow on the ground.
     """
     few = len(views) * size**2 <= FEW_PIXELS
-    return (exact_frames if exact or few else baked_frames)(model, views, size, background)
+    return (exact_frames if exact or few else baked_frames)(model, views, size, background, shadow)
 
 
-def exact_frames(model: Model, views: Sequence[View], size: int, background: Rgb | None) -> Iterator[Image | None]:
+def exact_frames(
+    model: Model, views: Sequence[View], size: int, background: Rgb | None, shadow: bool = False
+) -> Iterator[Image | None]:
     """Every frame by the network, a ray for each pixel; None many times a frame."""
     for view in views:
-        for frame in render_progressively(model, RenderJob(view.codes, view.camera.resized(size, size), _EXACT)):
-            yield over(frame, background) if frame else None
+        camera = view.camera.resized(size, size)
+        for frame in render_progressively(model, RenderJob(view.codes, camera, _EXACT, shadow=shadow)):
+            yield over(frame, background, camera) if frame else None
 
 
-def baked_frames(model: Model, views: Sequence[View], size: int, background: Rgb | None) -> Iterator[Image | None]:
+def baked_frames(
+    model: Model, views: Sequence[View], size: int, background: Rgb | None, shadow: bool = False
+) -> Iterator[Image | None]:
     """Every frame by OpenGL, from what is baked as finely as it takes; None many times a frame.
 
     Frames are exact where the machine has no OpenGL, where the model's architecture cannot be baked, or where the
@@ -73,13 +84,23 @@ def baked_frames(model: Model, views: Sequence[View], size: int, background: Rgb
     """
     baked = None if model.is_ablation else (yield from bake_views(model, views, size))
     if baked is None:
-        yield from exact_frames(model, views, size, background)
+        yield from exact_frames(model, views, size, background, shadow)
         return
     with OffscreenPictures(size, supersampling(size), background) as pictures:
         for index, view in enumerate(views):
             field = yield from baked.at(index)
             detail = yield from detail_maps(model, view.codes)
-            yield pictures.draw(replace(field, detail=detail), view.camera)
+            cast = shape_occupancy(model, tuple(view.codes.shape.tolist())).shadow if shadow else None
+            yield pictures.draw(replace(field, detail=detail, shadow=cast), view.camera)
+
+
+def draw_still(baked: BakedField, camera: Camera, size: int, shadow: bool) -> Image | None:
+    """One picture of what is baked already, on nothing; None where the machine has no OpenGL."""
+    try:
+        with OffscreenPictures(size, supersampling(size), None) as pictures:
+            return pictures.draw(baked if shadow else replace(baked, shadow=None), camera)
+    except RuntimeError:
+        return None
 
 
 def supersampling(size: int) -> int:
@@ -184,12 +205,20 @@ def _probe_frame(keys: Sequence[int]) -> int:
     return next(between, keys[(len(keys) - 1) // 4])
 
 
-def over(frame: Frame, background: Rgb | None) -> UInt8[np.ndarray, "height width channels"]:
-    """A frame on a colour instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied."""
+def over(
+    frame: Frame, background: Rgb | None, camera: Camera | None = None
+) -> UInt8[np.ndarray, "height width channels"]:
+    """A frame on a colour instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied.
+
+    Args:
+        camera: the frame's, with which the shadow that it has is on the ground.
+    """
     opacity = frame.opacity.clip(0, 1)[..., None]
+    own, left = frame.image - 255 * (1 - opacity), 1 - opacity
+    if camera and frame.shadow:
+        left = left * (1 - frame.shadow.seen_by(camera).numpy()[..., None])
     if background is None:
-        own = (frame.image - 255 * (1 - opacity)) / np.maximum(opacity, 1e-3)
-        image = np.concatenate((own, 255 * opacity), -1)
+        image = np.concatenate((own / np.maximum(1 - left, 1e-3), 255 * (1 - left)), -1)
     else:
-        image = frame.image - (1 - opacity) * (255 - np.array(background))
+        image = own + left * np.array(background)
     return (image + 0.5).clip(0, 255).astype(np.uint8)

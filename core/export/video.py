@@ -41,6 +41,8 @@ class VideoSettings:
     """None is transparent"""
     exact: bool = False
     """every frame by the network; else drawn from a baked copy, which cannot be told from that by eye"""
+    shadow: bool = False
+    """of the object, on the ground"""
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
@@ -66,7 +68,7 @@ def write_video(
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
-    frames = render_frames(model, views, settings.size, settings.background, settings.exact)
+    frames = render_frames(model, views, settings.size, settings.background, settings.exact, settings.shadow)
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
         for image in frames:

@@ -25,6 +25,7 @@ from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.detail_maps import DetailMaps
 from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
+from core.rendering.ground_shadow import GroundShadow
 from core.rendering.occupancy import CELLS
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, Kind
@@ -70,6 +71,8 @@ class BakedField:
     """the corner of the grid that the first texel is of"""
     detail: DetailMaps | None = None
     """what a photo adds to the colours: far finer than texels, so it is looked up for each pixel"""
+    shadow: GroundShadow | None = None
+    """of the object on the ground, to be laid between it and a background"""
 
     @property
     def step(self) -> float:
@@ -84,7 +87,8 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
     """
     with torch.inference_mode():
         folded = FoldedField(model, codes)
-        cells = shape_occupancy(model, tuple(codes.shape.tolist())).cells
+        occupancy = shape_occupancy(model, tuple(codes.shape.tolist()))
+        cells = occupancy.cells
         distance = cell_distances(cells)
     for divisions in _DIVISIONS:
         texels = np.zeros(((CELLS * divisions + 1) ** 3, 4), np.uint8)
@@ -93,7 +97,8 @@ def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
                 texels[block.corner.cpu().numpy()] = _texels(folded, block).cpu().numpy()
             yield None
         shaped, count = texels.reshape(*(CELLS * divisions + 1,) * 3, 4), CELLS * divisions
-        yield BakedField(shaped, distance, model.extent, model.field.config.density_scale, model.pixel_offset, count)
+        about = model.extent, model.field.config.density_scale, model.pixel_offset, count
+        yield BakedField(shaped, distance, *about, shadow=occupancy.shadow)
 
 
 class _Block(NamedTuple):

@@ -7,7 +7,7 @@ evaluated at first, and the others only if there is something after all.
 """
 
 import math
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import torch
@@ -21,12 +21,15 @@ from core.models.cells import contains, corner_points, corners_of, divide, max_o
 from core.models.model import Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
+from core.rendering.ground_shadow import GroundShadow, cast_shadow
 from core.runtime.layers import pad_rows
 
 CELLS = 64
 """Cells along each axis of the box."""
 _MIN_OPACITY = 0.001
 """A corner whose cell would take less of the light than this is empty."""
+_SOLID = 0.7
+"""A corner whose cell has at least this optical depth, half of the light, is inside the object."""
 _FINE_TOLERANCE = 0.002
 """Share of a ray's light that may be neglected with :data:`_FINE_SAMPLES` intervals."""
 _FINE_SAMPLES = 192
@@ -82,6 +85,8 @@ class Occupancy:
             else:
                 corners = _complete_densities(folded, known, limit)
         self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
+        self._on_ground = not model.white_from_network
+        self._solid: Bool[Tensor, "corners corners corners"] = corners > _SOLID / float(self.cell.amin())
         self._flat = self.cells.flatten()
         self._min_density = -max_of_corners(-corners).flatten()
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
@@ -91,6 +96,12 @@ class Occupancy:
     def size(self) -> int:
         """bytes"""
         return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
+
+    @cached_property
+    def shadow(self) -> GroundShadow | None:
+        """Of the shape on the ground below it; None of nothing, and of a network that paints the background."""
+        x, y, z = self.extent.tolist()
+        return cast_shadow(self._solid.cpu(), (x, y, z)) if self._on_ground else None
 
     def _around(self) -> Bool[Tensor, "all"]:
         """Which corners are those of the occupied cells and of all that touch them."""

@@ -9,6 +9,7 @@ from jaxtyping import UInt8
 from core.geometry.camera import Camera
 from core.rendering.baked_field import BakedField
 from core.rendering.baked_shader import BakedShader
+from core.rendering.ground_shader import GroundShader
 
 _VERTEX = """
 #version 330
@@ -45,7 +46,7 @@ class OffscreenPictures:
             raise RuntimeError(f"no OpenGL 3.3 through EGL: {error}") from error
         context, fine = self._context, size * supersampling
         self._size, self._fine_size, self._transparent = size, fine, background is None
-        self._shader = BakedShader(context)
+        self._shader, self._ground = BakedShader(context), GroundShader(context)
         self._samples = context.texture((fine, fine), 4)
         self._fine = context.framebuffer([self._samples])
         self._result = context.framebuffer([context.renderbuffer((size, size), 4)])
@@ -63,13 +64,18 @@ class OffscreenPictures:
         self._context.release()
 
     def draw(self, baked: BakedField, camera: Camera) -> UInt8[np.ndarray, "size size channels"]:
-        """The camera's picture, at this size: RGB on the background, or RGB and opacity, not multiplied, on none."""
+        """The camera's picture, with the field's shadow if it has one: RGB on the background, or RGB and opacity, not
+        multiplied, on none.
+        """
         # Entering makes the context this thread's own: the program's window, or another one, may have been.
         with self._context as context:
             self._shader.upload(baked)
             self._fine.use()
             self._fine.clear()
-            self._shader.draw(camera.resized(self._fine_size, self._fine_size), (self._fine_size,) * 2)
+            fine, size = camera.resized(self._fine_size, self._fine_size), (self._fine_size,) * 2
+            if baked.shadow:
+                self._ground.draw(baked.shadow, fine, size)
+            self._shader.draw(fine, size)
             self._result.use()
             context.enable_only(moderngl.NOTHING)
             self._samples.use(0)

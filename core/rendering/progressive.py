@@ -14,7 +14,8 @@ from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.detail_maps import DetailMaps
-from core.rendering.fast import is_cached, render_steps
+from core.rendering.fast import is_cached, render_steps, shape_occupancy
+from core.rendering.ground_shadow import GroundShadow
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,8 @@ class RenderJob:
     settings: RenderSettings = field(default_factory=RenderSettings)
     detail: DetailMaps | None = None
     """what a photo adds to the colours; :func:`core.detail.frames.render_progressively` finds it by the codes"""
+    shadow: bool = False
+    """frames have :attr:`Frame.shadow`"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,8 @@ class Frame:
     """pixels rendered along each side of a pixel"""
     sources: Float32[np.ndarray, "height width 2"] | None = None
     """how far each pixel's colour is from a photo, and from a photo's mirror image, 0..1; None: all is the model's"""
+    shadow: GroundShadow | None = None
+    """of the object on the ground, to be laid between it and a background: the image has none"""
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -108,7 +113,11 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
         seconds = time.perf_counter() - began
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
-        yield Frame(image, depth, opacity, at, len(stages), samples, seconds, evaluations, supersampling, sources)
+        shape = tuple(job.codes.shape.tolist())
+        shadow = shape_occupancy(model, shape, complete).shadow if job.shadow else None
+        yield Frame(
+            *(image, depth, opacity, at, len(stages), samples, seconds, evaluations, supersampling, sources, shadow)
+        )
 
 
 class _Stage(NamedTuple):

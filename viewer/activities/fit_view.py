@@ -114,7 +114,7 @@ class FitView:
         camera = self._seen(step).cameras[index]
         layout = (*view.panel, camera.height, view.pan) if fills else (camera.width, camera.height, camera.height)
         crop = orbit.fit_to_panel(camera, *layout)
-        job = RenderJob(step.codes, crop.camera, settings)
+        job = RenderJob(step.codes, crop.camera, settings, shadow=True)
 
         def rendered(frame: Frame) -> None:
             if fills and self._fills_view:

@@ -240,7 +240,8 @@ class Player:
             for index in order:
                 view = timeline.at(index / _RATE)
                 crop = orbit.fit_to_panel(view.camera, *layout)
-                for frame in self._jobs.backend.frames(model, RenderJob(view.codes, crop.camera, _SETTINGS)):
+                job = RenderJob(view.codes, crop.camera, _SETTINGS, shadow=True)
+                for frame in self._jobs.backend.frames(model, job):
                     yield (index, replace(frame, stage_count=2), crop) if frame else None  # a preview
 
         ended = self._jobs.reporting("Cannot render the timeline")

@@ -166,6 +166,10 @@ class Viewport:
         """OpenGL can draw this object now."""
         return self.settings.baked and self.baked is not None and codes == self._baked_of
 
+    def baked_copy(self, codes: Codes) -> BakedField | None:
+        """Of this object, if there is one."""
+        return self.baked if codes == self._baked_of else None
+
     def show_baked(self, source: Source) -> None:
         """Let OpenGL draw the scene's object in the place of this source's frames; it :meth:`is_baked`."""
         self.hold(source)
@@ -250,7 +254,7 @@ class Viewport:
             return
         request = self._request_live(self._live)
         crop = request.crop(self._live.camera.height)
-        job = RenderJob(request.codes, crop.camera, LIVE)
+        job = RenderJob(request.codes, crop.camera, LIVE, shadow=True)
 
         def rendered(frame: Frame) -> None:
             if self.following:
@@ -285,7 +289,7 @@ class Viewport:
         """
         crop, before = request.crop(detail), self.times if continues else ()
         render = RenderSettings(request.settings.quality.samples, stages, supersampling=_SUPERSAMPLING)
-        job = RenderJob(request.codes, crop.camera, render)
+        job = RenderJob(request.codes, crop.camera, render, shadow=True)
 
         def rendered(frame: Frame) -> None:
             earlier = self.times if self.full_frame and self.full_frame[1] is crop else before

@@ -130,7 +130,10 @@ MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
         *("save_scene", "share", None, "quit"),
     ),
     "Edit": ("undo", "redo", None, "copy_image", "copy_camera", "paste_camera"),
-    "View": ("dark", "smooth", "idle_turn", None, "reset_view", "follow", None, "larger_text", "smaller_text"),
+    "View": (
+        *("dark", "smooth", "shadow", "idle_turn", None, "reset_view", "follow"),
+        *(None, "larger_text", "smaller_text"),
+    ),
     "Panels": (_draw_panels, None, "reset_layout"),
     "Help": ("help",),
 }

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from core.export.frames import Rgb, over
+from core.export.frames import Image, Rgb
 from core.export.mesh_formats import FORMATS as MESHES
 from core.export.mesh_formats import TEXTURED
 from core.export.video import FORMATS as VIDEOS
 from core.models.scene import IMAGE_FORMATS
-from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
 from viewer.screen.theme import mixed
@@ -54,8 +53,8 @@ class ShareDialog:
     """The form of the Share dialog, and where a file was saved."""
 
     def __init__(self) -> None:
-        self._shown: tuple[Frame, Rgb | None, np.ndarray] | None = None
-        """of which frame and background, the image on screen"""
+        self._shown: tuple[Image, Rgb | None, np.ndarray] | None = None
+        """of which picture and background, the image on screen"""
 
     def draw(self, context: PanelContext) -> None:
         """A window, while it is open."""
@@ -71,7 +70,7 @@ class ShareDialog:
         shown, stays = imgui.begin("Share", True, unmoved)
         context.share_open = bool(stays) and not _left_by_escape()
         if shown:
-            preview.update(context.preferences.share)
+            preview.update(_as_in_view(context, context.preferences.share), context.viewport.baked_copy)
             self._draw_content(context)
         imgui.end()
 
@@ -80,7 +79,7 @@ class ShareDialog:
         changed = _draw_kinds(settings)
         imgui.spacing()
         room = imgui.get_main_viewport().work_size.x / em - _LABEL - _WIDTH - 3
-        self._draw_preview(context, changed.on_view(_view_colour(context)), min(_SIDE, room) * em)
+        self._draw_preview(context, _as_in_view(context, changed), min(_SIDE, room) * em)
         imgui.same_line(0, em)
         imgui.begin_group()
         changed = _draw_form(changed, context.editor.model.metres)
@@ -91,14 +90,14 @@ class ShareDialog:
             context.set_preference(share=changed)
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
-        frame = context.exporting.preview.frame
+        image = context.exporting.preview.image
         if settings.kind == "video" and not context.player.timeline.keys:
-            frame = None
-        if frame is None or context.images is None:
+            image = None
+        if image is None or context.images is None:
             imgui.dummy((side, side))
             return
-        if self._shown is None or self._shown[:2] != (frame, settings.rgb):
-            self._shown = frame, settings.rgb, _on_checks(over(frame, settings.rgb))
+        if self._shown is None or self._shown[0] is not image or self._shown[1] != settings.rgb:
+            self._shown = image, settings.rgb, _on_background(image, settings.rgb)
         imgui.image(context.images.texture(self._shown[2], context.palette), (side, side))
         tooltip(_PREVIEW.get(settings.kind, "The first frame"))
 
@@ -108,19 +107,18 @@ def _left_by_escape() -> bool:
     return idle and imgui.is_window_focused() and imgui.is_key_pressed(imgui.Key.escape)
 
 
-def _view_colour(context: PanelContext) -> Rgb:
+def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
     red, green, blue = (round(255 * part) for part in mixed(*context.palette.background, 0.35))
-    return red, green, blue
+    return settings.as_in_view((red, green, blue), context.preferences.shadow)
 
 
-def _on_checks(image: np.ndarray) -> np.ndarray:
-    """An image as it is, one with opacity on the pattern that stands for nothing."""
-    if image.shape[2] == 3:
-        return image
+def _on_background(image: Image, rgb: Rgb | None) -> np.ndarray:
+    """An image with opacity on a colour, or on the pattern that stands for nothing."""
     rows, columns = (np.arange(size) // _CHECKS for size in image.shape[:2])
     checks = np.where((rows[:, None] + columns) % 2, 205, 240)[..., None]
     opacity = image[..., 3:] / 255
-    return (image[..., :3] * opacity + checks * (1 - opacity) + 0.5).astype(np.uint8)
+    behind = checks if rgb is None else np.array(rgb)
+    return (image[..., :3] * opacity + behind * (1 - opacity) + 0.5).astype(np.uint8)
 
 
 def _draw_kinds(settings: ShareSettings) -> ShareSettings:
@@ -247,7 +245,7 @@ def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
         ready = settings.kind != "video" or bool(context.player.timeline.keys)
         idle, accent = ready and not exporting.running, context.palette.accent
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
-            share = partial(exporting.share, settings=settings.on_view(_view_colour(context)))
+            share = partial(exporting.share, settings=_as_in_view(context, settings))
             title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
             context.ask(FileRequest(title, share, (settings.suffix,), True, name))
         if ready and settings.kind != "mesh":

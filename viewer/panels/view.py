@@ -104,10 +104,12 @@ class ViewPanel(Panel):
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
         """The picture in the view: the baked object while it is turned, else the newest frame."""
         viewport = context.viewport
-        assert context.canvas and context.baked_canvas and viewport.frame
+        assert context.canvas and context.baked_canvas and viewport.full_frame
+        palette, smooth, shadow = context.palette, context.preferences.smooth, context.preferences.shadow
         if viewport.baked_frame and viewport.baked:
-            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, context.palette)
-        return context.canvas.draw(self._in_mode(viewport), pixels, context.palette, context.preferences.smooth)
+            return context.baked_canvas.draw(viewport.baked, viewport.baked_frame, palette, shadow)
+        shadow = shadow and viewport.settings.mode == "colour"
+        return context.canvas.draw(self._in_mode(viewport), viewport.full_frame[1], pixels, palette, smooth, shadow)
 
     def _in_mode(self, viewport: Viewport) -> Frame:
         """The frame as the mode shows it, computed once."""

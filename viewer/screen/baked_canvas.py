@@ -12,7 +12,7 @@ from core.geometry.camera import Camera
 from core.rendering.baked_field import BakedField
 from core.rendering.baked_shader import BakedShader
 from core.rendering.occupancy import CELLS
-from viewer.screen.canvas import SCREEN, Target
+from viewer.screen.canvas import Backdrop, Target
 from viewer.screen.theme import DARK, Palette
 from viewer.values.orbit import PanelCrop
 
@@ -21,35 +21,25 @@ _FAST = 1 / 30
 _PROBE = 512
 """px of a side"""
 _PROBES = 3
-_BACKGROUND = """
-#version 330
-uniform vec3 top, bottom;
-in vec2 uv;
-out vec4 colour;
-void main() { colour = vec4(mix(top, bottom, smoothstep(0.25, 1.0, uv.y)), 1.0); }
-"""
 
 
 class BakedCanvas:
     """The object from any camera at every pixel of the view, on the view's background."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        self._target = Target(context)
+        self._target, self._backdrop = Target(context), Backdrop(context)
         self._shader = BakedShader(context)
-        self._program = context.program(vertex_shader=SCREEN, fragment_shader=_BACKGROUND)
-        self._background = context.vertex_array(self._program, [])
         self._shown: tuple[Any, ...] = ()
 
-    def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette) -> imgui.ImTextureRef:
+    def draw(self, baked: BakedField, crop: PanelCrop, palette: Palette, shadow: bool) -> imgui.ImTextureRef:
         """A texture of the crop's size; rendered again only where something has changed."""
-        if (baked, crop, palette) != self._shown:
-            self._program["top"], self._program["bottom"] = palette.background
+        if (baked, crop, palette, shadow) != self._shown:
             size = crop.width, crop.height
             with self._target.of_size(size):
-                self._background.render(moderngl.TRIANGLES, vertices=3)
+                self._backdrop.draw(palette, baked.shadow if shadow else None, crop)
                 self._shader.upload(baked)
                 self._shader.draw(crop.camera, size, (crop.left, crop.top))
-            self._shown = baked, crop, palette
+            self._shown = baked, crop, palette, shadow
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def pixels(self) -> UInt8[np.ndarray, "height width 3"]:
@@ -61,8 +51,7 @@ class BakedCanvas:
         """Give the GL objects back."""
         self._target.release()
         self._shader.release()
-        self._background.release()
-        self._program.release()
+        self._backdrop.release()
 
 
 def is_fast(context: moderngl.Context) -> bool:
@@ -78,7 +67,7 @@ def seconds_per_picture(context: moderngl.Context) -> float:
         crop = PanelCrop(Camera(0.1 * number, 0.3, 2.0, 1.5 * _PROBE, _PROBE, _PROBE), _PROBE, _PROBE)
         context.finish()
         began = time.perf_counter()
-        canvas.draw(baked, crop, DARK)
+        canvas.draw(baked, crop, DARK, False)
         context.finish()
         times.append(time.perf_counter() - began)
     canvas.release()

@@ -10,8 +10,11 @@ import numpy as np
 from imgui_bundle import imgui
 
 from core.geometry.pixels import to_bytes
+from core.rendering.ground_shader import GroundShader
+from core.rendering.ground_shadow import GroundShadow
 from core.rendering.progressive import Frame
 from viewer.screen.theme import Palette, mixed
+from viewer.values.orbit import PanelCrop
 
 _SPARE = 2_000_000
 """px of textures kept although out of sight"""
@@ -25,16 +28,21 @@ void main() {
 }
 """
 """The vertex shader of a pass over all pixels."""
+_BACKGROUND = """
+#version 330
+uniform vec3 top, bottom;
+in vec2 uv;
+out vec4 colour;
+void main() { colour = vec4(mix(top, bottom, smoothstep(0.25, 1.0, uv.y)), 1.0); }
+"""
 _FRAGMENT = """
 #version 330
 uniform sampler2D image;  // on white; alpha is how much of a pixel the object covers
-uniform vec3 top, bottom;
 in vec2 uv;
 out vec4 colour;
 void main() {
     vec4 pixel = texture(image, uv);
-    vec3 background = mix(top, bottom, smoothstep(0.25, 1.0, uv.y));
-    colour = vec4(pixel.rgb - (1.0 - pixel.a) * (1.0 - background), 1.0);
+    colour = vec4(pixel.rgb - (1.0 - pixel.a), pixel.a);
 }
 """
 
@@ -78,28 +86,53 @@ class Target:
                 resource.release()
 
 
+class Backdrop:
+    """What is behind the object: the theme's background, and the shadow on the ground."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._program = context.program(vertex_shader=SCREEN, fragment_shader=_BACKGROUND)
+        self._pass = context.vertex_array(self._program, [])
+        self._ground = GroundShader(context)
+
+    def draw(self, palette: Palette, shadow: GroundShadow | None, crop: PanelCrop) -> None:
+        """Fill the framebuffer in use, which shows the crop at any size."""
+        self._program["top"], self._program["bottom"] = palette.background
+        self._pass.render(moderngl.TRIANGLES, vertices=3)
+        if shadow:
+            self._ground.draw(shadow, crop.camera, (crop.width, crop.height), (crop.left, crop.top))
+
+    def release(self) -> None:
+        """Give the GL objects back."""
+        for part in (self._ground, self._pass, self._program):
+            part.release()
+
+
 class Canvas:
     """The newest frame of the scene, enlarged to the view, crisp or smooth, the white replaced by a background."""
 
     def __init__(self, context: moderngl.Context) -> None:
-        self._context, self._target = context, Target(context)
+        self._context, self._target, self._backdrop = context, Target(context), Backdrop(context)
         self._program = context.program(vertex_shader=SCREEN, fragment_shader=_FRAGMENT)
         self._pass = context.vertex_array(self._program, [])
         self._image: moderngl.Texture | None = None
         self._shown: tuple[Any, ...] = ()
 
-    def draw(self, frame: Frame, size: tuple[int, int], palette: Palette, smooth: bool) -> imgui.ImTextureRef:
-        """A texture of this size (px); rendered again only where something has changed."""
-        wanted = (frame, size, palette, smooth)
+    def draw(
+        self, frame: Frame, crop: PanelCrop, size: tuple[int, int], palette: Palette, smooth: bool, shadow: bool
+    ) -> imgui.ImTextureRef:
+        """A texture of this size (px) with a frame of the crop; rendered again only where something has changed."""
+        wanted = (frame, crop, size, palette, smooth, shadow)
         if wanted != self._shown:
             self._upload(frame, smooth)
-            self._fill(size, palette)
+            with self._target.of_size(size):
+                self._backdrop.draw(palette, frame.shadow if shadow else None, crop)
+                self._fill()
             self._shown = wanted
         return imgui.ImTextureRef(self._target.texture.glo)
 
     def release(self) -> None:
         """Give the GL objects back."""
-        for resource in (self._image, self._target, self._pass, self._program):
+        for resource in (self._image, self._target, self._backdrop, self._pass, self._program):
             if resource is not None:
                 resource.release()
 
@@ -114,12 +147,13 @@ class Canvas:
         kind = moderngl.LINEAR if smooth else moderngl.NEAREST
         self._image.filter = kind, kind
 
-    def _fill(self, size: tuple[int, int], palette: Palette) -> None:
+    def _fill(self) -> None:
         assert self._image is not None
         self._image.use(0)
-        self._program["top"], self._program["bottom"] = palette.background
-        with self._target.of_size(size):
-            self._pass.render(moderngl.TRIANGLES, vertices=3)
+        self._context.enable_only(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        self._pass.render(moderngl.TRIANGLES, vertices=3)
+        self._context.disable(moderngl.BLEND)
 
 
 class Images:

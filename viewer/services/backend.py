@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from core.detail.frames import bake, render_progressively
-from core.export.frames import Image, render_frames
+from core.export.frames import Image, draw_still, render_frames
 from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
@@ -33,6 +33,7 @@ class Backend:
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
+    draw: Callable[[BakedField, Camera, int, bool], Image | None] = draw_still
     video: Callable[..., Iterator[int]] = write_video
     pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh

@@ -34,6 +34,8 @@ class Preferences:
     """what draws the object while it is turned: one of :data:`TURNING`"""
     idle_turn: bool = True
     """what was rebuilt turns slowly until something is touched"""
+    shadow: bool = True
+    """on the ground below the object, in the view and in what is shared of it"""
     newcomer: bool = True
     """nobody has turned the object yet"""
     camera_path: bool = True

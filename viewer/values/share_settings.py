@@ -43,6 +43,8 @@ class ShareSettings:
     green: int = 255
     blue: int = 255
     """0..255, the colour of that background"""
+    shadow: bool = False
+    """on the ground: as in the view"""
     exact: bool = False
     """every pixel of a picture or a video by the network; else drawn from a baked copy"""
     cells: int = 0
@@ -91,7 +93,7 @@ class ShareSettings:
     @property
     def video_settings(self) -> VideoSettings:
         """As videos are written with."""
-        return VideoSettings(self.size, self.rate, self.quality, self.rgb, self.exact)
+        return VideoSettings(self.size, self.rate, self.quality, self.rgb, self.exact, self.shadow)
 
     def mesh_settings(self, usual: float) -> MeshSettings:
         """As meshes are written with: on the ground, in metres.
@@ -102,16 +104,24 @@ class ShareSettings:
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
-    def on_view(self, colour: Rgb) -> "ShareSettings":
-        """With the view's background as the colour, where that was chosen."""
+    def as_in_view(self, colour: Rgb, shadow: bool) -> "ShareSettings":
+        """With the view's shadow or without one, and its background as the colour, where that was chosen."""
+        settings = replace(self, shadow=shadow)
         if self.background != "view":
-            return self
+            return settings
         red, green, blue = colour
-        return replace(self, background="colour", red=red, green=green, blue=blue)
+        return replace(settings, background="colour", red=red, green=green, blue=blue)
 
     def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
         """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same; a
         turntable that fills its frame is seen from no nearer than the model's images are, however near the view is.
+        """
+        shots = self.unframed_views(model, scene, timeline)
+        return filling_frame(model, shots, zoom_out=self.kind != "video") if self.fill else shots
+
+    def unframed_views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
+        """The views before they fill the frame, which takes a while and makes little difference to how long they take
+        to render.
         """
         if self.kind == "turntable":
             nearest = model.distance if self.fill else 0.0
@@ -121,5 +131,4 @@ class ShareSettings:
             shots = timeline.views(self.rate)
         else:
             shots = [View(scene.codes, scene.camera)]
-        shots = [View(codes, camera.resized(self.size, self.size)) for codes, camera in shots]
-        return filling_frame(model, shots, zoom_out=self.kind != "video") if self.fill else shots
+        return [View(codes, camera.resized(self.size, self.size)) for codes, camera in shots]

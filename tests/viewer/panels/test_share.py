@@ -69,15 +69,16 @@ def test_the_preview_is_the_first_frame_on_its_background(
     def act(window: Driver) -> None:
         editor = window.workspace.editor
         camera = editor.scene.camera
+        window.context.set_preference(shadow=False)
         editor.set_camera(replace(camera, distance=0.6 * camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
         preview = window.workspace.exporting.preview
-        window.wait(lambda: preview.frame is not None)
-        filling = preview.frame
-        assert filling.opacity[[0, -1]].max() == 0 < filling.opacity.mean() - 0.3  # all of it is in sight
+        window.wait(lambda: preview.image is not None)
+        filling = preview.image
+        assert filling[[0, -1], :, 3].max() == 0 < filling[..., 3].mean() - 80  # all of it is in sight
         window.click("Share/###fill")
-        window.wait(lambda: preview.frame is not filling)
-        assert preview.frame.opacity[[0, -1]].max() > 0.9  # as near as in the view
+        window.wait(lambda: preview.image is not filling)
+        assert preview.image[[0, -1], :, 3].max() > 230  # as near as in the view
         window.click("Share/###picture")
         window.click("Share/###fill")
         choose(window, "##background", "Colour")

@@ -250,6 +250,39 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
     drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
 
 
+def test_the_shadow_stays_while_the_object_turns_and_can_be_switched_off(drive: Drive, real_backend: Backend) -> None:
+    stools = replace(tiny_model(), category="chairs")
+
+    def act(window: Driver) -> None:
+        context, viewport, editor = window.context, window.workspace.viewport, window.workspace.editor
+
+        def seen() -> np.ndarray:
+            window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
+            return window.capture_view(border=80)
+
+        window.drag("View/orbit", 30)
+        context.set_preference(turning="on")
+        window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
+        with_shadow = seen()
+        window.menu("View/###shadow")
+        assert not context.preferences.shadow
+        plain = seen()
+        ground = (plain - with_shadow).mean(-1) > 3
+        assert 200 < ground.sum() < 0.3 * ground.size
+        assert (with_shadow <= plain + 1).all()
+        window.menu("View/###shadow")
+        window.app.each_frame = viewport.render  # as a hand that never rests
+        window.wait(lambda: viewport.baked_frame is not None)
+        assert np.median(np.abs(seen() - with_shadow)[ground]) < 2  # it does not jump
+        editor.set_camera(replace(editor.scene.camera, elevation=-0.5))
+        below = seen()
+        window.menu("View/###shadow")
+        assert np.array_equal(seen(), below)
+        assert window.session.messages.errors == []
+
+    drive(act, replace(real_backend, load_model=lambda name: stools), size=(900, 600))
+
+
 def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
     drive: Drive, backend: Backend, photo: Path
 ) -> None:

@@ -43,8 +43,8 @@ def test_only_what_can_be_transparent_is() -> None:
 
 
 def test_the_views_colour_stands_in_for_the_view_alone() -> None:
-    assert ShareSettings().on_view((1, 2, 3)).rgb == (1, 2, 3)
-    assert ShareSettings(background="white").on_view((1, 2, 3)).rgb == (255, 255, 255)
+    assert ShareSettings().as_in_view((1, 2, 3), True).rgb == (1, 2, 3)
+    assert ShareSettings(background="white").as_in_view((1, 2, 3), True).rgb == (255, 255, 255)
 
 
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
@@ -58,8 +58,9 @@ def test_a_turntable_that_fills_its_frame_keeps_the_usual_perspective(
     model: Model, scene: Scene, fill: bool, nearest: float
 ) -> None:
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
-    views = ShareSettings(frames=3, size=40, fill=fill).views(model, near, Timeline())
-    assert {view.camera.distance for view in views} == {nearest * model.distance}
+    settings = ShareSettings(frames=3, size=40, fill=fill)
+    for views in (settings.views(model, near, Timeline()), settings.unframed_views(model, near, Timeline())):
+        assert {view.camera.distance for view in views} == {nearest * model.distance}
 
 
 def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: Scene) -> None:

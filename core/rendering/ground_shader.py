@@ -1,0 +1,84 @@
+"""Draws the shadow on the ground (:mod:`core.rendering.ground_shadow`) with OpenGL, over what is behind an object."""
+
+import moderngl
+import numpy as np
+
+from core.geometry.camera import Camera
+from core.rendering.ground_shadow import GroundShadow
+
+_VERTEX = """
+#version 330
+uniform vec3 origin, right, up, backward;
+uniform vec2 reach, middle, size;  // of the map, scene units; px
+uniform float height, focal;
+out vec2 place;
+void main() {
+    place = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+    vec3 away = vec3((2.0 * place - 1.0) * reach, height) - origin;
+    vec2 seen = vec2(dot(right, away), -dot(up, away)) * focal;
+    float before = -dot(backward, away);
+    gl_Position = vec4(2.0 * (seen + middle * before) / size - before, 0.0, before);
+}
+"""
+_FRAGMENT = """
+#version 330
+uniform sampler2D darkness;
+in vec2 place;
+out vec4 colour;
+void main() { colour = vec4(0.0, 0.0, 0.0, texture(darkness, place).r); }
+"""
+
+
+class GroundShader:
+    """The program and the map of one shadow in one context, which is the thread's own in every call."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._context = context
+        self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        self._plane = context.vertex_array(self._program, [])
+        self._map: moderngl.Texture | None = None
+        self._shadow: GroundShadow | None = None
+
+    def draw(
+        self, shadow: GroundShadow, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)
+    ) -> None:
+        """Darken the framebuffer in use, its first row the image's uppermost, where the camera sees the ground.
+
+        Args:
+            size: px of the image that the framebuffer shows.
+            corner: px, left and top: which pixel of the camera's image is the first of those.
+        """
+        pose = camera.pose().numpy()
+        if pose[2, 3] <= shadow.height:
+            return
+        self._upload(shadow)
+        # The columns of a pose are right, down and forward.
+        for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
+            self._program[name] = tuple(sign * pose[:3, column])
+        self._program["origin"], self._program["focal"], self._program["size"] = tuple(pose[:3, 3]), camera.focal, size
+        self._program["middle"] = camera.width / 2 - corner[0], camera.height / 2 - corner[1]
+        self._program["reach"], self._program["height"] = shadow.reach, shadow.height
+        assert self._map is not None
+        self._map.use(0)
+        self._context.enable_only(moderngl.BLEND)
+        self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        self._plane.render(moderngl.TRIANGLE_STRIP, vertices=4)
+        self._context.disable(moderngl.BLEND)
+
+    def _upload(self, shadow: GroundShadow) -> None:
+        if shadow is self._shadow:
+            return
+        size = shadow.darkness.shape[1], shadow.darkness.shape[0]
+        if self._map is None or self._map.size != size:
+            if self._map is not None:
+                self._map.release()
+            self._map = self._context.texture(size, 1, alignment=1)
+            self._map.repeat_x = self._map.repeat_y = False
+        self._map.write(np.ascontiguousarray(shadow.darkness), alignment=1)
+        self._shadow = shadow
+
+    def release(self) -> None:
+        """Give the GL objects back."""
+        for part in (self._map, self._plane, self._program):
+            if part is not None:
+                part.release()

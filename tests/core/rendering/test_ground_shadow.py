@@ -1,0 +1,142 @@
+"""The shadow on the ground, against sums written out and, drawn by OpenGL, against itself."""
+
+import math
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+import pytest
+import torch
+
+from core.export.frames import baked_frames, exact_frames, over
+from core.export.keyframes import turntable
+from core.geometry.camera import Camera
+from core.metrics import psnr_from_mse
+from core.models.model import Model
+from core.rendering.ground_shader import GroundShader
+from core.rendering.ground_shadow import GroundShadow, cast_shadow
+from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
+from tests.conftest import no_opengl, random_model
+from tests.core.tiny import tiny_model
+
+EXTENT = 0.5, 0.4, 0.5
+SIDE = 2 / 64
+
+
+def rendered(model: Model, camera: Camera) -> Frame:
+    job = RenderJob(model.codes[0], camera, RenderSettings(divisors=(1,)), shadow=True)
+    *_, frame = render_progressively(model, job)
+    assert frame
+    return frame
+
+
+def plate(bottom: int, thick: int = 2) -> torch.Tensor:
+    """A square of 16 x 16 corners in the middle, so far above the lowest layer, on four posts that reach down to it."""
+    solid = torch.zeros(65, 65, 65, dtype=torch.bool)
+    solid[24:40, 24:40, 10 + bottom : 10 + bottom + thick] = True
+    for x, y in ((4, 4), (60, 4), (4, 60), (60, 60)):  # far away, so that they hide nothing of the middle
+        solid[x : x + 2, y : y + 2, 10:12] = True
+    return solid
+
+
+@pytest.fixture
+def shadow() -> GroundShadow:
+    found = cast_shadow(plate(8), EXTENT)
+    assert found
+    return found
+
+
+@pytest.fixture(scope="module")
+def gl() -> Iterator[moderngl.Context]:
+    try:
+        context = moderngl.create_standalone_context(backend="egl")
+    except Exception as error:
+        no_opengl(error)
+    yield context
+    context.release()
+
+
+def test_it_is_what_a_plate_hides_of_a_sky_brightest_overhead(shadow: GroundShadow) -> None:
+    """Light from a direction of zenith angle a weighs cos(a)^6: its integral over the plate, as seen from below."""
+    height = 12 * SIDE * EXTENT[2]  # the slab from 8 to 16 layers
+    x, y = (torch.arange(-32, 33) * SIDE * half for half in EXTENT[:2])
+    places = (torch.arange(64) + 0.5 - 32) * 2 * SIDE
+    for row, column in ((32, 32), (28, 36), (40, 33)):
+        square = (x[24:40, None] - EXTENT[0] * places[column]) ** 2 + (y[24:40] - EXTENT[1] * places[row]) ** 2
+        light = height**6 / (square + height**2) ** 4 * 3 / math.pi * (SIDE * EXTENT[0]) * (SIDE * EXTENT[1])
+        assert shadow.darkness[row, column] == pytest.approx(255 * 0.7 * float(light.sum()), rel=0.05, abs=1)
+
+
+def test_the_ground_is_just_below_the_lowest_layer_and_reaches_over_the_box(shadow: GroundShadow) -> None:
+    assert shadow.reach == (1.0, 0.8)
+    assert shadow.height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
+    edges = shadow.darkness[[0, -1]], shadow.darkness[:, [0, -1]]
+    assert max(int(edge.max()) for edge in edges) == 0
+
+
+def test_what_stands_lower_is_darker_and_nothing_and_specks_cast_none() -> None:
+    cast = [cast_shadow(plate(height), EXTENT) for height in (1, 4, 20)]
+    middles = [int(found.darkness[30:34, 30:34].max()) for found in cast if found]
+    assert middles == sorted(middles, reverse=True)
+    assert middles[0] > 2 * middles[-1] > 0
+    speck = torch.zeros(65, 65, 65, dtype=torch.bool)
+    speck[3, 3, 2] = True
+    assert cast_shadow(speck, EXTENT) is None
+    low = plate(8)
+    low[30, 30, 1] = True
+    found = cast_shadow(low, EXTENT)
+    assert found
+    assert found.height == pytest.approx(EXTENT[2] * (9.5 * SIDE - 1))
+
+
+@pytest.mark.parametrize("elevation", [-1.2, -0.5, 0.02, 0.3, 1.5])
+def test_opengl_draws_what_is_computed(gl: moderngl.Context, shadow: GroundShadow, elevation: float) -> None:
+    """Also of a part of the camera's image; from below the ground, nothing."""
+    camera = Camera(0.7, elevation, 1.6, 90.0, 96, 96)
+    expected = shadow.seen_by(camera).numpy()
+    texture = gl.texture((64, 48), 4)
+    target, shader = gl.framebuffer([texture]), GroundShader(gl)
+    target.use()
+    target.clear(1.0, 1.0, 1.0, 1.0)
+    shader.draw(shadow, camera, (64, 48), (20, 40))
+    seen = np.frombuffer(texture.read(), np.uint8).reshape(48, 64, 4)[..., 0] / 255
+    assert np.abs(seen - (1 - expected[40:88, 20:84])).max() < 0.012
+    assert (expected.max() > 0.02) == (elevation > 0)
+    for part in (shader, target, texture):
+        part.release()
+
+
+def test_it_lies_between_object_and_background() -> None:
+    model = tiny_model()
+    camera = model.camera(0.3, 0.5).resized(48, 48)
+    frame = rendered(model, camera)
+    assert frame.shadow
+    lost = frame.shadow.seen_by(camera).numpy()[..., None]
+    assert lost.max() > 0.2
+    opacity, background = frame.opacity[..., None], np.array([90, 160, 220])
+    expected = frame.image - 255 * (1 - opacity) + (1 - opacity) * (1 - lost) * background
+    assert np.abs(over(frame, (90, 160, 220), camera) - expected).max() <= 1
+    clear = over(frame, None, camera).astype(float)
+    alpha = clear[..., 3:] / 255
+    assert np.abs(clear[..., :3] * alpha + background * (1 - alpha) - expected).max() <= 3
+
+
+def test_baked_frames_have_it_as_exact_ones_have_and_only_if_it_is_wanted() -> None:
+    model = tiny_model()
+    views = turntable(model.codes[0], model.camera(0.3, 0.4), 4)[:2]
+    (drawn, exact), (without, _) = (
+        [
+            [one for one in make(model, views, 64, (255, 255, 255), wanted) if one is not None]
+            for make in (baked_frames, exact_frames)
+        ]
+        for wanted in (True, False)
+    )
+    for one, other, plain in zip(drawn, exact, without, strict=True):
+        assert psnr_from_mse(float(np.square((one - other.astype(float)) / 255).mean())) > 42
+        assert (plain.astype(int) - one).max() > 8
+        assert (one <= plain.astype(int) + 1).all()  # it only darkens
+
+
+def test_a_network_that_paints_the_background_has_none() -> None:
+    model = random_model(1, white_from_network=True)
+    assert rendered(model, model.camera(0.3, 0.4)).shadow is None
