@@ -2,7 +2,6 @@
 
 import argparse
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import torch
@@ -12,7 +11,6 @@ from core.classifiers.category import CategoryClassifier
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress
 from core.lab.datasets.glb_objects import render_meshes, select_meshes
-from core.lab.datasets.light import Light, daylight, sample_light
 from core.lab.datasets.mesh_variants import pairs
 from core.lab.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
 from core.lab.datasets.srn import Dataset, read_dataset
@@ -44,7 +42,7 @@ def dataset_meshes(chosen: argparse.Namespace) -> None:
     meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.folder, chosen.out, chosen.category, chosen.split
-    rendered = render_meshes(*where, views, chosen.size, chosen.variants, _light(chosen))
+    rendered = render_meshes(*where, views, chosen.size, chosen.variants)
     run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
 
 
@@ -53,12 +51,8 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
     views = chosen.views or _DEFAULT_VIEWS[chosen.split]
     where = chosen.category, chosen.out, chosen.split
-    rendered = render_procedural(objects, *where, views, chosen.size, _light(chosen))
+    rendered = render_procedural(objects, *where, views, chosen.size)
     run_with_progress(rendered, len(objects), "object")
-
-
-def _light(chosen: argparse.Namespace) -> Callable[[str], Light]:
-    return sample_light if chosen.varied_light else daylight
 
 
 def dataset_pairs(chosen: argparse.Namespace) -> None:

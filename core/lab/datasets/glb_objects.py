@@ -1,6 +1,6 @@
 """Renders a folder of GLB meshes into a dataset: ``index.json`` lists the files with their categories."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,6 @@ from PIL import Image
 
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.lab.datasets.categories import Split
-from core.lab.datasets.light import Light, daylight
 from core.lab.datasets.mesh_variants import deformed, pairs, recoloured
 from core.lab.datasets.rasteriser import Surface
 from core.lab.datasets.render_objects import RenderTask, render_objects
@@ -66,7 +65,6 @@ def render_meshes(
     views: int,
     size: int,
     variants: int = 0,
-    light: Callable[[str], Light] = daylight,
 ) -> Iterator[str]:
     """Renders every mesh of ``select_meshes`` into the dataset ``out``, by
     :func:`core.lab.datasets.render_objects.render_objects`.
@@ -78,7 +76,7 @@ def render_meshes(
         raise ValueError(f"a mesh has no {variants} variants")
     meshes = select_meshes(folder, category, split)
     tasks = [_render_task(entry, *pair) for entry in meshes for pair in pairs(variants)]
-    yield from render_objects(tasks, out, category, split, views, size, light)
+    yield from render_objects(tasks, out, category, split, views, size)
 
 
 def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:

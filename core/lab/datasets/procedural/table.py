@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 from core.lab.datasets.categories import Split
-from core.lab.datasets.light import Light, daylight
 from core.lab.datasets.procedural.cars.car import car
 from core.lab.datasets.procedural.cars.paint import car_texture
 from core.lab.datasets.procedural.chairs.chair import chair
@@ -92,11 +91,10 @@ def render_procedural(
     split: Split,
     views: int,
     size: int,
-    light: Callable[[str], Light] = daylight,
 ) -> Iterator[str]:
     """Renders objects into the dataset ``out``, by :func:`core.lab.datasets.render_objects.render_objects`."""
     tasks = [RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects]
-    yield from render_objects(tasks, out, category, split, views, size, light)
+    yield from render_objects(tasks, out, category, split, views, size)
 
 
 def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:
