@@ -217,11 +217,6 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     for command in (meshes, procedural):
         command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
         command.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
-        command.add_argument(
-            "--varied-light",
-            action="store_true",
-            help="half of the textures under lights of their own; without: all in daylight",
-        )
     for command in (meshes, procedural, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")

@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -11,10 +11,10 @@ from tqdm import tqdm
 from core.classifiers.category import CategoryClassifier
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress
-from core.lab.datasets.glb_objects import render_meshes, select_meshes
-from core.lab.datasets.light import Light, daylight, sample_light
-from core.lab.datasets.mesh_variants import pairs
-from core.lab.datasets.procedural.table import disentanglement_pairs, procedural_table, render_procedural
+from core.lab.datasets.categories import Split
+from core.lab.datasets.glb_objects import mesh_tasks
+from core.lab.datasets.procedural.table import disentanglement_pairs, procedural_table, procedural_tasks
+from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import Dataset, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
 from core.lab.training.category import category_accuracy, train_category
@@ -41,32 +41,26 @@ _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
 def dataset_meshes(chosen: argparse.Namespace) -> None:
     """``dataset meshes``: GLB files rendered into SRN folders."""
-    meshes = select_meshes(chosen.folder, chosen.category, chosen.split)
-    views = chosen.views or _DEFAULT_VIEWS[chosen.split]
-    where = chosen.folder, chosen.out, chosen.category, chosen.split
-    rendered = render_meshes(*where, views, chosen.size, chosen.variants, _light(chosen))
-    run_with_progress(rendered, len(meshes) * len(pairs(chosen.variants)), "object")
+    _render(chosen, mesh_tasks(chosen.folder, chosen.category, chosen.split, chosen.variants), chosen.split)
 
 
 def dataset_procedural(chosen: argparse.Namespace) -> None:
     """``dataset procedural``: generated objects rendered into SRN folders."""
     objects = procedural_table(chosen.category, chosen.count, chosen.split)
-    views = chosen.views or _DEFAULT_VIEWS[chosen.split]
-    where = chosen.category, chosen.out, chosen.split
-    rendered = render_procedural(objects, *where, views, chosen.size, _light(chosen))
-    run_with_progress(rendered, len(objects), "object")
-
-
-def _light(chosen: argparse.Namespace) -> Callable[[str], Light]:
-    return sample_light if chosen.varied_light else daylight
+    _render(chosen, procedural_tasks(objects), chosen.split)
 
 
 def dataset_pairs(chosen: argparse.Namespace) -> None:
     """``dataset pairs``: trained and untrained pairs of procedural shapes and
     textures, for ``evaluate --disentanglement``."""
     objects = disentanglement_pairs(chosen.category, chosen.count, chosen.tables)
-    rendered = render_procedural(objects, chosen.category, chosen.out, "test", chosen.views, chosen.size)
-    run_with_progress(rendered, len(objects), "object")
+    _render(chosen, procedural_tasks(objects), "test")
+
+
+def _render(chosen: argparse.Namespace, tasks: Sequence[RenderTask], split: Split) -> None:
+    views = chosen.views or _DEFAULT_VIEWS[split]
+    rendered = render_objects(tasks, chosen.out, chosen.category, split, views, chosen.size)
+    run_with_progress(rendered, len(tasks), "object")
 
 
 def train(chosen: argparse.Namespace) -> None:

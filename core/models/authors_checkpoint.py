@@ -2,7 +2,6 @@
 
 import statistics
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -72,14 +71,6 @@ class _Settings(NamedTuple):
     far: float
 
 
-class _State(NamedTuple):
-    """The part of ``models.pth`` that is read."""
-
-    model_params: dict[str, Tensor]
-    shape_code_params: dict[str, Tensor]
-    texture_code_params: dict[str, Tensor]
-
-
 def load_authors(path: Path, config: Path | None = None) -> Model:
     """A model from ``models.pth`` and ``hpam.json``; nothing in the files is executed.
 
@@ -95,14 +86,14 @@ def load_authors(path: Path, config: Path | None = None) -> Model:
         if not file.is_file():
             raise ValueError(f"{file}: no such file; a checkpoint is models.pth with hpam.json beside it")
     with reading(path, "a checkpoint of the authors' trainer"):
-        state = typed(_State, _load_tensors(path), special=_tensors, name="checkpoint")
+        state = _load_tensors(path)
+        network = _rename_tensors(_tensors(state, "model_params"))
+        shapes, textures = (_codes(_tensors(state, f"{part}_code_params")) for part in ("shape", "texture"))
     with reading(settings_path, "settings of the authors' trainer"):
         settings = typed(_Settings, read_json(settings_path), name="hpam")
-        network = settings.net_hyperparams.config
+        field = Field(settings.net_hyperparams.config)
     with reading(path, "a checkpoint of the authors' trainer"):
-        field = Field(network)
-        field.load_state_dict(_rename_tensors(state.model_params))
-        shapes, textures = _codes(state.shape_code_params), _codes(state.texture_code_params)
+        field.load_state_dict(network)
         if len(shapes) != len(textures):
             raise ValueError(f"it has {len(shapes)} shape codes and {len(textures)} texture codes")
         return _to_model(field, shapes, textures, settings)
@@ -124,17 +115,12 @@ def _load_tensors(path: Path) -> Any:
     return torch.load(path, map_location="cpu", weights_only=True)
 
 
-def _tensors(kind: Any) -> Callable[[Any], dict[str, Tensor]] | None:
-    """Reads a dictionary of tensors, without the prefix of DataParallel."""
-    if kind != dict[str, Tensor]:
-        return None
-
-    def read(value: Any) -> dict[str, Tensor]:
-        if not isinstance(value, dict) or not all(isinstance(one, Tensor) for one in value.values()):
-            raise ValueError("it does not hold tensors by their names")
-        return {str(name).removeprefix(_PARALLEL): tensor for name, tensor in value.items()}
-
-    return read
+def _tensors(state: Any, part: str) -> dict[str, Tensor]:
+    """A part of a checkpoint: tensors by their names, without the prefix of DataParallel."""
+    found = state.get(part) if isinstance(state, dict) else None
+    if not isinstance(found, dict) or not all(isinstance(one, Tensor) for one in found.values()):
+        raise ValueError(f"it holds no {part}, which are tensors by their names")
+    return {str(name).removeprefix(_PARALLEL): tensor for name, tensor in found.items()}
 
 
 def _codes(state: dict[str, Tensor]) -> Float[Tensor, "objects latent"]:

@@ -16,7 +16,7 @@ from core.geometry.camera import Camera, project
 from core.rendering.baked_field import LOGITS, MIN_LIGHT, BakedField
 from core.rendering.detail_maps import MIN_OPACITY
 from core.rendering.detail_shader import GLSL, DetailTextures, uniforms
-from core.rendering.occupancy import CELLS
+from core.rendering.occupancy import CELLS, splat
 
 _VERTEX = """
 #version 330
@@ -179,24 +179,11 @@ def _tiles(
     size: tuple[int, int],
     middle: tuple[float, ...],
 ) -> tuple[Float32[np.ndarray, "tiles 4"], tuple[int, int]]:
-    """The tiles with something behind them: column, row, nearest and farthest distance; columns and rows of all tiles.
-
-    A tile is at least as large as half a cell looks, so a cell lies in the 3 x 3 around its centre.
-    """
+    """The tiles with something behind them: column, row, nearest and farthest distance; columns and rows of all."""
     local = camera.to_camera_axes(centres)
-    before, depth = -local[:, 2], local.norm(dim=-1)
-    reach = math.hypot(*(side / CELLS for side in baked.extent))
-    closest = float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
-    side = max(1.0, reach * camera.focal / closest)
-    columns, rows = (max(1, -int(-pixels // side)) for pixels in size)
     points = project(local, camera.focal, (0, 0)) + torch.tensor(middle)
-    x, y = ((points * torch.tensor([columns / size[0], rows / size[1]])).floor().long() + 1).unbind(-1)
-    on = (before > 1e-3) & (x >= 0) & (x < columns + 2) & (y >= 0) & (y < rows + 2)
-    at = (y * (columns + 2) + x)[on]
-    reached = torch.full((2, (rows + 2) * (columns + 2)), -torch.inf)
-    reached[0].scatter_reduce_(0, at, (reach - depth)[on], "amax")
-    reached[1].scatter_reduce_(0, at, (reach + depth)[on], "amax")
-    near, far = functional.max_pool2d(reached.unflatten(1, (rows + 2, columns + 2)), 3, 1)
+    reach = math.hypot(*(side / CELLS for side in baked.extent))
+    near, far = splat(local, points, reach, camera.focal, size)
     row, column = (far > 0).nonzero(as_tuple=True)
-    tiles = torch.stack((column, row, -near[row, column], far[row, column]), -1)
-    return tiles.float().numpy(), (columns, rows)
+    tiles = torch.stack((column, row, near[row, column], far[row, column]), -1)
+    return tiles.float().numpy(), (near.shape[1], near.shape[0])

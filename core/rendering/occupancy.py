@@ -142,40 +142,52 @@ class Occupancy:
     ) -> tuple[Float[Tensor, "height width"], Float[Tensor, "height width"]]:
         """Nearest and farthest distance from the camera of the occupied cells behind every pixel; near > far: none.
 
-        Coarse cells are splatted on a raster whose pixels are at least as large as half a cell looks, and each covers
-        the 3x3 pixels around its centre: never too little, at most a cell too much. ``pixel_offset`` as in
+        Coarse cells are splatted (:func:`splat`): at most a cell too much. ``pixel_offset`` as in
         :func:`core.geometry.rays.camera_rays`.
         """
-        cell = self.cell * _COARSE_FACTOR
-        centres = self._centres
-        local = camera.to_camera_axes(centres)
-        reach = float(cell.norm()) / 2
-        depth = local.norm(dim=-1)
-        before = -local[:, 2]
-        cell_pixels = (
-            reach * camera.focal / float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
-        )
-        tile = max(1.0, cell_pixels)
-        tile_columns, tile_rows = (max(1, -int(-size // tile)) for size in (camera.width, camera.height))
+        local = camera.to_camera_axes(self._centres)
         points = project(local, camera.focal, (camera.width, camera.height)) + pixel_offset
-        column, row = points[:, 0] * (tile_columns / camera.width), points[:, 1] * (tile_rows / camera.height)
-        # A margin of one all round holds the centres of cells that reach in from outside; one more, all others.
-        size = tile_rows + 2, tile_columns + 2
-        x, y = column.floor().long() + 1, row.floor().long() + 1
-        on = (before > 1e-3) & (x >= 0) & (x < size[1]) & (y >= 0) & (y < size[0])
-        at = torch.where(on, y * size[1] + x, size[0] * size[1])
-        reached = torch.full((2, size[0] * size[1] + 1), -torch.inf, device=centres.device)
-        reached[0].scatter_reduce_(0, at, reach - depth, "amax")
-        reached[1].scatter_reduce_(0, at, reach + depth, "amax")
-        tiles = reached[:, :-1].unflatten(1, size)
-        tiles = torch.maximum(torch.maximum(tiles[:, :-2], tiles[:, 1:-1]), tiles[:, 2:])
-        tiles = torch.maximum(torch.maximum(tiles[..., :-2], tiles[..., 1:-1]), tiles[..., 2:])
+        reach = float((self.cell * _COARSE_FACTOR).norm()) / 2
+        tiles = splat(local, points, reach, camera.focal, (camera.width, camera.height))
         rows, columns = (
-            ((torch.arange(pixels, device=centres.device) + 0.5) * (count / pixels)).long()
-            for pixels, count in ((camera.height, tile_rows), (camera.width, tile_columns))
+            ((torch.arange(pixels, device=local.device) + 0.5) * (count / pixels)).long()
+            for pixels, count in zip((camera.height, camera.width), tiles[0].shape, strict=True)
         )
-        near, far = (tile.index_select(0, rows).index_select(1, columns) for tile in (-tiles[0], tiles[1]))
+        near, far = (tile.index_select(0, rows).index_select(1, columns) for tile in tiles)
         return near, far
+
+
+def splat(
+    local: Float[Tensor, "cells 3"], points: Float[Tensor, "cells 2"], reach: float, focal: float, size: tuple[int, int]
+) -> tuple[Float[Tensor, "rows columns"], Float[Tensor, "rows columns"]]:
+    """Nearest and farthest distance from the camera of what is behind each tile of an image; near > far: nothing.
+
+    A tile is at least as large as half a cell looks, and each cell covers the 3x3 tiles around its centre: never too
+    little.
+
+    Args:
+        local: centres of cells in camera axes.
+        points: where they are in the image, px.
+        reach: scene units, half of a cell's diagonal.
+        size: px, width and height of the image.
+    """
+    depth, before = local.norm(dim=-1), -local[:, 2]
+    closest = float((before.amin() if len(before) else torch.tensor(1.0)).clamp_min(1e-3))
+    side = max(1.0, reach * focal / closest)
+    columns, rows = (max(1, -int(-pixels // side)) for pixels in size)
+    # A margin of one all round holds the centres of cells that reach in from outside; one more, all others.
+    x = (points[:, 0] * (columns / size[0])).floor().long() + 1
+    y = (points[:, 1] * (rows / size[1])).floor().long() + 1
+    on = (before > 1e-3) & (x >= 0) & (x < columns + 2) & (y >= 0) & (y < rows + 2)
+    count = (rows + 2) * (columns + 2)
+    at = torch.where(on, y * (columns + 2) + x, count)
+    reached = torch.full((2, count + 1), -torch.inf, device=local.device)
+    reached[0].scatter_reduce_(0, at, reach - depth, "amax")
+    reached[1].scatter_reduce_(0, at, reach + depth, "amax")
+    tiles = reached[:, :-1].unflatten(1, (rows + 2, columns + 2))
+    tiles = torch.maximum(torch.maximum(tiles[:, :-2], tiles[:, 1:-1]), tiles[:, 2:])
+    tiles = torch.maximum(torch.maximum(tiles[..., :-2], tiles[..., 1:-1]), tiles[..., 2:])
+    return -tiles[0], tiles[1]
 
 
 def _cumulative_per_ray(

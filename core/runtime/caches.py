@@ -71,11 +71,6 @@ class ByteCache:
                 self._entries[kind][key] = _Entry(value, size)
                 self._make_room()
 
-    def room(self, kind: Kind) -> int:
-        """The size of the largest value of this kind that could be kept: what those of higher kinds leave."""
-        with self._lock:
-            return self._room(kind)
-
     def make_room(self, kind: Kind, size: int) -> bool:
         """Evict until ``size`` bytes fit. Returns False, evicting nothing, if they never can."""
         with self._lock:

@@ -1,6 +1,6 @@
 """Renders a folder of GLB meshes into a dataset: ``index.json`` lists the files with their categories."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,10 +13,9 @@ from PIL import Image
 
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.lab.datasets.categories import Split
-from core.lab.datasets.light import Light, daylight
 from core.lab.datasets.mesh_variants import deformed, pairs, recoloured
 from core.lab.datasets.rasteriser import Surface
-from core.lab.datasets.render_objects import RenderTask, render_objects
+from core.lab.datasets.render_objects import RenderTask
 from core.lab.datasets.splits import held_out_meshes
 from core.runtime.reading import read_json, reading, typed
 
@@ -58,18 +57,8 @@ def select_meshes(folder: Path | str, category: str, split: Split) -> tuple[Mesh
     return selected
 
 
-def render_meshes(
-    folder: Path | str,
-    out: Path | str,
-    category: str,
-    split: Split,
-    views: int,
-    size: int,
-    variants: int = 0,
-    light: Callable[[str], Light] = daylight,
-) -> Iterator[str]:
-    """Renders every mesh of ``select_meshes`` into the dataset ``out``, by
-    :func:`core.lab.datasets.render_objects.render_objects`.
+def mesh_tasks(folder: Path | str, category: str, split: Split, variants: int = 0) -> tuple[RenderTask, ...]:
+    """Every mesh of :func:`select_meshes`, to be rendered by :func:`core.lab.datasets.render_objects.render_objects`.
 
     ``variants`` deformed shapes of each are added, in as many recolourings: see :mod:`core.lab.datasets.mesh_variants`.
     Raises ``ValueError`` for a negative number of them.
@@ -77,8 +66,7 @@ def render_meshes(
     if variants < 0:
         raise ValueError(f"a mesh has no {variants} variants")
     meshes = select_meshes(folder, category, split)
-    tasks = [_render_task(entry, *pair) for entry in meshes for pair in pairs(variants)]
-    yield from render_objects(tasks, out, category, split, views, size, light)
+    return tuple(_render_task(entry, *pair) for entry in meshes for pair in pairs(variants))
 
 
 def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:

@@ -1,4 +1,4 @@
-"""Renders coloured triangles off screen: one object under one light, on white, antialiased."""
+"""Renders coloured triangles off screen: one object in daylight, on white, antialiased."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,10 +9,27 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from core.geometry.camera import Camera
-from core.lab.datasets.light import DAYLIGHT, Light
 
 SUPERSAMPLES = 4
 """Samples a pixel along each axis; the mean of the 16 is the pixel."""
+
+
+def _unit(x: float, y: float, z: float) -> Float[np.ndarray, "3"]:
+    return np.array((x, y, z)) / np.linalg.norm((x, y, z))
+
+
+DAYLIGHT = {
+    "key": _unit(0.5, 0.65, 1.0),
+    "fill": _unit(-0.8, 0.1, 0.35),
+    "powers": (0.52, 0.2, 0.14),
+    "sky": (0.26, 0.46),
+}
+"""A key, a fill and a back light, all infinitely far away, and a sky; fixed to the world, from the front right, above.
+
+Matt, so a point has one colour from wherever it is seen. Directions (world) are towards the lights. Powers are in
+linear light, relative to the surface's colour: of key, fill and back on a surface that faces them, of the sky on one
+that faces down and on one that faces up. Where they add up to 1 a surface has its own colour.
+"""
 
 _VERTEX = """
 #version 330
@@ -31,7 +48,7 @@ uniform sampler2D albedo;
 uniform vec3 eye;
 uniform vec3 key; uniform vec3 fill;  // unit vectors
 uniform vec3 powers;  // of key, fill and back
-uniform vec2 sky; uniform vec2 gloss;
+uniform vec2 sky;
 in vec3 world; in vec3 facing; in vec3 paint; in vec2 coordinate;
 out vec4 result;
 const vec3 BACK = normalize(vec3(0.2, -1.0, 0.2));
@@ -47,8 +64,7 @@ void main() {
     n *= dot(n, flat_normal) < 0.0 ? -1.0 : 1.0;
     vec3 lit = powers * max(vec3(dot(n, key), dot(n, fill), dot(n, BACK)), 0.0);
     float light = mix(sky.x, sky.y, 0.5 + 0.5 * n.z) + lit.x + lit.y + lit.z;
-    float shine = gloss.x * pow(max(dot(n, normalize(key + normalize(eye - world))), 0.0), gloss.y);
-    result = vec4(display(min(linear(paint * texel.rgb) * light + shine, 1.0)), 1.0);
+    result = vec4(display(min(linear(paint * texel.rgb) * light, 1.0)), 1.0);
 }
 """
 
@@ -122,7 +138,8 @@ class Rasteriser:
         self._downsample = context.vertex_array(downsample, [])
         self._plain = context.texture((1, 1), 4, b"\xff\xff\xff\xff")
         self._batches: list[tuple[moderngl.VertexArray, moderngl.Texture, list[moderngl.Buffer]]] = []
-        self.set_light(DAYLIGHT)
+        for name, value in DAYLIGHT.items():
+            self._program[name].write(np.asarray(value, np.float32).tobytes())  # type: ignore[union-attr]
 
     def __enter__(self) -> "Rasteriser":
         return self
@@ -133,19 +150,6 @@ class Rasteriser:
         with self._context:
             self._release()
         self._context.release()
-
-    def set_light(self, light: Light) -> None:
-        """The light of all that is rendered from now on; daylight in the beginning."""
-        uniforms = {
-            "key": np.array(light.key) / np.linalg.norm(light.key),
-            "fill": np.array(light.fill) / np.linalg.norm(light.fill),
-            "powers": (light.key_power, light.fill_power, light.back_power),
-            "sky": light.sky,
-            "gloss": (light.gloss, light.gloss_exponent),
-        }
-        with self._context:
-            for name, value in uniforms.items():
-                self._program[name].write(np.asarray(value, np.float32).tobytes())  # type: ignore[union-attr]
 
     def upload(self, surfaces: Sequence[Surface]) -> None:
         """Load an object in place of the last one."""

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from core.lab.datasets.categories import Split
-from core.lab.datasets.light import Light, daylight
 from core.lab.datasets.rasteriser import Rasteriser, Surface
 from core.lab.datasets.splits import split_cameras
 from core.lab.datasets.srn import ObjectViews, write_manifest, write_object
@@ -32,12 +31,10 @@ def render_objects(
     split: Split,
     views: int,
     size: int,
-    light: Callable[[str], Light] = daylight,
 ) -> Iterator[str]:
     """Renders the tasks into the dataset ``out``, yielding each one's name once it is there.
 
-    ``light`` gives the light of a ``texture_id``. Objects that are there already with as many views of this size are
-    skipped, so a stopped job resumes.
+    Objects that are there already with as many views of this size are skipped, so a stopped job resumes.
     Raises ``RuntimeError`` where the machine has no OpenGL, ``ValueError`` for an object that cannot be made.
     """
     if views < 1 or size < 1:
@@ -47,7 +44,6 @@ def render_objects(
         for task in tasks:
             if not _is_rendered(Path(out) / task.name, views, size):
                 rasteriser.upload(task.surfaces())
-                rasteriser.set_light(light(task.texture_id))
                 cameras = split_cameras(split, views, task.name, category, size)
                 images, masks = zip(*(rasteriser.render(camera) for camera in cameras), strict=True)
                 identity = (task.name, task.shape_id, task.texture_id)

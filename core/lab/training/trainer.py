@@ -26,6 +26,7 @@ from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.reference import render_exact
 from core.runtime.files import atomic_file
+from core.runtime.layers import pad_rows
 from core.runtime.precision import autocast, matmul_dtype, require_device
 from core.runtime.reading import first_line
 
@@ -33,8 +34,6 @@ _PRUNE_AT = (0.08, 0.2, 0.4, 0.7)
 """Fractions of the schedule after which the hulls are pruned to where the field has found the object."""
 _PRUNE_AFTER = 2000
 """Steps before which nothing is pruned: what the field has not found yet is not empty."""
-_POINTS_MULTIPLE = 512
-"""Points are evaluated in multiples of this."""
 _MIN_TRANSMITTANCE = 1e-3
 """A sample that less of its ray's light reaches does not change the colour visibly, so it is not trained on."""
 _CHUNK_POINTS = 8192
@@ -237,7 +236,7 @@ class Trainer:
         ray_biases = self.field.biases(shape, texture)
         if not settings.whole_image and settings.field.architecture != "M1":  # M1's density depends on the direction
             hit = self._reached_by_light(hit, points, edges, ray_biases[0])
-        padded = _pad_to_multiple(hit)
+        padded = pad_rows(hit)
         ray = padded // settings.samples
         direction = self.field.direction_bias(batch.rays.directions).index_select(0, ray)
         biases = (bias.index_select(0, ray) for bias in ray_biases)
@@ -253,7 +252,7 @@ class Trainer:
         """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
         density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(matmul_dtype(self.device.type))
         for part in hit.split(_CHUNK_POINTS):
-            padded = _pad_to_multiple(part)
+            padded = pad_rows(part)
             bias = shape_bias.index_select(0, padded // points.shape[1])
             found = self.field.density(points.flatten(0, 1).index_select(0, padded), bias)[0]
             density[part] = found[: len(part)]
@@ -315,14 +314,6 @@ def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:
             colour = render_exact(model, codes, camera, samples).colour.clamp(0, 1)
             found.append(psnr(colour, torch.from_numpy(image).float() / 255))
     return sum(found) / len(found)
-
-
-def _pad_to_multiple(indices: Int[Tensor, "some"]) -> Int[Tensor, "more"]:
-    """Indices with their first repeated up to a multiple of ``_POINTS_MULTIPLE``.
-
-    The processor's matrix library compiles a kernel for every size that it has not met.
-    """
-    return functional.pad(indices, (0, -len(indices) % _POINTS_MULTIPLE), value=int(indices[0]) if len(indices) else 0)
 
 
 def _initial_codes(count: int, latent: int) -> Float[Tensor, "count latent"]:

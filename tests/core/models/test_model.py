@@ -127,12 +127,3 @@ def test_metadata_of_another_kind_is_named(model: Model, tmp_path: Path, part: s
     save_file(tensors, path, metadata={"model": json.dumps(about)})
     with pytest.raises(ValueError, match=rf"m\.safetensors: {reason}"):
         Model.load(path)
-
-
-def test_whole_numbers_may_be_written_with_a_point(model: Model, tmp_path: Path):
-    path = tmp_path / "m.safetensors"
-    model.save(path)
-    metadata, tensors = read_tensors(path)
-    about = json.loads(metadata["model"])
-    save_file(tensors, path, metadata={"model": json.dumps(about | {"image_size": 32.0, "distance": 2})})
-    assert Model.load(path).image_size == 32

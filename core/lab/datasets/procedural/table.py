@@ -1,19 +1,17 @@
-"""Renders procedural objects: a sparse table of shapes x textures, so that both vary independently."""
+"""Procedural objects: a sparse table of shapes x textures, so that both vary independently."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 from core.lab.datasets.categories import Split
-from core.lab.datasets.light import Light, daylight
 from core.lab.datasets.procedural.cars.car import car
 from core.lab.datasets.procedural.cars.paint import car_texture
 from core.lab.datasets.procedural.chairs.chair import chair
 from core.lab.datasets.procedural.paint import Paint, texture
 from core.lab.datasets.procedural.solids import Shape, Solid, surface
 from core.lab.datasets.rasteriser import Surface
-from core.lab.datasets.render_objects import RenderTask, render_objects
+from core.lab.datasets.render_objects import RenderTask
 from core.lab.datasets.splits import first_seed
 
 _GENERATORS: dict[str, tuple[Callable[[int], Shape], Callable[[int], Mapping[str, Paint]]]] = {
@@ -85,18 +83,9 @@ def disentanglement_pairs(category: str, count: int, tables: int) -> tuple[Proce
     return tuple(objects)
 
 
-def render_procedural(
-    objects: Sequence[ProceduralObject],
-    category: str,
-    out: Path | str,
-    split: Split,
-    views: int,
-    size: int,
-    light: Callable[[str], Light] = daylight,
-) -> Iterator[str]:
-    """Renders objects into the dataset ``out``, by :func:`core.lab.datasets.render_objects.render_objects`."""
-    tasks = [RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects]
-    yield from render_objects(tasks, out, category, split, views, size, light)
+def procedural_tasks(objects: Sequence[ProceduralObject]) -> tuple[RenderTask, ...]:
+    """The objects, to be rendered by :func:`core.lab.datasets.render_objects.render_objects`."""
+    return tuple(RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects)
 
 
 def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:

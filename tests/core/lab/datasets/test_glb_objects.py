@@ -1,6 +1,7 @@
 """GLB files arrive in the world's axes and scale, with their colours; the split keeps test objects out of training."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +9,10 @@ import pytest
 import trimesh
 from PIL import Image
 
-from core.lab.datasets.categories import SPLITS
-from core.lab.datasets.glb_objects import load_mesh, render_meshes, select_meshes
+from core.lab.datasets.categories import SPLITS, Split
+from core.lab.datasets.glb_objects import load_mesh, mesh_tasks, select_meshes
 from core.lab.datasets.rasteriser import Rasteriser
+from core.lab.datasets.render_objects import render_objects
 from core.lab.datasets.splits import held_out_meshes
 from core.lab.datasets.srn import read_dataset
 
@@ -85,17 +87,27 @@ def test_rendering_yields_names_writes_a_dataset_and_resumes(tmp_path: Path, ras
     kept = min(held_out_meshes("chairs")["test"])
     write_folder(tmp_path, ["one", "two", kept])
     out = tmp_path / "out"
-    assert next(render_meshes(tmp_path, out, "chairs", "train", 4, 32)) == "one"
+
+    def rendered(out: Path, split: Split, views: int, size: int) -> Iterator[str]:
+        return render_objects(mesh_tasks(tmp_path, "chairs", split), out, "chairs", split, views, size)
+
+    assert next(rendered(out, "train", 4, 32)) == "one"
     assert [one.name for one in read_dataset(out).objects] == ["one"]
     before = (out / "one/rgb/000000.png").stat().st_mtime_ns
-    assert list(render_meshes(tmp_path, out, "chairs", "train", 4, 32)) == ["one", "two"]
+    assert list(rendered(out, "train", 4, 32)) == [
+        "one",
+        "two",
+    ]
     assert (out / "one/rgb/000000.png").stat().st_mtime_ns == before
     dataset = read_dataset(out)
     assert (dataset.category, dataset.image_size, len(dataset.objects[0].cameras)) == ("chairs", 32, 4)
     assert all(0.02 < one.masks.mean() < 0.5 for one in dataset.objects)
-    assert list(render_meshes(tmp_path, tmp_path / "test", "chairs", "test", 3, 32)) == [kept]
+    assert list(rendered(tmp_path / "test", "test", 3, 32)) == [kept]
     # Another size is another job: the old images do not stand in for it.
-    assert list(render_meshes(tmp_path, out, "chairs", "train", 4, 16)) == ["one", "two"]
+    assert list(rendered(out, "train", 4, 16)) == [
+        "one",
+        "two",
+    ]
     assert read_dataset(out).image_size == 16
 
 

@@ -9,7 +9,7 @@ import torch
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 from core.lab.datasets.procedural.solids import slab, surface
-from core.lab.datasets.rasteriser import Rasteriser, Surface
+from core.lab.datasets.rasteriser import DAYLIGHT, Rasteriser, Surface
 
 SIZE = 64
 DARK = np.tile(np.array([0, 0, 0, 255], np.uint8), (2, 2, 1))
@@ -85,6 +85,27 @@ def test_both_sides_of_a_face_are_lit(rasteriser: Rasteriser) -> None:
         images.append(rasteriser.render(camera(0.7, 0.5))[0].astype(int))
     assert np.abs(images[0] - images[1]).max() <= 1
     assert np.abs(images[0] - images[2]).max() <= 1
+
+
+def expected(normal: np.ndarray) -> float:
+    """The sRGB level of a grey face in daylight, in double precision."""
+    low, high = DAYLIGHT["sky"]
+    power = low + (high - low) * (0.5 + 0.5 * normal[2])
+    back = np.array([0.2, -1.0, 0.2]) / np.linalg.norm((0.2, -1.0, 0.2))
+    for towards, most in zip((DAYLIGHT["key"], DAYLIGHT["fill"], back), DAYLIGHT["powers"], strict=True):
+        power += most * max(float(normal @ towards), 0.0)
+    linear = min(((128 / 255 + 0.055) / 1.055) ** 2.4 * power, 1.0)
+    return 255 * (1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def test_a_face_has_the_colour_of_the_formula(rasteriser: Rasteriser) -> None:
+    rasteriser.upload([surface([slab(0.3, 0.3, 0.3, 0.001, 0.001)], GREY, 1.0)])
+    faces = [(a, 0.0) for a in (0, math.pi / 2, math.pi, -math.pi / 2)] + [(0.0, math.pi / 2), (0.0, -math.pi / 2)]
+    for azimuth, elevation in faces:
+        c = math.cos(elevation)
+        normal = np.array([c * math.cos(azimuth), c * math.sin(azimuth), math.sin(elevation)])
+        found = rasteriser.render(camera(azimuth, elevation))[0][32, 32, 0]
+        assert float(found) == pytest.approx(expected(normal), abs=1.0)
 
 
 def test_a_texture_is_the_right_way_up_and_cut_out_where_clear(rasteriser: Rasteriser) -> None:

@@ -1,6 +1,5 @@
 from dataclasses import replace
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -127,8 +126,3 @@ def test_every_object_counts_alike_however_many_cameras_it_had():
     assert found.pose.cameras == 4
     assert found.pose.rotation.mean == pytest.approx(6)
     assert found.pose.within_5_degrees.mean == pytest.approx((2 / 3 + 0) / 2)
-
-
-def test_known_cameras_have_no_outliers(tmp_path: Path):
-    found = summarise([score("a", 20), score("b", 22)])
-    assert (found.pose, found.without_outliers) == (None, None)

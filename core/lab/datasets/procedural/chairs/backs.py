@@ -18,11 +18,11 @@ def _flat(dims: ChairDimensions, label: str, solids: Sequence[Solid]) -> list[Pa
     return [Part(label, dims.upright(solid)) for solid in solids]
 
 
-def _posts(g: np.random.Generator, dims: ChairDimensions, top: float | None = None) -> tuple[float, list[Solid]]:
+def _posts(g: np.random.Generator, dims: ChairDimensions) -> tuple[float, list[Solid]]:
     """The two uprights, and how far from the middle they stand."""
     x = (dims.width / 2 - 0.03) * (1 - dims.taper)
-    thick, up = g.uniform(0.025, 0.042), dims.back if top is None else top
-    return x, [bar(line((s * x, -dims.thick, 0), (s * x, up, 0), 8), thick, thick) for s in (-1, 1)]
+    thick = g.uniform(0.025, 0.042)
+    return x, [bar(line((s * x, -dims.thick, 0), (s * x, dims.back, 0), 8), thick, thick) for s in (-1, 1)]
 
 
 def _supports(dims: ChairDimensions, x: float, top: float, out: float) -> list[Part]:

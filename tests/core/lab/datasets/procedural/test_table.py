@@ -20,10 +20,11 @@ from core.lab.datasets.procedural.table import (
     ProceduralObject,
     disentanglement_pairs,
     procedural_table,
-    render_procedural,
+    procedural_tasks,
     surfaces,
 )
 from core.lab.datasets.rasteriser import Rasteriser
+from core.lab.datasets.render_objects import render_objects
 from core.lab.datasets.srn import read_dataset
 from core.lab.datasets.srn_cameras import training_views
 from tests.core.lab.datasets.procedural.shapes import points
@@ -130,7 +131,7 @@ def test_no_object_is_cut_off_by_the_image(
 
 def test_rendering_writes_a_dataset_with_identities(tmp_path: Path, rasteriser: Rasteriser) -> None:
     objects = procedural_table("chairs", 6, "train")
-    names = list(render_procedural(objects, "chairs", tmp_path, "train", 2, 32))
+    names = list(render_objects(procedural_tasks(objects), tmp_path, "chairs", "train", 2, 32))
     dataset = read_dataset(tmp_path)
     assert names == [item.name for item in objects]
     assert sorted(names) == [one.name for one in dataset.objects]
