@@ -161,9 +161,10 @@ _FITS: list[Column] = [
 
 
 ablations_table = Table(
-    "{machine}; {first.summary.fits} views, cameras unknown; with 95 % intervals.",
+    "{machine}; cameras unknown; with 95 % intervals.",
     [
         ("normal preset", "summary.preset", "{}"),
+        ("views", "summary.fits", "{}"),
         ("time", "time", "{:.2f}"),
         ("rotation error (median)", "summary.rotation", "{:.2f}°"),
         ("within 5°", "summary.within_5_degrees", format_share),

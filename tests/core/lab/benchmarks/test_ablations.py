@@ -64,5 +64,5 @@ def test_a_seed_of_the_full_method_is_compared_with_the_other_seeds() -> None:
 def test_the_table_has_a_row_for_every_ablation(found: Results[Ablation]) -> None:
     rows = ablations_table(found).splitlines()[4:]
     assert len(rows) == len(found.rows) == len(ABLATIONS)
-    assert rows[0].startswith(f"| {FULL} | 1.00 | 2.00° |")
+    assert rows[0].startswith(f"| {FULL} | 3 | 1.00 | 2.00° |")
     assert sum("| -1.00 (-1.00 to -1.00) |" in row for row in rows) == 1
