@@ -20,14 +20,13 @@ from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
+from core.rendering.background import Background, background_rows
 from core.rendering.baked_field import BakedField
 from core.rendering.baked_views import BakedObject, Box, box_of, mixed
 from core.rendering.fast import render_steps, shape_occupancy
 from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
-Rgb = tuple[int, int, int]
-"""0..255"""
 Image = UInt8[np.ndarray, "height width channels"]
 TARGET = 45.0
 """dB against the exact render, of the frame that is compared"""
@@ -50,7 +49,7 @@ def render_frames(
     model: Model,
     views: Sequence[View],
     size: int,
-    background: Rgb | None,
+    background: Background | None,
     exact: bool = False,
     shadow: bool = False,
 ) -> Iterator[Image | None]:
@@ -65,7 +64,7 @@ def render_frames(
 
 
 def exact_frames(
-    model: Model, views: Sequence[View], size: int, background: Rgb | None, shadow: bool = False
+    model: Model, views: Sequence[View], size: int, background: Background | None, shadow: bool = False
 ) -> Iterator[Image | None]:
     """Every frame by the network, a ray for each pixel; None many times a frame."""
     for view in views:
@@ -75,7 +74,7 @@ def exact_frames(
 
 
 def baked_frames(
-    model: Model, views: Sequence[View], size: int, background: Rgb | None, shadow: bool = False
+    model: Model, views: Sequence[View], size: int, background: Background | None, shadow: bool = False
 ) -> Iterator[Image | None]:
     """Every frame by OpenGL, from what is baked as finely as it takes; None many times a frame.
 
@@ -206,9 +205,9 @@ def _probe_frame(keys: Sequence[int]) -> int:
 
 
 def over(
-    frame: Frame, background: Rgb | None, camera: Camera | None = None
+    frame: Frame, background: Background | None, camera: Camera | None = None
 ) -> UInt8[np.ndarray, "height width channels"]:
-    """A frame on a colour instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied.
+    """A frame on a background instead of white, as RGB; on nothing (None) as RGB and opacity, not multiplied.
 
     Args:
         camera: the frame's, with which the shadow that it has is on the ground.
@@ -220,5 +219,5 @@ def over(
     if background is None:
         image = np.concatenate((own / np.maximum(1 - left, 1e-3), 255 * (1 - left)), -1)
     else:
-        image = own + left * np.array(background)
+        image = own + left * background_rows(background, len(left))
     return (image + 0.5).clip(0, 255).astype(np.uint8)

@@ -15,9 +15,10 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from core.export.frames import Rgb, render_frames
+from core.export.frames import render_frames
 from core.export.keyframes import View
 from core.models.model import Model
+from core.rendering.background import Background, Rgb
 from core.runtime.files import atomic_file, atomic_folder
 
 WHITE: Rgb = (255, 255, 255)
@@ -37,7 +38,7 @@ class VideoSettings:
     """frames per second"""
     quality: int = 85
     """1 to 100: of mp4 and webp; a gif has so many of its 256 colours"""
-    background: Rgb | None = WHITE
+    background: Background | None = WHITE
     """None is transparent"""
     exact: bool = False
     """every frame by the network; else drawn from a baked copy, which cannot be told from that by eye"""

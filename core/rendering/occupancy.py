@@ -7,7 +7,7 @@ evaluated at first, and the others only if there is something after all.
 """
 
 import math
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import torch
@@ -21,7 +21,7 @@ from core.models.cells import contains, corner_points, corners_of, divide, max_o
 from core.models.model import Model
 from core.models.occupied_cells import CELLS as STORED_CELLS
 from core.rendering.folded_field import FoldedField
-from core.rendering.ground_shadow import GroundShadow, cast_shadow
+from core.rendering.ground_shadow import cast_shadow
 from core.runtime.layers import pad_rows
 
 CELLS = 64
@@ -85,10 +85,11 @@ class Occupancy:
             else:
                 corners = _complete_densities(folded, known, limit)
         self.cells: Bool[Tensor, "cells cells cells"] = max_of_corners(corners) > limit
-        self._on_ground = not model.white_from_network
-        self._solid: Bool[Tensor, "corners corners corners"] = corners > _SOLID / float(self.cell.amin())
+        solid = (corners > _SOLID / float(self.cell.amin())).cpu()
+        self.shadow = None if model.white_from_network else cast_shadow(solid, model.extent)
+        """of the shape on the ground below it; None of nothing, and of a network that paints the background"""
         self._flat = self.cells.flatten()
-        self._min_density = -max_of_corners(-corners).flatten()
+        self._min_density = -max_of_corners(-corners).flatten().bfloat16()  # kept: half of the memory is enough
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
@@ -96,12 +97,6 @@ class Occupancy:
     def size(self) -> int:
         """bytes"""
         return sum(part.nbytes for part in vars(self).values() if isinstance(part, Tensor))
-
-    @cached_property
-    def shadow(self) -> GroundShadow | None:
-        """Of the shape on the ground below it; None of nothing, and of a network that paints the background."""
-        x, y, z = self.extent.tolist()
-        return cast_shadow(self._solid.cpu(), (x, y, z)) if self._on_ground else None
 
     def _around(self) -> Bool[Tensor, "all"]:
         """Which corners are those of the occupied cells and of all that touch them."""
@@ -119,7 +114,7 @@ class Occupancy:
         occupied = (self._flat.index_select(0, cell) & inside).nonzero()[:, 0]
         ray = occupied // (len(cell) // len(rays.near))
         interval = occupied - ray * (len(cell) // len(rays.near))
-        least = self._min_density.index_select(0, cell.index_select(0, occupied)) * step
+        least = self._min_density.index_select(0, cell.index_select(0, occupied)).float() * step
         counts = torch.bincount(ray)
         occluded = _cumulative_per_ray(least, counts.cumsum(0) - counts, ray) - least > termination
         return OccupiedIntervals(ray, interval, occluded)

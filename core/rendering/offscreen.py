@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from core.geometry.camera import Camera
+from core.rendering.background import GLSL, Background, edges
 from core.rendering.baked_field import BakedField
 from core.rendering.baked_shader import BakedShader
 from core.rendering.ground_shader import GroundShader
@@ -19,8 +20,9 @@ _FRAGMENT = """
 #version 330
 uniform sampler2D fine;   // colours times opacity, and opacity
 uniform int factor;
-uniform vec4 background;  // its last part is 0 where there is none
+uniform float height;     // px; 0 where there is no background
 out vec4 colour;
+BACKGROUND
 void main() {
     vec4 mean = vec4(0.0);
     ivec2 corner = ivec2(gl_FragCoord.xy) * factor;
@@ -28,9 +30,10 @@ void main() {
         for (int x = 0; x < factor; ++x) mean += texelFetch(fine, corner + ivec2(x, y), 0);
     mean /= float(factor * factor);
     vec3 own = mean.rgb / max(mean.a, 0.004);
-    colour = background.a > 0.0 ? vec4(mean.rgb + (1.0 - mean.a) * background.rgb, 1.0) : vec4(own, mean.a);
+    vec3 behind = background(gl_FragCoord.y / max(height, 1.0));
+    colour = height > 0.0 ? vec4(mean.rgb + (1.0 - mean.a) * behind, 1.0) : vec4(own, mean.a);
 }
-"""
+""".replace("BACKGROUND", GLSL)
 
 
 class OffscreenPictures:
@@ -39,7 +42,7 @@ class OffscreenPictures:
     Raises ``RuntimeError`` in one line where the machine has no OpenGL.
     """
 
-    def __init__(self, size: int, supersampling: int = 1, background: tuple[int, int, int] | None = (255,) * 3) -> None:
+    def __init__(self, size: int, supersampling: int = 1, background: Background | None = (255,) * 3) -> None:
         try:
             self._context = moderngl.create_context(standalone=True, backend="egl", require=330)  # type: ignore[arg-type]
         except Exception as error:  # moderngl raises bare Exception
@@ -52,7 +55,9 @@ class OffscreenPictures:
         self._result = context.framebuffer([context.renderbuffer((size, size), 4)])
         resolve = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         resolve["factor"] = supersampling
-        resolve["background"] = (*(part / 255 for part in background or (0, 0, 0)), float(background is not None))
+        resolve["height"] = float(size if background else 0)
+        for name, edge in zip(("top", "bottom"), edges(background or (0, 0, 0)), strict=True):
+            resolve[name] = tuple(part / 255 for part in edge)
         self._resolve = context.vertex_array(resolve, [])
 
     def __enter__(self) -> "OffscreenPictures":

@@ -10,7 +10,7 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any, NamedTuple
 
-LIMIT = 288 * 2**20
+LIMIT = 128 * 2**20
 """bytes of all caches together"""
 
 

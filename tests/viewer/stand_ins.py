@@ -12,13 +12,14 @@ import numpy as np
 import torch
 from PIL import Image
 
-from core.export.frames import Rgb, over
+from core.export.frames import over
 from core.export.keyframes import View
 from core.export.pace import Pace
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo, load_photo
+from core.rendering.background import Background
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
@@ -48,7 +49,12 @@ def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
 
 
 def quick_pictures(
-    model: Model, views: Sequence[View], size: int, background: Rgb | None, exact: bool = False, shadow: bool = False
+    model: Model,
+    views: Sequence[View],
+    size: int,
+    background: Background | None,
+    exact: bool = False,
+    shadow: bool = False,
 ) -> Iterator[np.ndarray | None]:
     """Frames of :func:`quick_frames`, one for each view."""
     for codes, camera in views:

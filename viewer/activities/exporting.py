@@ -105,7 +105,7 @@ class Exporting:
 
     def _picture(self, model: Model, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
         view = settings.views(model, scene, self._editor.state.timeline)[0]
-        about = settings.size, settings.rgb, settings.exact, settings.shadow
+        about = settings.size, settings.behind, settings.exact, settings.shadow
         for image in self._jobs.backend.pictures(model, [view], *about):
             if image is not None:
                 save_image(image, path, scene)

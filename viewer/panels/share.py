@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 from imgui_bundle import hello_imgui, icons_fontawesome_4, imgui
 
-from core.export.frames import Image, Rgb
+from core.export.frames import Image
 from core.export.mesh_formats import FORMATS as MESHES
 from core.export.mesh_formats import TEXTURED
 from core.export.video import FORMATS as VIDEOS
 from core.models.scene import IMAGE_FORMATS
+from core.rendering.background import Background, Rgb, background_rows
 from viewer.context import PanelContext
 from viewer.screen.file_dialog import FileRequest
-from viewer.screen.theme import mixed
+from viewer.screen.theme import Colour
 from viewer.values.duration import duration
 from viewer.values.printable import printable
 from viewer.values.share_settings import BACKGROUNDS, KINDS, ShareSettings
@@ -53,7 +54,7 @@ class ShareDialog:
     """The form of the Share dialog, and where a file was saved."""
 
     def __init__(self) -> None:
-        self._shown: tuple[Image, Rgb | None, np.ndarray] | None = None
+        self._shown: tuple[Image, Background | None, np.ndarray] | None = None
         """of which picture and background, the image on screen"""
 
     def draw(self, context: PanelContext) -> None:
@@ -96,8 +97,8 @@ class ShareDialog:
         if image is None or context.images is None:
             imgui.dummy((side, side))
             return
-        if self._shown is None or self._shown[0] is not image or self._shown[1] != settings.rgb:
-            self._shown = image, settings.rgb, _on_background(image, settings.rgb)
+        if self._shown is None or self._shown[0] is not image or self._shown[1] != settings.behind:
+            self._shown = image, settings.behind, _on_background(image, settings.behind)
         imgui.image(context.images.texture(self._shown[2], context.palette), (side, side))
         tooltip(_PREVIEW.get(settings.kind, "The first frame"))
 
@@ -108,16 +109,21 @@ def _left_by_escape() -> bool:
 
 
 def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
-    red, green, blue = (round(255 * part) for part in mixed(*context.palette.background, 0.35))
-    return settings.as_in_view((red, green, blue), context.preferences.shadow)
+    top, bottom = (_rgb(colour) for colour in context.palette.background)
+    return replace(settings, shadow=context.preferences.shadow, view=(top, bottom))
 
 
-def _on_background(image: Image, rgb: Rgb | None) -> np.ndarray:
-    """An image with opacity on a colour, or on the pattern that stands for nothing."""
+def _rgb(colour: Colour) -> Rgb:
+    red, green, blue = (round(255 * part) for part in colour)
+    return red, green, blue
+
+
+def _on_background(image: Image, background: Background | None) -> np.ndarray:
+    """An image with opacity on its background, or on the pattern that stands for nothing."""
     rows, columns = (np.arange(size) // _CHECKS for size in image.shape[:2])
     checks = np.where((rows[:, None] + columns) % 2, 205, 240)[..., None]
     opacity = image[..., 3:] / 255
-    behind = checks if rgb is None else np.array(rgb)
+    behind = checks if background is None else background_rows(background, len(image))
     return (image[..., :3] * opacity + behind * (1 - opacity) + 0.5).astype(np.uint8)
 
 

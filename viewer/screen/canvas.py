@@ -10,6 +10,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from core.geometry.pixels import to_bytes
+from core.rendering.background import GLSL
 from core.rendering.ground_shader import GroundShader
 from core.rendering.ground_shadow import GroundShadow
 from core.rendering.progressive import Frame
@@ -30,11 +31,11 @@ void main() {
 """The vertex shader of a pass over all pixels."""
 _BACKGROUND = """
 #version 330
-uniform vec3 top, bottom;
 in vec2 uv;
 out vec4 colour;
-void main() { colour = vec4(mix(top, bottom, smoothstep(0.25, 1.0, uv.y)), 1.0); }
-"""
+BACKGROUND
+void main() { colour = vec4(background(uv.y), 1.0); }
+""".replace("BACKGROUND", GLSL)
 _FRAGMENT = """
 #version 330
 uniform sampler2D image;  // on white; alpha is how much of a pixel the object covers

@@ -7,9 +7,10 @@ from core.export.framing import filling_frame
 from core.export.keyframes import Timeline, View, turntable
 from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
-from core.export.video import WHITE, Rgb, VideoSettings
+from core.export.video import WHITE, VideoSettings
 from core.models.model import Model
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
+from core.rendering.background import Background, Gradient
 
 KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}
 """what can be shared, and its name"""
@@ -45,6 +46,8 @@ class ShareSettings:
     """0..255, the colour of that background"""
     shadow: bool = False
     """on the ground: as in the view"""
+    view: Gradient | None = None
+    """the background of the view"""
     exact: bool = False
     """every pixel of a picture or a video by the network; else drawn from a baked copy"""
     cells: int = 0
@@ -84,8 +87,10 @@ class ShareSettings:
         return self.kind != "mesh" and video.FORMATS[self.video].transparent
 
     @property
-    def rgb(self) -> Rgb | None:
-        """The colour behind the object, None for none; white where the format cannot be transparent."""
+    def behind(self) -> Background | None:
+        """What is behind the object, None for nothing; white where the format cannot be transparent."""
+        if self.background == "view":
+            return self.view or WHITE
         if self.background == "colour":
             return self.red, self.green, self.blue
         return None if self.background == "transparent" and self.can_be_transparent else WHITE
@@ -93,7 +98,7 @@ class ShareSettings:
     @property
     def video_settings(self) -> VideoSettings:
         """As videos are written with."""
-        return VideoSettings(self.size, self.rate, self.quality, self.rgb, self.exact, self.shadow)
+        return VideoSettings(self.size, self.rate, self.quality, self.behind, self.exact, self.shadow)
 
     def mesh_settings(self, usual: float) -> MeshSettings:
         """As meshes are written with: on the ground, in metres.
@@ -103,14 +108,6 @@ class ShareSettings:
         """
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
-
-    def as_in_view(self, colour: Rgb, shadow: bool) -> "ShareSettings":
-        """With the view's shadow or without one, and its background as the colour, where that was chosen."""
-        settings = replace(self, shadow=shadow)
-        if self.background != "view":
-            return settings
-        red, green, blue = colour
-        return replace(settings, background="colour", red=red, green=green, blue=blue)
 
     def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
         """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same; a

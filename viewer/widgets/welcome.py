@@ -19,6 +19,8 @@ _WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6
 """em, of the card, around it and within it"""
 _SMALL, _SAMPLE = 11.0, 3.0
 """em: the card once the object has been turned, and the thumbnail of a photo to try"""
+_LOW = 18.0
+"""em: in a lower view the whole card would hide the object"""
 _GAP, _LEAST = 0.6, 7.0
 """em, between photos, and of the button beside them"""
 _OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
@@ -41,9 +43,9 @@ class Welcome:
         return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Into the bottom of a rectangle (px) of the window; the photos alone, once the object has been turned."""
+        """Into the bottom of a rectangle (px); the photos alone in a low one, and once the object has been turned."""
         em = hello_imgui.em_size()
-        small = bool(context.editor.history.past)
+        small = bool(context.editor.history.past) or size.y < _LOW * em
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
         imgui.set_cursor_screen_pos(ImVec2(corner.x + (size.x - width) / 2, self._top(corner, size, em)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
@@ -65,7 +67,7 @@ class Welcome:
         caption(context, self._sentence)
         em = hello_imgui.em_size()
         photos = len(sample_images(context.editor.model.category)) * (_SAMPLE + _GAP)
-        imgui.push_style_var(imgui.StyleVar_.frame_padding, (em, (_SAMPLE - 1) / 2 * em))
+        imgui.push_style_var(imgui.StyleVar_.frame_padding, (0.5 * em, (_SAMPLE - 1) / 2 * em))
         width = imgui.get_content_region_avail().x / em - photos
         beside = width > _LEAST
         action_button(context, "fit_image", _OPEN, width if beside else -1, context.palette.accent)

@@ -100,8 +100,15 @@ def test_the_preview_is_the_first_frame_on_its_background(
         with Image.open(tmp_path / "clear.png") as image:
             assert image.mode == "RGBA"
             assert image.getpixel((0, 0))[3] == 0
+        choose(window, "##background", "As in the view")
+        window.click("Share/###save")
+        window.type(str(tmp_path / "view.png"))
+        window.wait(lambda: (tmp_path / "view.png").exists())
+        with Image.open(tmp_path / "view.png") as image:
+            for row, colour in ((0, window.context.palette.background[0]), (127, window.context.palette.background[1])):
+                assert np.abs(np.array(image.getpixel((0, row))) / 255 - colour).max() < 0.02
         choose(window, "##picture", ".jpg")
-        assert window.context.preferences.share.rgb == (255, 255, 255)  # it cannot be transparent
+        assert window.context.preferences.share.behind == (255, 255, 255)  # it cannot be transparent
         assert window.session.messages.errors == []
 
     drive(act, replace(real_backend, load_model=lambda name: block))
@@ -118,7 +125,7 @@ def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Pat
     def second(window: Driver) -> None:
         window.click("View/###share")
         settings = window.context.preferences.share
-        assert (settings.kind, settings.video, settings.mesh, settings.rgb) == ("turntable", ".webp", ".obj", None)
+        assert (settings.kind, settings.video, settings.mesh, settings.behind) == ("turntable", ".webp", ".obj", None)
         assert window.exists("Share/##video")
 
     for act in (first, second):

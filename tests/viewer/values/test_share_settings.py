@@ -36,15 +36,16 @@ def test_a_choice_that_there_is_not_is_refused(wrong: dict[str, object]) -> None
 
 def test_only_what_can_be_transparent_is() -> None:
     clear = ShareSettings(background="transparent")
-    assert clear.rgb == (255, 255, 255)
-    assert replace(clear, video=".webp").rgb is None
-    assert replace(clear, kind="picture").rgb is None
-    assert replace(clear, kind="picture", picture=".jpg").rgb == (255, 255, 255)
+    assert clear.behind == (255, 255, 255)
+    assert replace(clear, video=".webp").behind is None
+    assert replace(clear, kind="picture").behind is None
+    assert replace(clear, kind="picture", picture=".jpg").behind == (255, 255, 255)
 
 
 def test_the_views_colour_stands_in_for_the_view_alone() -> None:
-    assert ShareSettings().as_in_view((1, 2, 3), True).rgb == (1, 2, 3)
-    assert ShareSettings(background="white").as_in_view((1, 2, 3), True).rgb == (255, 255, 255)
+    ground = (4, 5, 6), (1, 2, 3)
+    assert ShareSettings(view=ground).behind == ground
+    assert ShareSettings(background="white", view=ground).behind == (255, 255, 255)
 
 
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
