@@ -69,6 +69,16 @@ class FitView:
         size = self._editor.model.image_size
         return found.cameras[self.history.photo_index].resized(size, size)
 
+    def _moved(self, step: FitStep) -> tuple[int, int]:
+        """How many px right and below the photo shows what its camera sees in its middle; the roll is left out."""
+        model, index, cameras = self._editor.model, self.history.photo_index, self._seen(step).cameras
+        for one in step.hypotheses:
+            if one.cameras == cameras:
+                size = model.focal * cameras[index].height / model.image_size
+                right, below = (round(size * shift) for shift in one.crop_transform[index, 2:].tolist())
+                return right, below
+        return 0, 0
+
     def scrub(self, index: int | None, gesture: str = "") -> None:
         """Show a step: its codes, seen from its camera, are an edit of the scene. None is the newest step."""
         if not self.history.steps:
@@ -113,14 +123,15 @@ class FitView:
         index, view, fills = self.history.photo_index, self._viewport.settings, self._fills_view
         camera = self._seen(step).cameras[index]
         layout = (*view.panel, camera.height, view.pan) if fills else (camera.width, camera.height, camera.height)
-        crop = orbit.fit_to_panel(camera, *layout)
+        right, below = self._moved(step)
+        crop = orbit.fit_to_panel(camera, *layout).widened(abs(right), abs(below))
         job = RenderJob(step.codes, crop.camera, settings, shadow=True)
 
         def rendered(frame: Frame) -> None:
             if fills and self._fills_view:
                 self._viewport.display(frame, crop, "fit")
             if index == self.history.photo_index and (fitted := self.history.photo):
-                middle = crop.middle(camera).cropped(frame)
+                middle = crop.middle(camera, right, below).cropped(frame)
                 difference = fitted.doubled_difference(middle.image)
                 self.history = replace(self.history, frame=middle, difference=difference)
 

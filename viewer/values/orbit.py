@@ -99,10 +99,16 @@ class PanelCrop:
     top: int = 0
     """px before them"""
 
-    def middle(self, camera: Camera) -> "PanelCrop":
-        """The view of a camera of fewer pixels, from the same place."""
+    def widened(self, across: int, down: int) -> "PanelCrop":
+        """The same shown, of an image with so many px more on either side of it."""
+        camera = self.camera
+        wider = replace(camera, width=camera.width + 2 * across, height=camera.height + 2 * down)
+        return replace(self, camera=wider, left=self.left + across, top=self.top + down)
+
+    def middle(self, camera: Camera, right: int = 0, below: int = 0) -> "PanelCrop":
+        """The view of a camera of fewer pixels, from the same place, with the object so many px right and below."""
         left, top = (self.camera.width - camera.width) // 2, (self.camera.height - camera.height) // 2
-        return PanelCrop(self.camera, camera.width, camera.height, left, top)
+        return PanelCrop(self.camera, camera.width, camera.height, left - right, top - below)
 
     def cropped(self, frame: Frame) -> Frame:
         """The part of the frame that is shown, at the size of any of its stages."""

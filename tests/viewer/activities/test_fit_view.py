@@ -1,10 +1,16 @@
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import torch
 
+from core.fitting.fit import FitJob, FitStep
+from core.models.model import Model
+from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import deliver, finish
-from tests.viewer.stand_ins import endless_fit
+from tests.viewer.stand_ins import endless_fit, quick_fit
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
@@ -68,3 +74,29 @@ def test_follow_returns_to_the_fit_after_an_edit(session: Session, editor: Edito
     fitting.stop()
     assert editor.state.mix.a.shape == "block"
     assert not fitting.results.unseen
+
+
+def paint_middle(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+    """Black in the middle, where the camera looks, white elsewhere."""
+    height, width = job.camera.height, job.camera.width
+    image = np.full((height, width, 3), 255, np.uint8)
+    image[height // 2, width // 2] = 0
+    yield Frame(image, np.zeros((height, width), np.float32), np.ones((height, width), np.float32), 0, 1, 8, 0.0)
+
+
+def test_the_render_lies_where_the_photo_has_the_object(session: Session, workspace: Workspace, photo: Path) -> None:
+    model = workspace.editor.model
+    shift = torch.tensor([[0.0, 0.0, 5.0, -3.0]]) / model.focal
+
+    def moved_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        for step in quick_fit(model, job):
+            first, *others = step.hypotheses
+            yield replace(step, hypotheses=(replace(first, crop_transform=shift), *others))
+
+    session.jobs.backend = replace(session.jobs.backend, fit=moved_fit, frames=paint_middle)
+    workspace.fitting.start(photo)
+    finish(session)
+    frame = workspace.fitting.history.frame
+    assert frame is not None
+    middle = model.image_size // 2
+    assert np.argwhere(frame.image[..., 0] == 0).tolist() == [[middle - 3, middle + 5]]
