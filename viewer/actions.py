@@ -183,7 +183,12 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         ),
         Action("share", "Share…", "Ctrl+E", "save a turntable, a video, a picture or a mesh", lambda c: c.share()),
         Action(
-            *("copy_image", "Copy image", "Ctrl+C", "what the view shows, on white, into the clipboard"),
+            *(
+                "copy_image",
+                "Copy image",
+                "Ctrl+C",
+                "the view on white, without its shadow, into the clipboard",
+            ),
             lambda c: c.copy_image(),
             lambda c: c.ready and c.viewport.frame is not None and c.viewport.baked_frame is None,
         ),

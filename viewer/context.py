@@ -155,7 +155,7 @@ class PanelContext:
         self.viewport.change(mode=modes[(modes.index(self.viewport.settings.mode) + 1) % len(modes)])
 
     def copy_image(self) -> None:
-        """What the view shows, on white, into the clipboard."""
+        """The view on white, without its shadow, into the clipboard."""
         assert self.viewport.frame is not None, "nothing is shown yet"
         try:
             copy_image(self.viewport.frame.image)

@@ -69,7 +69,9 @@ def write_video(
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
-    frames = render_frames(model, views, settings.size, settings.background, settings.exact, settings.shadow)
+    # A pixel of a gif is there or not: half a shadow would be all of one.
+    shadow = settings.shadow and not (path.suffix == ".gif" and settings.background is None)
+    frames = render_frames(model, views, settings.size, settings.background, settings.exact, shadow)
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
         for image in frames:

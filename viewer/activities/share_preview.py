@@ -40,20 +40,20 @@ class SharePreview:
         if settings.kind == "video" and not self._editor.state.timeline.keys:
             return
         state, model = self._editor.state, self._editor.model
-        framing = settings.kind, settings.fill, settings.frames, settings.rate, settings.shadow
+        framing = settings.kind, settings.fill, settings.frames, settings.rate, settings.shows_shadow
         wanted = state.scene, state.timeline, framing
         if wanted == self._shown or self._editor.history.gesture:
             return
-        self._shown, small = wanted, replace(settings, size=_SIZE)
+        self._shown, small, shadow = wanted, replace(settings, size=_SIZE), settings.shows_shadow
 
         def stream() -> Iterator[Image | None]:
             view = small.views(model, state.scene, state.timeline)[0]
             baked, backend = baked_copy(view.codes), self._jobs.backend
-            drawn = backend.draw(baked, view.camera, _SIZE, settings.shadow) if baked else None
+            drawn = backend.draw(baked, view.camera, _SIZE, shadow) if baked else None
             if drawn is not None:
                 yield drawn
             else:
-                yield from backend.pictures(model, [view], _SIZE, None, False, settings.shadow)
+                yield from backend.pictures(model, [view], _SIZE, None, False, shadow)
 
         def rendered(image: Image) -> None:
             self.image = image

@@ -110,7 +110,7 @@ def _left_by_escape() -> bool:
 
 def _as_in_view(context: PanelContext, settings: ShareSettings) -> ShareSettings:
     top, bottom = (_rgb(colour) for colour in context.palette.background)
-    return replace(settings, shadow=context.preferences.shadow, view=(top, bottom))
+    return replace(settings, shadow=context.preferences.shadow, view_background=(top, bottom))
 
 
 def _rgb(colour: Colour) -> Rgb:

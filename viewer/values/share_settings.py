@@ -46,8 +46,7 @@ class ShareSettings:
     """0..255, the colour of that background"""
     shadow: bool = False
     """on the ground: as in the view"""
-    view: Gradient | None = None
-    """the background of the view"""
+    view_background: Gradient | None = None
     exact: bool = False
     """every pixel of a picture or a video by the network; else drawn from a baked copy"""
     cells: int = 0
@@ -87,10 +86,15 @@ class ShareSettings:
         return self.kind != "mesh" and video.FORMATS[self.video].transparent
 
     @property
+    def shows_shadow(self) -> bool:
+        """A mesh has none, and a transparent gif has no half pixels."""
+        return self.shadow and self.kind != "mesh" and not (self.suffix == ".gif" and self.behind is None)
+
+    @property
     def behind(self) -> Background | None:
         """What is behind the object, None for nothing; white where the format cannot be transparent."""
         if self.background == "view":
-            return self.view or WHITE
+            return self.view_background or WHITE
         if self.background == "colour":
             return self.red, self.green, self.blue
         return None if self.background == "transparent" and self.can_be_transparent else WHITE

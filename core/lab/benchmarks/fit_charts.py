@@ -31,9 +31,9 @@ def fit_chart(found: Results[FitTrial]) -> "Figure":
         default = " (default)" if one.preset == "normal" else ""
         right.annotate(f"{one.preset}{default}", (one.seconds, mean), (6, -12), textcoords="offset points", fontsize=8)
     draw_frontier(right, [(one.seconds, one.held_out.mean) for one in summaries])
-    left.set(xscale="log", yscale="log", xlabel="seconds", ylabel="rotation error (degrees, median)")
-    middle.set(xscale="log", ylim=(-2, 102), xlabel="seconds", ylabel="cameras within 5 degrees (%)")
-    right.set(xscale="log", xlabel="seconds (median)", ylabel="other views (dB, with 95 % intervals)")
+    left.set(xscale="log", yscale="log", xlabel="processor seconds", ylabel="rotation error (degrees, median)")
+    middle.set(xscale="log", ylim=(-2, 102), xlabel="processor seconds", ylabel="cameras within 5 degrees (%)")
+    right.set(xscale="log", xlabel="processor seconds (median)", ylabel="other views (dB, with 95 % intervals)")
     right.margins(x=0.25)
     for axes in (left, middle, right):
         log_ticks(axes.xaxis)
@@ -46,10 +46,10 @@ def fit_chart(found: Results[FitTrial]) -> "Figure":
 
 def ablations_chart(found: Results[Ablation]) -> "Figure":
     """Time and accuracy of each ablation beside the full method."""
-    full, *others = found.rows
-    names, gains = [part.summary.preset for part in others], [part.gain for part in others]
+    names = [f"{part.summary.preset} ({part.summary.fits})" for part in found.rows]
+    gains = [part.gain for part in found.rows]
     figure, (left, right) = new_figure(2)
-    left.barh(names, [part.time for part in others])
+    left.barh(names, [part.time for part in found.rows])
     left.axvline(1.0, color="black", linewidth=0.8)
     right.errorbar([one.mean for one in gains], names, xerr=around(gains), fmt="o", capsize=2)
     right.axvline(0.0, color="black", linewidth=0.8)
@@ -59,7 +59,7 @@ def ablations_chart(found: Results[Ablation]) -> "Figure":
     for axes in (left, right):
         axes.grid(alpha=0.3, axis="x")
         axes.set_axisbelow(True)
-    figure.suptitle(f"{found.about['machine']}, {full.summary.fits} views", fontsize=9)
+    figure.suptitle(f"{found.about['machine']}; views in brackets", fontsize=9)
     return figure
 
 

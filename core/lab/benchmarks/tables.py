@@ -149,7 +149,7 @@ def fit_table(found: Results[FitTrial]) -> str:
 
 _FITS: list[Column] = [
     ("preset", "preset", "{}"),
-    ("s (median)", "seconds", "{:.1f}"),
+    ("processor s (median)", "seconds", "{:.1f}"),
     ("initial rotation error", "initial_rotation", "{:.0f}°"),
     ("rotation error (median)", "rotation", "{:.2f}°"),
     ("within 5°", "within_5_degrees", format_share),

@@ -50,13 +50,13 @@ def test_a_transparent_background_has_the_exact_opacity() -> None:
 
 def test_a_background_changes_towards_the_lower_edge_as_that_of_exact_frames_does() -> None:
     model = tiny_model()
-    views, ground = turn(model, 2), ((240, 230, 220), (20, 30, 40))
+    views, gradient = turn(model, 2), ((240, 230, 220), (20, 30, 40))
     for drawn, exact in zip(
-        *(images(make(model, views, SIZE, ground)) for make in (baked_frames, exact_frames)), strict=True
+        *(images(make(model, views, SIZE, gradient)) for make in (baked_frames, exact_frames)), strict=True
     ):
         assert np.abs(drawn[:, 0].astype(int) - exact[:, 0]).max() <= 1
-        assert (drawn[0, 0] == ground[0]).all()
-        assert np.abs(drawn[-1, 0].astype(int) - ground[1]).max() <= 1
+        assert (drawn[0, 0] == gradient[0]).all()
+        assert np.abs(drawn[-1, 0].astype(int) - gradient[1]).max() <= 1
         assert psnr_from_mse(float(np.square((drawn - exact.astype(float)) / 255).mean())) > 42
 
 

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,19 @@ def test_transparent_pixels_on_white_are_the_render(model: Model) -> None:
     rgba = over(frame, None).astype(float)
     alpha = rgba[..., 3:] / 255
     assert np.abs(rgba[..., :3] * alpha + 255 * (1 - alpha) - frame.image).max() <= 2.5
+
+
+def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
+    model = tiny_model()
+    camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance)
+    views, files = turntable(model.codes[0], camera, 2), list[Path]()
+    for shadow, background in ((True, None), (False, None), (True, (255, 255, 255)), (False, (255, 255, 255))):
+        files.append(tmp_path / f"{shadow}{background is None}.gif")
+        for _ in write_video(model, views, files[-1], VideoSettings(48, background=background, shadow=shadow)):
+            pass
+    transparent, bare, white, plain = (path.read_bytes() for path in files)
+    assert transparent == bare
+    assert white != plain
 
 
 def test_a_colour_takes_the_place_of_the_white(model: Model, tmp_path: Path) -> None:

@@ -95,6 +95,19 @@ def test_another_camera_or_object_is_drawn_at_once(
 
 
 def test_whether_opengl_is_fast_is_measured(gl: moderngl.Context) -> None:
-    assert is_fast(gl) in (True, False)
     assert is_fast(gl, math.inf)
     assert not is_fast(gl, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("milliseconds", "fast", "pictures"),
+    [((900, 10), True, 2), ((10, 200, 10), True, 3), ((10, 200, 300), False, 3), ((10, 200, 50, 40), False, 4)],
+)
+def test_other_programs_may_hold_opengl_up(
+    gl: moderngl.Context, monkeypatch: pytest.MonkeyPatch, milliseconds: tuple[int, ...], fast: bool, pictures: int
+) -> None:
+    readings = [reading for one in milliseconds for reading in (0.0, one / 1000)]
+    clock = iter(readings)
+    monkeypatch.setattr("viewer.screen.baked_canvas.time.perf_counter", lambda: next(clock))
+    assert is_fast(gl) == fast
+    assert len(readings) - len(list(clock)) == 2 * pictures

@@ -43,9 +43,9 @@ def test_only_what_can_be_transparent_is() -> None:
 
 
 def test_the_views_colour_stands_in_for_the_view_alone() -> None:
-    ground = (4, 5, 6), (1, 2, 3)
-    assert ShareSettings(view=ground).behind == ground
-    assert ShareSettings(background="white", view=ground).behind == (255, 255, 255)
+    gradient = (4, 5, 6), (1, 2, 3)
+    assert ShareSettings(view_background=gradient).behind == gradient
+    assert ShareSettings(background="white", view_background=gradient).behind == (255, 255, 255)
 
 
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:

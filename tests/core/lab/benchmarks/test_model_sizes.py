@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from core.lab.benchmarks import model_sizes
-from core.lab.benchmarks.charts import write
+from core.lab.benchmarks.charts import redraw, write
 from core.lab.benchmarks.csv_files import read_results
 from core.lab.benchmarks.drawing import prepare
 from core.lab.benchmarks.model_sizes import ModelSize, measure_model_sizes
@@ -36,4 +36,6 @@ def test_every_size_is_trained_measured_and_drawn(tmp_path: Path, monkeypatch: p
     table = write(tmp_path / "charts", "model_sizes", found)
     assert read_results(tmp_path / "charts/model_sizes.csv", ModelSize) == found
     assert (tmp_path / "charts/model_sizes.md").read_text() == table and "| width 32 |" in table
+    (tmp_path / "charts/model_sizes.png").unlink()
+    assert redraw(tmp_path / "charts") == [tmp_path / "charts/model_sizes.csv"]
     assert (tmp_path / "charts/model_sizes.png").stat().st_size > 5000
