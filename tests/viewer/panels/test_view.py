@@ -14,6 +14,7 @@ from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import Bakery
 from viewer.services.backend import Backend
 from viewer.values import orbit
+from viewer.values.quality import Quality
 from viewer.values.view_modes import MODES
 
 
@@ -223,6 +224,7 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
 
     def act(window: Driver) -> None:
         context, viewport = window.context, window.workspace.viewport
+        viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
         window.click("View/###view options")
         window.click("$FOCUSED/##turning")
@@ -257,9 +259,10 @@ def test_the_shadow_stays_while_the_object_turns_and_can_be_switched_off(drive: 
         context, viewport, editor = window.context, window.workspace.viewport, window.workspace.editor
 
         def seen() -> np.ndarray:
-            window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
-            return window.capture_view(border=80)
+            window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view, the hint in its border
+            return window.capture_view(border=100)
 
+        viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
         context.set_preference(turning="on")
         window.wait(lambda: viewport.baked is not None and viewport.baked.cells == 128 and viewport.sharp)
