@@ -37,6 +37,7 @@ hypothesis.settings.register_profile(
 )
 hypothesis.settings.load_profile("shared machine")
 
+import moderngl  # noqa: E402
 import torch  # noqa: E402
 from PIL import Image  # noqa: E402
 
@@ -104,6 +105,17 @@ def no_opengl(error: Exception) -> NoReturn:
     if os.environ.get("CI", "").lower() == "true":
         pytest.fail(said)
     pytest.skip(said)
+
+
+@pytest.fixture(scope="module")
+def gl() -> Iterator[moderngl.Context]:
+    """OpenGL without a window."""
+    try:
+        context = moderngl.create_standalone_context(backend="egl")
+    except Exception as error:
+        no_opengl(error)
+    yield context
+    context.release()
 
 
 def image_size(path: Path) -> tuple[int, int]:

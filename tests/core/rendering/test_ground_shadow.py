@@ -1,7 +1,6 @@
 """The shadow on the ground, against sums written out and, drawn by OpenGL, against itself."""
 
 import math
-from collections.abc import Iterator
 
 import moderngl
 import numpy as np
@@ -16,7 +15,7 @@ from core.models.model import Model
 from core.rendering.ground_shader import GroundShader
 from core.rendering.ground_shadow import GroundShadow, cast_shadow
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
-from tests.conftest import no_opengl, random_model
+from tests.conftest import random_model
 from tests.core.tiny import tiny_model
 
 EXTENT = 0.5, 0.4, 0.5
@@ -44,16 +43,6 @@ def shadow() -> GroundShadow:
     found = cast_shadow(plate(8), EXTENT)
     assert found
     return found
-
-
-@pytest.fixture(scope="module")
-def gl() -> Iterator[moderngl.Context]:
-    try:
-        context = moderngl.create_standalone_context(backend="egl")
-    except Exception as error:
-        no_opengl(error)
-    yield context
-    context.release()
 
 
 def test_it_is_what_a_plate_hides_of_a_sky_brightest_overhead(shadow: GroundShadow) -> None:

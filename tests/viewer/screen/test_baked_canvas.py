@@ -1,5 +1,4 @@
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 
 import moderngl
@@ -10,23 +9,13 @@ from core.metrics import psnr
 from core.models.model import Model
 from core.rendering.baked_field import BakedField, bake, render_baked
 from core.rendering.reference import render_exact
-from tests.conftest import no_opengl, random_model
+from tests.conftest import random_model
 from tests.core.tiny import tiny_model
 from viewer.screen.baked_canvas import BakedCanvas, is_fast
 from viewer.screen.theme import DARK, LIGHT, Palette
 from viewer.values.orbit import PanelCrop, fit_to_panel
 
 WHITE = replace(LIGHT, background=((1.0, 1.0, 1.0), (1.0, 1.0, 1.0)))
-
-
-@pytest.fixture(scope="module")
-def gl() -> Iterator[moderngl.Context]:
-    try:
-        context = moderngl.create_standalone_context(backend="egl")
-    except Exception as error:
-        no_opengl(error)
-    yield context
-    context.release()
 
 
 @pytest.fixture(scope="module")
