@@ -96,9 +96,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--size", type=count, default=512, metavar="PX", help="width and height")
     command.add_argument("--quality", type=count, default=85, help="1 to 100")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
-    command.add_argument(
-        "--shadow", action="store_true", help="the object's shadow on the ground (no transparent gif)"
-    )
+    command.add_argument("--shadow", action="store_true", help="the object's shadow on the ground (no transparent gif)")
     command.add_argument(
         "--exact",
         action="store_true",

@@ -89,9 +89,7 @@ class Occupancy:
         self.shadow = None if model.white_from_network else cast_shadow(solid, model.extent)
         """of the shape on the ground below it; None of nothing, and of a network that paints the background"""
         self._flat = self.cells.flatten()
-        self._min_density = (
-            -max_of_corners(-corners).flatten().bfloat16()
-        )  # 0.4 % off at most: below tolerances
+        self._min_density = -max_of_corners(-corners).flatten().bfloat16()  # 0.4 % off at most: below tolerances
         self._coarse = functional.max_pool3d(self.cells[None].float(), _COARSE_FACTOR)[0] > 0
         self._centres = (self._coarse.nonzero() + 0.5) * self.cell * _COARSE_FACTOR - self.extent
 
