@@ -69,8 +69,7 @@ def write_video(
         able = ", ".join(name for name, other in FORMATS.items() if other.transparent)
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
-    # A pixel of a gif is there or not: half a shadow would be all of one.
-    shadow = settings.shadow and not (path.suffix == ".gif" and settings.background is None)
+    shadow = settings.shadow and chosen.shows_shadow(settings.background)
     frames = render_frames(model, views, settings.size, settings.background, settings.exact, shadow)
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
@@ -235,11 +234,17 @@ class VideoFormat(NamedTuple):
     """can leave the background out"""
     folder: bool = False
     """a folder of files instead of one"""
+    translucent: bool = True
+    """a pixel can be there in part; else half a shadow on nothing would be all of one"""
+
+    def shows_shadow(self, background: Background | None) -> bool:
+        """Whether frames on this background can have a soft shadow."""
+        return self.translucent or background is not None
 
 
 FORMATS = {
     ".mp4": VideoFormat("mp4", _Mp4, transparent=False),
-    ".gif": VideoFormat("gif", _Gif),
+    ".gif": VideoFormat("gif", _Gif, translucent=False),
     ".webp": VideoFormat("webp", _Webp),
     ".frames": VideoFormat("png frames", _Frames, folder=True),
 }

@@ -87,8 +87,9 @@ class ShareSettings:
 
     @property
     def shows_shadow(self) -> bool:
-        """A mesh has none, and a transparent gif has no half pixels."""
-        return self.shadow and self.kind != "mesh" and not (self.suffix == ".gif" and self.behind is None)
+        """The file can have the shadow that was asked for."""
+        able = self.kind == "picture" or (self.kind != "mesh" and video.FORMATS[self.video].shows_shadow(self.behind))
+        return self.shadow and able
 
     @property
     def behind(self) -> Background | None:

@@ -99,7 +99,7 @@ def test_a_transparent_gif_has_no_shadow(tmp_path: Path) -> None:
     camera = replace(model.camera(0.3, 1.0), distance=1.5 * model.distance)
     views, files = turntable(model.codes[0], camera, 2), list[Path]()
     for shadow, background in ((True, None), (False, None), (True, (255, 255, 255)), (False, (255, 255, 255))):
-        files.append(tmp_path / f"{shadow}{background is None}.gif")
+        files.append(tmp_path / f"{shadow}{background is None}.GIF")
         for _ in write_video(model, views, files[-1], VideoSettings(48, background=background, shadow=shadow)):
             pass
     transparent, bare, white, plain = (path.read_bytes() for path in files)

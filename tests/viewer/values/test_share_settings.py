@@ -48,6 +48,15 @@ def test_the_views_colour_stands_in_for_the_view_alone() -> None:
     assert ShareSettings(background="white", view_background=gradient).behind == (255, 255, 255)
 
 
+def test_a_mesh_and_a_transparent_gif_have_no_shadow() -> None:
+    gif = ShareSettings(video=".gif", background="transparent", shadow=True)
+    assert not gif.shows_shadow
+    assert replace(gif, background="white").shows_shadow
+    assert replace(gif, video=".webp").shows_shadow
+    assert replace(gif, kind="picture").shows_shadow
+    assert not replace(gif, kind="mesh", background="white").shows_shadow
+
+
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
     views = ShareSettings(frames=5, size=40, fill=False).views(model, scene, Timeline())
     assert len(views) == 5
