@@ -7,7 +7,7 @@ from core.detail.maps import detail_maps
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.rendering import baked_field, progressive
+from core.rendering import baking, progressive
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from core.rendering.reference import Rendered, render_exact
@@ -35,7 +35,7 @@ def render_reference(model: Model, codes: Codes, camera: Camera) -> Rendered:
 
 
 def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
-    """As :func:`core.rendering.baked_field.bake`."""
+    """As :func:`core.rendering.baking.bake`."""
     maps = yield from detail_maps(model, codes)
-    for baked in baked_field.bake(model, codes):
+    for baked in baking.bake(model, codes):
         yield baked and replace(baked, detail=maps)

@@ -22,8 +22,9 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.background import Background, background_rows
 from core.rendering.baked_field import BakedField
-from core.rendering.baked_views import BakedObject, Box, box_of, mixed
+from core.rendering.baking import Box, ObjectViews, bake_shape, box_of, mixed
 from core.rendering.fast import render_steps, shape_occupancy
+from core.rendering.folded_field import FoldedField
 from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
@@ -36,8 +37,6 @@ MAX_TURN = math.radians(20)
 """between two key views: by how far the camera goes round the object at most, or as much nearer"""
 _RAYS = 512
 """across a frame at least: a smaller one has several in a pixel; more change a larger one by nothing visible"""
-_SMALL = 200
-"""px: a smaller frame begins with the coarsest grid"""
 _PROBE = 128
 """px, of the frame that is compared"""
 FEW_PIXELS = 300_000
@@ -81,7 +80,7 @@ def baked_frames(
     Frames are exact where the machine has no OpenGL, where the model's architecture cannot be baked, or where the
     finest grid is not fine enough.
     """
-    baked = None if model.is_ablation else (yield from bake_views(model, views, size))
+    baked = None if model.is_ablation else (yield from bake_views(model, views))
     if baked is None:
         yield from exact_frames(model, views, size, background, shadow)
         return
@@ -108,7 +107,7 @@ def supersampling(size: int) -> int:
 
 
 def bake_views(
-    model: Model, views: Sequence[View], size: int, target: float = TARGET
+    model: Model, views: Sequence[View], target: float = TARGET
 ) -> Generator[None, None, "BakedViews | None"]:
     """The views baked as coarsely as a frame stays as the exact one (dB); None where no grid, or no OpenGL, does it."""
     try:
@@ -120,7 +119,7 @@ def bake_views(
     with pictures:
         rendered = yield from render_steps(model, views[index].codes, camera, _EXACT.samples)
         exact = rendered.colour.clamp(0, 1).cpu().numpy()
-        for cells in LEVELS[0 if size < _SMALL else 1 :]:
+        for cells in LEVELS:
             baked = BakedViews(model, views, cells)
             field = yield from baked.at(index)
             if psnr(pictures.draw(field, camera) / 255, exact) >= target:
@@ -146,9 +145,7 @@ class BakedViews:
         self._model, self._views, self.cells = model, views, cells
         self._keys = key_views(views)
         self._fields: dict[int, BakedField] = {}
-        self._object: tuple[Codes, BakedObject] | None = None
-        self._newest: BakedField | None = None
-        """of this object: what another camera does not see has its colours"""
+        self._object: tuple[Codes, ObjectViews] | None = None
         self._box: Box | None = None
 
     def at(self, index: int) -> Generator[None, None, BakedField]:
@@ -165,11 +162,10 @@ class BakedViews:
     def _baked(self, view: View) -> Generator[None, None, BakedField]:
         if self._object is None or self._object[0] != view.codes:
             occupied = shape_occupancy(self._model, tuple(view.codes.shape.tolist())).cells
-            made = BakedObject(self._model, view.codes, self.cells, self._video_box())
-            yield from made.bake(occupied)
-            self._object, self._newest = (view.codes, made), None
-        self._newest = yield from self._object[1].seen_from(view.camera, self._newest)
-        return self._newest
+            folded = FoldedField(self._model, view.codes)
+            shape = yield from bake_shape(self._model, folded, occupied, self.cells, self._video_box())
+            self._object = view.codes, ObjectViews(self._model, folded, shape)
+        return (yield from self._object[1].seen_from(view.camera))
 
     def _video_box(self) -> Box:
         """Around all shapes of the video."""

@@ -13,7 +13,7 @@ from core.export.frames import FEW_PIXELS, bake_views, key_views, over, supersam
 from core.export.keyframes import View, turntable
 from core.export.video import FORMATS, Coding, VideoSettings, coding_of
 from core.models.model import Model
-from core.rendering.baked_views import mixed
+from core.rendering.baking import mixed
 from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
@@ -69,7 +69,7 @@ def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
     views = turntable(view.codes, view.camera, 72)[:9]
     baked, start = None, 0.0
     if not model.is_ablation:  # what is prepared once is, before exact rays are timed
-        baked, start = yield from _timed(bake_views(model, views, _DRAWN))
+        baked, start = yield from _timed(bake_views(model, views))
     frames, exact = yield from _timed(_collected(model, job))
     ray, coding = exact / _EXACT_SIZE**2, _coding(frames[-1])
     if baked is None:

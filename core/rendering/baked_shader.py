@@ -37,10 +37,9 @@ uniform vec3 origin, right, up, backward, extent, first, sides;
 uniform vec2 middle;          // of the picture, px from the first pixel drawn
 uniform vec2 logits;          // least, most; over the logarithm of 2, as all exponents here
 uniform float focal, pace, cells, blocks, thickness, min_light;
-uniform float strength;       // of the photo's detail; 0 where there is none
 flat in vec2 reach;
 out vec4 colour;
-DETAIL
+DECLARED
 void main() {
     vec2 pixel = (gl_FragCoord.xy - middle) / focal;
     vec3 along = normalize(right * pixel.x - up * pixel.y - backward);
@@ -72,11 +71,14 @@ void main() {
         i += 1.0;
     }
     float opacity = 1.0 - light;
-    if (strength > 0.0 && opacity > MIN_OPACITY)
-        seen += opacity * detail(origin + along * (near + pace * middle_of_light / opacity), along);
+    ADDED
     colour = vec4(clamp(seen, 0.0, opacity), opacity);
 }
-""".replace("DETAIL", GLSL).replace("MIN_OPACITY", str(MIN_OPACITY))
+"""
+_DETAIL = f"""
+    if (opacity > {MIN_OPACITY})
+        seen += opacity * detail(origin + along * (near + pace * middle_of_light / opacity), along);
+"""
 
 
 class BakedShader:
@@ -84,13 +86,8 @@ class BakedShader:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
-        for name, value in (("texels", 0), ("distance", 1), ("blocks", CELLS), ("min_light", MIN_LIGHT)):
-            self._program[name] = value
         self._detail = DetailTextures(context)
-        for unit, name in enumerate(self._detail.names, 2):
-            self._program[name] = unit
-        self._program["logits"] = tuple(bound / math.log(2) for bound in LOGITS)
+        self._programs = dict[bool, moderngl.Program]()
         self._texels: moderngl.Texture3D | None = None
         self._distance: moderngl.Texture3D | None = None
         self._baked: BakedField | None = None
@@ -115,6 +112,19 @@ class BakedShader:
         self._detail.upload(baked.detail)
         self._baked = baked
 
+    def _program(self, detailed: bool) -> moderngl.Program:
+        """With what photos add to colours, or without: in software OpenGL, a third of a picture's time."""
+        if detailed not in self._programs:
+            source = _FRAGMENT.replace("DECLARED", GLSL * detailed).replace("ADDED", _DETAIL * detailed)
+            program = self._context.program(vertex_shader=_VERTEX, fragment_shader=source)
+            units = enumerate(("texels", "distance", *self._detail.names * detailed))
+            constants = ("blocks", CELLS), ("min_light", MIN_LIGHT), *((name, unit) for unit, name in units)
+            for name, value in constants:
+                program[name] = value
+            program["logits"] = tuple(bound / math.log(2) for bound in LOGITS)
+            self._programs[detailed] = program
+        return self._programs[detailed]
+
     def draw(self, camera: Camera, size: tuple[int, int], corner: tuple[int, int] = (0, 0)) -> None:
         """Add the field to the framebuffer in use, its first row the image's uppermost; colours times opacity.
 
@@ -122,7 +132,7 @@ class BakedShader:
             size: px, of the framebuffer.
             corner: px, left and top: which pixel of the camera's image is the framebuffer's first.
         """
-        baked, program = self._baked, self._program
+        baked = self._baked
         assert baked is not None and self._texels is not None and self._distance is not None, "upload a field first"
         middle = tuple(
             side / 2 - first + baked.pixel_offset
@@ -131,6 +141,7 @@ class BakedShader:
         tiles, grid = _tiles(self._centres, baked, camera, size, middle)
         if not len(tiles):
             return
+        program = self._program(baked.detail is not None)
         rotation, origin = camera.pose().numpy()[:3, :3], camera.pose().numpy()[:3, 3]
         # The columns of a pose are right, down and forward.
         for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
@@ -141,8 +152,8 @@ class BakedShader:
         program["pace"], program["thickness"] = baked.step, baked.density_scale * baked.step
         self._texels.use(0)
         self._distance.use(1)
-        program["strength"] = baked.detail.strength if baked.detail else 0.0
         if baked.detail:
+            program["strength"] = baked.detail.strength
             self._detail.use(2)
             for name, value in uniforms(baked.detail, camera).items():
                 program[name] = value
@@ -158,7 +169,7 @@ class BakedShader:
     def release(self) -> None:
         """Give the GL objects back."""
         self._detail.release()
-        for part in (self._texels, self._distance, self._program):
+        for part in (self._texels, self._distance, *self._programs.values()):
             if part is not None:
                 part.release()
 

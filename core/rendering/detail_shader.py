@@ -39,6 +39,7 @@ _PHOTO = """
 _EACH = "".join(_PHOTO.replace("PHOTO", str(number)) for number in range(MAX_PHOTOS))
 _SAMPLERS = ", ".join(f"{name}{number}" for number in range(MAX_PHOTOS) for name in _MAPS)
 GLSL = f"""
+uniform float strength;
 uniform sampler2D {_SAMPLERS};
 uniform int photos;
 uniform bool both_sides;
@@ -73,8 +74,7 @@ vec3 detail(vec3 point, vec3 along) {{
     return strength * (added + (1.0 - direct) * mirror * twin.rgb / max(twin.a, 1e-6));
 }}
 """
-"""``detail(point, along)``: what is added to the colour of a place seen along a unit vector; ``strength`` is declared
-before it"""
+"""``detail(point, along)``: what is added to the colour of a place seen along a unit vector"""
 
 
 class DetailTextures:

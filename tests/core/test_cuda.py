@@ -14,7 +14,8 @@ from core.lab.training.trainer import Trainer
 from core.metrics import psnr, rotation_error
 from core.models.library import load_model
 from core.models.model import Model
-from core.rendering.baked_field import BakedField, bake
+from core.rendering.baked_field import BakedField
+from core.rendering.baking import bake
 from core.rendering.fast import render
 from core.rendering.reference import render_exact
 from core.runtime.precision import use_dtype

@@ -100,7 +100,7 @@ def _baked(cells: int | None) -> _Films:
 
     def film(model: Model, views: Sequence[View]) -> tuple[float, float, list[Image]]:
         began = time.process_time()
-        baked = BakedViews(model, views, cells) if cells else run_to_end(bake_views(model, views, SIZE))
+        baked = BakedViews(model, views, cells) if cells else run_to_end(bake_views(model, views))
         if baked is None:
             raise ValueError(f"no grid is fine enough for {model.category}, or there is no OpenGL")
         with OffscreenPictures(SIZE) as pictures:

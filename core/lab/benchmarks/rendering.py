@@ -23,7 +23,8 @@ from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering import fast
-from core.rendering.baked_field import BakedField, bake, render_baked
+from core.rendering.baked_field import BakedField, render_baked
+from core.rendering.baking import bake
 from core.rendering.frame_budget import FrameBudget
 from core.rendering.occupancy import Tolerances, tolerances
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively

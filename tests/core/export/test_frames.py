@@ -88,7 +88,7 @@ def test_haze_is_as_near_on_a_finer_grid(cells: int) -> None:
 
 def test_what_no_grid_is_fine_enough_for_is_not_baked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frames, "LEVELS", frames.LEVELS[:2])
-    stream = bake_views(tiny_model(), turn(tiny_model(), 2), SIZE, target=200.0)
+    stream = bake_views(tiny_model(), turn(tiny_model(), 2), target=200.0)
     with pytest.raises(StopIteration) as ended:
         while True:
             next(stream)

@@ -1,66 +1,19 @@
-from dataclasses import replace
-from functools import cache
-
-import numpy as np
-import pytest
 import torch
 
-from core.metrics import psnr
-from core.models.model import Model
-from core.rendering.baked_field import BakedField, bake, render_baked
-from core.rendering.reference import render_exact
-from tests.conftest import random_model
-from tests.core.tiny import tiny_model
-
-
-@cache
-def baked(shape: int, texture: int) -> BakedField:
-    """With few cells: the first that comes."""
-    model = tiny_model()
-    codes = model.codes[shape].mixed(model.codes[texture], 0.0, 1.0)
-    return next(found for found in bake(model, codes) if found is not None)
-
-
-def test_the_picture_is_the_exact_one_and_nearer_with_more_cells(tiny: Model) -> None:
-    camera = tiny.camera(0.7, 0.4).resized(96, 64)
-    exact = render_exact(tiny, tiny.codes[0], camera)
-    values = list(bake(tiny, tiny.codes[0]))
-    assert values.count(None) > 4  # in small steps
-    coarse, fine = (found for found in values if found is not None)
-    assert (coarse.cells, fine.cells) == (64, 128)
-    errors = [psnr(render_baked(one, camera).colour, exact.colour) for one in (coarse, fine)]
-    assert errors[1] > errors[0] > 36
-    shown = render_baked(fine, camera)
-    there = exact.opacity > 0.99
-    assert there.sum() > 200
-    np.testing.assert_allclose(shown.opacity, exact.opacity, atol=0.05)
-    np.testing.assert_allclose(shown.depth[there], exact.depth[there], atol=0.02)
-
-
-@pytest.mark.parametrize("perspective", [True, False])
-def test_near_far_and_without_perspective(tiny: Model, perspective: bool) -> None:
-    camera = tiny.camera(2.0, -0.5, 0.8).resized(48, 80)
-    if not perspective:
-        camera = replace(camera, distance=60.0, focal=75 * camera.focal)
-    assert psnr(render_baked(baked(1, 1), camera).colour, render_exact(tiny, tiny.codes[1], camera).colour) > 36
-
-
-def test_a_new_texture_leaves_the_shape_as_it_is() -> None:
-    first, second = baked(0, 0), baked(0, 2)
-    np.testing.assert_array_equal(first.texels[..., 3], second.texels[..., 3])
-    np.testing.assert_array_equal(first.distance, second.distance)
-    assert np.abs(first.texels[..., :3].astype(int) - second.texels[..., :3]).max() > 50
+from core.rendering.baked_field import cell_distances, logit_texels, logits_of
 
 
 def test_distances_are_those_to_the_nearest_occupied_cell() -> None:
-    distance = baked(0, 0).distance.astype(int)
-    occupied = torch.from_numpy(distance == 0).nonzero()
+    generator = torch.Generator().manual_seed(0)
+    cells = torch.rand(64, 64, 64, generator=generator) < 2e-4
+    distance, occupied = cell_distances(cells).astype(int), cells.nonzero()
     assert 0 < len(occupied) < distance.size
-    for cell in torch.randint(64, (200, 3), generator=torch.Generator().manual_seed(0)):
+    for cell in torch.randint(64, (200, 3), generator=generator):
         nearest = int((occupied - cell).abs().amax(-1).amin())
         assert distance[tuple(cell.tolist())] == min(nearest, 8)
 
 
-def test_rays_pass_where_those_of_the_model_do() -> None:
-    model = random_model(white_from_network=True)
-    assert next(found for found in bake(model, model.codes[0]) if found).pixel_offset == 0.5
+def test_logits_are_those_before_softplus() -> None:
+    logits = torch.linspace(-7, 23, 50)
+    torch.testing.assert_close(logits_of(30 * torch.nn.functional.softplus(logits), 30.0), logits, rtol=0, atol=1e-2)
+    assert logit_texels(logits_of(torch.tensor([0.0, 1e9]), 30.0)).tolist() == [0, 255]

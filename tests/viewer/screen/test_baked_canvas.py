@@ -7,7 +7,8 @@ import pytest
 
 from core.metrics import psnr
 from core.models.model import Model
-from core.rendering.baked_field import BakedField, bake, render_baked
+from core.rendering.baked_field import BakedField, render_baked
+from core.rendering.baking import bake
 from core.rendering.reference import render_exact
 from tests.conftest import random_model
 from tests.core.tiny import tiny_model

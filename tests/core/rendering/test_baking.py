@@ -1,0 +1,74 @@
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+
+from core.metrics import psnr
+from core.models.model import Model
+from core.rendering.baked_field import BakedField, render_baked
+from core.rendering.baking import bake, prefilter
+from core.rendering.reference import render_exact
+from tests.conftest import random_model
+from tests.core.tiny import tiny_model
+
+
+@cache
+def baked(shape: int, texture: int) -> BakedField:
+    """With few cells: the first that comes."""
+    model = tiny_model()
+    codes = model.codes[shape].mixed(model.codes[texture], 0.0, 1.0)
+    return next(found for found in bake(model, codes) if found is not None)
+
+
+def test_the_picture_is_the_exact_one_and_nearer_with_more_cells(tiny: Model) -> None:
+    camera = tiny.camera(0.7, 0.4).resized(96, 64)
+    exact = render_exact(tiny, tiny.codes[0], camera)
+    values = list(bake(tiny, tiny.codes[0]))
+    assert values.count(None) > 4  # in small steps
+    coarse, fine = (found for found in values if found is not None)
+    assert (coarse.cells, fine.cells) == (64, 128)
+    errors = [psnr(render_baked(one, camera).colour, exact.colour) for one in (coarse, fine)]
+    assert errors[1] > errors[0] > 40
+    shown = render_baked(fine, camera)
+    there = exact.opacity > 0.99
+    assert there.sum() > 200
+    np.testing.assert_allclose(shown.opacity, exact.opacity, atol=0.05)
+    np.testing.assert_allclose(shown.depth[there], exact.depth[there], atol=0.02)
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+def test_near_far_and_without_perspective(tiny: Model, perspective: bool) -> None:
+    camera = tiny.camera(2.0, -0.5, 0.8).resized(48, 80)
+    if not perspective:
+        camera = replace(camera, distance=60.0, focal=75 * camera.focal)
+    assert psnr(render_baked(baked(1, 1), camera).colour, render_exact(tiny, tiny.codes[1], camera).colour) > 36
+
+
+def test_a_new_texture_leaves_the_shape_as_it_is() -> None:
+    first, second = baked(0, 0), baked(0, 2)
+    np.testing.assert_array_equal(first.texels[..., 3], second.texels[..., 3])
+    np.testing.assert_array_equal(first.distance, second.distance)
+    assert np.abs(first.texels[..., :3].astype(int) - second.texels[..., :3]).max() > 50
+
+
+def test_rays_pass_where_those_of_the_model_do() -> None:
+    model = random_model(white_from_network=True)
+    assert next(found for found in bake(model, model.codes[0]) if found).pixel_offset == 0.5
+
+
+def test_what_is_between_prefiltered_values_is_right_in_the_mean() -> None:
+    """Of a parabola; a straight line, and a value without neighbours, stay as they are."""
+    place = torch.arange(9.0)
+    values = torch.stack((place**2, 3 * place - 1), -1)
+    beside = torch.stack((torch.arange(9) - 1, torch.arange(9) + 1), -1)
+    beside[0], beside[-1] = 0, 8
+    kept = prefilter(values, torch.cat((beside, *[torch.arange(9)[:, None]] * 4), -1))
+    between = torch.linspace(1, 7, 6001, dtype=torch.double)
+    error = np.interp(between, place, kept[:, 0]) - (between**2).numpy()
+    assert abs(error.mean()) < 1e-3 < 0.1 < np.interp(between, place, values[:, 0]).mean() - (between**2).mean()
+    torch.testing.assert_close(kept[:, 1], values[:, 1])
+    torch.testing.assert_close(kept[[0, 8]], values[[0, 8]])
+    some = torch.tensor([5, 2])
+    torch.testing.assert_close(prefilter(values, torch.arange(9)[:, None].expand(-1, 6), some), values[some])
