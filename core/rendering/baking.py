@@ -42,13 +42,13 @@ _DIRECTIONS = tuple(
 _MIN_DENSITY = 0.1
 """per scene unit: a cell with less at all of its corners takes less than two thousandths of the light, and is empty;
 what has no neighbour with more needs no colour"""
-_BELOW = 6.0
+_BELOW = 12.0
 """optical depth: what lies deeper than that along all axes is seen by no camera"""
 _BEHIND = 4.0
 """optical depth: what lies behind more than that is not coloured for a camera"""
 _VOXEL = 2
 """texels along each side of a voxel, which hides what is behind it"""
-_AHEAD, _LOOK = 3.0, 16
+_AHEAD, _LOOK = 2.0, 16
 """voxels: from where on, and how many, are looked at between one and the camera"""
 
 
