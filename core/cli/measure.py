@@ -117,7 +117,8 @@ def bench_films(chosen: argparse.Namespace) -> None:
     drawing.prepare(chosen.out)
     model, path = load_model(chosen.model, chosen.device), chosen.out / "films.csv"
     about = {"machine": describe_machine(model.device), "category": model.category, "objects": str(chosen.objects)}
-    about |= {"frames": str(films.FRAMES), "size": str(films.SIZE), "model": model.fingerprint}
+    about |= {"frames": str(films.FRAMES), "size": str(films.SIZE), "picture": str(films.PICTURE)}
+    about |= {"model": model.fingerprint}
     done = {row.key for row in read_records(path, films.Film, about)}
     for row in _said(films.measure_films(model, chosen.objects, done)):
         append_record(path, about, row)

@@ -1,7 +1,9 @@
-"""Seconds of a film against decibels: by the network with more and fewer samples, and drawn from finer baked copies.
+"""Seconds of films and of a picture against decibels: by the network with more and fewer samples, and drawn from finer
+baked copies.
 
-One turn of 72 frames, without writing it. Times are processor times of one thread, which other load changes little; of
-exact films a few frames are timed. PSNR is that of the same frames against 384 samples a ray.
+One turn of 72 frames, a morph into another object and back, and one large picture, without writing them. Times are
+processor times of one thread, which other load changes little; of exact films a few frames are timed. PSNR is that of
+the same frames against 384 samples a ray.
 """
 
 import time
@@ -9,11 +11,12 @@ from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from statistics import mean
+from typing import NamedTuple
 
 from core.detail.frames import render_progressively
 from core.export.frames import LEVELS, BakedViews, Image, bake_views
 from core.export.framing import filling_frame
-from core.export.keyframes import View, turntable
+from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
 from core.metrics import psnr
 from core.models.model import Model
@@ -24,8 +27,8 @@ from core.streams import run_to_end
 FRAMES = 72
 COMPARED = 6, 30, 53
 """frames that are compared: between two views that are baked, halfway or less"""
-SIZE = 512
-"""px"""
+SIZE, PICTURE = 512, 2160
+"""px, of a film and of a picture"""
 SAMPLES = 48, 96, 192
 """of a ray; the last is what exact films have"""
 REFERENCE_SAMPLES = 384
@@ -34,8 +37,10 @@ DEFAULT = "default"
 
 @dataclass(frozen=True)
 class Film:
-    """A way to make the frames of a film: what it takes and how exact it is, mean over objects."""
+    """A way to make the frames of a film, or a picture: what it takes and how exact it is, mean over objects."""
 
+    shown: str
+    """turn, morph or picture"""
     recipe: str
     """exact, baked, or default: baked as finely as :func:`~core.export.frames.bake_views` chooses, its choice timed"""
     setting: float
@@ -50,13 +55,20 @@ class Film:
     @property
     def key(self) -> Hashable:
         """The key of a row."""
-        return self.recipe, 0 if self.recipe == DEFAULT else self.setting
+        return self.shown, self.recipe, 0 if self.recipe == DEFAULT else self.setting
 
     def __str__(self) -> str:
-        return f"{self.recipe} {self.setting:g}: {self.seconds:.1f} s, {self.psnr:.1f} dB"
+        return f"{self.shown}, {self.recipe} {self.setting:g}: {self.seconds:.1f} s, {self.psnr:.1f} dB"
 
 
-_Films = Callable[[Model, Sequence[View]], tuple[float, float, list[Image]]]
+class _Views(NamedTuple):
+    """What a film shows, in the size of its cameras."""
+
+    views: Sequence[View]
+    compared: Sequence[int]
+
+
+_Films = Callable[[Model, _Views], tuple[float, float, list[Image]]]
 """Makes a film: its setting, s, and the frames that are compared."""
 
 
@@ -64,33 +76,46 @@ def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = (
     """Yields each row as it is measured; those whose keys are done are left out. Needs OpenGL."""
     some = [codes for _, codes in evenly_spaced_objects(model, objects)]
     camera = model.camera(0.9, 0.35).resized(SIZE, SIZE)
-    films = [filling_frame(model, turntable(codes, camera, FRAMES)) for codes in some]
+    turns = [filling_frame(model, turntable(codes, camera, FRAMES)) for codes in some]
+    shown = {
+        "turn": [_Views(views, COMPARED) for views in turns],
+        "morph": [_Views(_morph(*pair), COMPARED) for pair in zip(turns, turns[1:] + turns[:1], strict=True)],
+        "picture": [_Views([View(one[0].codes, one[0].camera.resized(PICTURE, PICTURE))], [0]) for one in turns],
+    }
+    finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _baked(None))
+    turned: list[tuple[str, int, _Films]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
+    turned += [("baked", cells, _baked(cells)) for cells in LEVELS]
 
     @cache
-    def truth(number: int) -> list[Image]:
-        return _exact(REFERENCE_SAMPLES)(model, films[number])[2]
+    def truth(what: str, number: int) -> list[Image]:
+        return _exact(REFERENCE_SAMPLES)(model, shown[what][number])[2]
 
-    recipes: list[tuple[str, int, _Films]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
-    recipes += [("baked", cells, _baked(cells)) for cells in LEVELS]
-    for recipe, setting, make in [*recipes, (DEFAULT, 0, _baked(None))]:
-        if (recipe, setting) in done:
-            continue
-        chosen, seconds, quality = [], [], []
-        for number, views in enumerate(films):
-            found, spent, frames = make(model, views)
-            chosen.append(found)
-            seconds.append(spent)
-            quality += [psnr(one / 255, of / 255) for one, of in zip(frames, truth(number), strict=True)]
-        yield Film(recipe, mean(chosen), mean(seconds), mean(quality), min(quality))
+    for what, recipes in (("turn", [*turned, default]), ("morph", [finest, default]), ("picture", [finest, default])):
+        for recipe, setting, make in recipes:
+            if (what, recipe, setting) in done:
+                continue
+            chosen, seconds, quality = [], [], []
+            for number, views in enumerate(shown[what]):
+                found, spent, frames = make(model, views)
+                chosen.append(found)
+                seconds.append(spent)
+                quality += [psnr(one / 255, of / 255) for one, of in zip(frames, truth(what, number), strict=True)]
+            yield Film(what, recipe, mean(chosen), mean(seconds), mean(quality), min(quality))
+
+
+def _morph(turn: Sequence[View], other: Sequence[View]) -> Sequence[View]:
+    """As many views of a turn, from the first object to the second and back."""
+    keys = Keyframe(0.0, turn[0]), Keyframe(0.5, View(other[0].codes, turn[0].camera))
+    return Timeline(keys, 1.0, turns=1).views(len(turn))
 
 
 def _exact(samples: int) -> _Films:
-    def film(model: Model, views: Sequence[View]) -> tuple[float, float, list[Image]]:
+    def film(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
         frames, began = [], time.process_time()
-        for index in COMPARED:
-            job = RenderJob(*views[index], RenderSettings(samples, (1,)))
+        for index in shown.compared:
+            job = RenderJob(*shown.views[index], RenderSettings(samples, (1,)))
             frames += [frame.image for frame in render_progressively(model, job) if frame]
-        return samples, (time.process_time() - began) * len(views) / len(COMPARED), frames
+        return samples, (time.process_time() - began) * len(shown.views) / len(shown.compared), frames
 
     return film
 
@@ -98,13 +123,13 @@ def _exact(samples: int) -> _Films:
 def _baked(cells: int | None) -> _Films:
     """With a grid of so many cells, or the one that films take."""
 
-    def film(model: Model, views: Sequence[View]) -> tuple[float, float, list[Image]]:
-        began = time.process_time()
+    def film(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
+        began, views = time.process_time(), shown.views
         baked = BakedViews(model, views, cells) if cells else run_to_end(bake_views(model, views))
         if baked is None:
             raise ValueError(f"no grid is fine enough for {model.category}, or there is no OpenGL")
-        with OffscreenPictures(SIZE) as pictures:
+        with OffscreenPictures(views[0].camera.width) as pictures:
             frames = [pictures.draw(run_to_end(baked.at(index)), view.camera) for index, view in enumerate(views)]
-        return baked.cells, time.process_time() - began, [frames[index] for index in COMPARED]
+        return baked.cells, time.process_time() - began, [frames[index] for index in shown.compared]
 
     return film

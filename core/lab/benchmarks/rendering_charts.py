@@ -65,10 +65,11 @@ def rendering_chart(found: Results[RenderRow]) -> "Figure":
 
 
 def films_chart(found: Results[Film]) -> "Figure":
-    """PSNR against seconds of a film, exact and baked; the star is how films are made."""
+    """PSNR against seconds of a turn, exact and baked; the star is how films are made."""
     figure, (axes,) = new_figure(1, width=6.5)
+    turns = [row for row in found.rows if row.shown == "turn"]
     for recipe, what in (("exact", "every frame by the network, samples"), ("baked", "drawn from a baked copy, cells")):
-        points = [row for row in found.rows if row.recipe == recipe]
+        points = [row for row in turns if row.recipe == recipe]
         (line,) = axes.plot([one.seconds for one in points], [one.psnr for one in points], "o-", label=what)
         for one in points:
             axes.annotate(
@@ -79,7 +80,7 @@ def films_chart(found: Results[Film]) -> "Figure":
                 fontsize=7,
                 color=line.get_color(),
             )
-    chosen = [row for row in found.rows if row.recipe == DEFAULT]
+    chosen = [row for row in turns if row.recipe == DEFAULT]
     axes.plot([one.seconds for one in chosen], [one.psnr for one in chosen], "k*", markersize=12, label="default")
     axes.axhline(TARGET, color="grey", linestyle=":", label="target")
     about = found.about

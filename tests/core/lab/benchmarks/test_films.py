@@ -13,10 +13,10 @@ from core.models.model import Model
 from tests.conftest import image_size, unchecked_shapes
 from tests.core.tiny import tiny_model
 
-ABOUT = {"machine": "a machine", "category": "chairs", "objects": "1", "frames": "12", "size": "64"}
+ABOUT = {"machine": "a machine", "category": "chairs", "objects": "1", "frames": "12", "size": "64", "picture": "96"}
 
 
-def coarse_views(model: Model, views: Sequence[View], size: int) -> Generator[None, None, BakedViews]:
+def coarse_views(model: Model, views: Sequence[View]) -> Generator[None, None, BakedViews]:
     """The coarsest grid, whether it is fine enough or not."""
     yield
     return BakedViews(model, views, LEVELS[0])
@@ -25,34 +25,42 @@ def coarse_views(model: Model, views: Sequence[View], size: int) -> Generator[No
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(films, "bake_views", coarse_views)
-    for name, value in (("SIZE", 48), ("FRAMES", 8), ("COMPARED", (1, 5)), ("SAMPLES", (8, 192)), ("LEVELS", (128,))):
+    for name, value in (
+        ("SIZE", 48),
+        ("PICTURE", 96),
+        ("FRAMES", 8),
+        ("COMPARED", (1, 5)),
+        ("SAMPLES", (8, 192)),
+        ("LEVELS", (128,)),
+    ):
         monkeypatch.setattr(films, name, value)
 
 
 @pytest.mark.usefixtures("small")
 def test_every_way_to_make_a_film_is_measured_once() -> None:
     with unchecked_shapes():
-        rows = list(measure_films(tiny_model(), 1))
+        rows = list(measure_films(tiny_model(), 2))
         assert [row.key for row in rows] == [
-            *(("exact", samples) for samples in (8, 192)),
-            ("baked", 128),
-            ("default", 0),
+            *(("turn", "exact", samples) for samples in (8, 192)),
+            ("turn", "baked", 128),
+            ("turn", "default", 0),
+            *((shown, *made) for shown in ("morph", "picture") for made in (("exact", 192), ("default", 0))),
         ]
         assert all(row.seconds > 0 and row.worst <= row.psnr for row in rows)
-        coarse, fine = rows[:2]
+        coarse, fine, baked, default = rows[:4]
         assert fine.psnr > coarse.psnr
-        assert rows[-1].setting == 128 and rows[-1].psnr == rows[-2].psnr > 35
-        assert list(measure_films(tiny_model(), 1, [row.key for row in rows])) == []
+        assert default.setting == 128 and default.psnr == baked.psnr > 35
+        assert list(measure_films(tiny_model(), 2, [row.key for row in rows])) == []
 
 
 def test_the_chart_and_the_table_show_them(tmp_path: Path) -> None:
     for row in (
-        Film("exact", 192, 60.0, 55.0, 54.0),
-        Film("baked", 192, 3.0, 46.0, 45.0),
-        Film("default", 192, 4, 46, 45),
+        Film("turn", "exact", 192, 60.0, 55.0, 54.0),
+        Film("turn", "baked", 192, 3.0, 46.0, 45.0),
+        Film("turn", "default", 192, 4, 46, 45),
     ):
         append_record(tmp_path / "films.csv", ABOUT, row)
     table = draw(tmp_path, "films")
-    assert "| baked | 192 | 3.0 | 20.0 | 46.0 | 45.0 |" in table
+    assert "| turn | baked | 192 | 3.0 | 20.0 | 46.0 | 45.0 |" in table
     width, height = image_size(tmp_path / "films.png")
     assert width > height > 100
