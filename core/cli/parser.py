@@ -41,6 +41,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_dataset(commands)
     _add_train(commands)
     _add_train_viewpoint(commands)
+    _add_train_parts(commands)
     _add_train_category(commands)
     _add_convert(commands)
     _add_evaluate(commands)
@@ -273,6 +274,15 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=count, default=8000, help="of training")
     add_seed(command)
+
+
+def _add_train_parts(commands: argparse._SubParsersAction) -> None:
+    command = add_command(
+        commands, "train-parts", "train.train_part_head", "learn which parts the meshes of a model's objects have"
+    )
+    add_model(command)
+    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    command.add_argument("--objects", type=count, default=600, metavar="N", help="generated ones that it knows")
 
 
 def _add_train_category(commands: argparse._SubParsersAction) -> None:

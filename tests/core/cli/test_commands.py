@@ -226,6 +226,15 @@ def test_dataset_train_and_render_from_nothing():
     assert CategoryClassifier.load(Path("c.safetensors")).categories == ("boats", "chairs")
 
 
+def test_train_parts_adds_a_part_head(capsys):
+    run("train-parts --model cars --objects 2 --out parts.safetensors")
+    assert "body, wheels, glass: " in capsys.readouterr().out
+    found = load_model("parts.safetensors")
+    assert found.fingerprint == load_model("cars").fingerprint
+    assert found.part_head is not None
+    assert found.part_head.names == ("body", "wheels", "glass")
+
+
 def test_bench_measures_fits_and_draws_their_charts(capsys, monkeypatch):
     tiny_model().save(Path("m.safetensors"))
     for name, settings in PRESETS.items():
