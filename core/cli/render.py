@@ -43,9 +43,9 @@ def turntable(chosen: argparse.Namespace) -> None:
     settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
     shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
-        there, length = View(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
-        keys = Keyframe(0.0, View(codes, camera)), Keyframe(length / 2, there)
-        shots = Timeline(keys, length, turns=1).views(chosen.fps)
+        there = View(model.codes[chosen.morph_to], camera)
+        keys = Keyframe(0.0, View(codes, camera)), Keyframe(0.5, there)
+        shots = Timeline(keys, 1.0, turns=1).views(chosen.frames)  # as of one second: any count will do
     if chosen.distance is None:
         shots = filling_frame(model, shots)
     written = write_video(model, shots, chosen.out, settings)
@@ -59,7 +59,7 @@ def mesh(chosen: argparse.Namespace) -> None:
     from core.export.mesh import MeshSettings, export_mesh  # and scipy: a tenth of what films and images import
 
     model, codes, camera = _load_selection(chosen)
-    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture, chosen.triangles)
+    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture or 0, chosen.triangles or 0)
     shares = export_mesh(model, codes, chosen.out, settings, camera if chosen.scene else None)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:

@@ -6,7 +6,7 @@ Its light is in its colours, so its material is unlit.
 import json
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterator
 
 import numpy as np
 import torch
@@ -16,31 +16,42 @@ from core.geometry.camera import WORLD_FROM_GLTF, Camera
 
 _FLOAT, _UINT, _USHORT = 5126, 5125, 5123
 _VERTICES, _INDICES = 34962, 34963
+Parts = tuple[tuple[str, int], ...]
+"""names of parts, and how many triangles each has, in the order in which a mesh has them"""
 
 
 def glb(
     vertices: Float[np.ndarray, "vertices 3"],
     normals: Float[np.ndarray, "vertices 3"],
     colours: Float[np.ndarray, "vertices 3"],
-    parts: Iterable[tuple[str, Int[np.ndarray, "faces 3"]]],
+    faces: Int[np.ndarray, "faces 3"],
+    parts: Parts,
 ) -> bytes:
     """The bytes of a .glb file.
 
     Args:
         vertices, normals: glTF axes.
         colours: sRGB, 0..1; glTF wants them linear, in 16 bits so that dark ones keep their steps.
-        parts: names and triangles; each part has vertices of its own.
+        parts: of the triangles, in their order; each has vertices of its own.
     """
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     paint = (np.hstack((linear, np.ones((len(linear), 1)))) * 65535 + 0.5).astype("<u2")
     about, body = _about(), b""
-    for name, faces in parts:
-        used, corners = np.unique(faces, return_inverse=True)
+    for name, some in split(faces, parts):
+        used, corners = np.unique(some, return_inverse=True)
         arrays = (vertices[used].astype("<f4"), normals[used].astype("<f4"), paint[used], corners.astype("<u4"))
         _add_mesh(about, name, arrays, len(body))
         body += b"".join(array.tobytes() for array in arrays)  # each is a multiple of 4 bytes long
     about["buffers"] = [{"byteLength": len(body)}]
     return _file(about, struct.pack("<II", len(body), 0x004E4942) + body)
+
+
+def split(faces: Int[np.ndarray, "faces 3"], parts: Parts) -> Iterator[tuple[str, Int[np.ndarray, "some 3"]]]:
+    """Each part's name and triangles."""
+    start = 0
+    for name, count in parts:
+        yield name, faces[start : start + count]
+        start += count
 
 
 def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> bytes:

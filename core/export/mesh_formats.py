@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from core.export.glb import glb
-from core.export.parts import Parts, split
+from core.export.glb import Parts, glb
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.geometry.pixels import to_bytes
 
@@ -51,7 +50,7 @@ class Mesh:
 def _write_glb(mesh: Mesh, path: Path) -> None:
     """glTF axes: y up, front +z."""
     vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
-    path.write_bytes(glb(vertices, normals, mesh.colours, split(mesh.faces, mesh.parts)))
+    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces, mesh.parts))
 
 
 def _write_ply(mesh: Mesh, path: Path) -> None:

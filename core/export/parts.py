@@ -4,21 +4,18 @@ The features that the field's density comes from know parts (:class:`core.models
 each triangle is averaged over its neighbours, and patches too small for a part go to the part around them.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from core.export.glb import Parts
 from core.export.normals import face_normals
 from core.models.model import Model
 from core.models.part_head import PartHead
 from core.rendering.folded_field import FoldedField
 
-Parts = tuple[tuple[str, int], ...]
-"""names of parts, and how many triangles each has, in the order in which a mesh has them"""
 Pairs = Int[np.ndarray, "2 pairs"]
 """triangles that share an edge"""
 _DEPTH = 0.004
@@ -49,14 +46,6 @@ def by_part(
     part = _part_of_faces(model.part_head, folded, vertices, faces)
     names, counts = model.part_head.names, np.bincount(part, minlength=len(model.part_head.names)).tolist()
     return faces[np.argsort(part, kind="stable")], tuple((n, c) for n, c in zip(names, counts, strict=True) if c)
-
-
-def split(faces: Int[np.ndarray, "faces 3"], parts: Parts) -> Iterator[tuple[str, Int[np.ndarray, "some 3"]]]:
-    """Each part's name and triangles."""
-    start = 0
-    for name, count in parts:
-        yield name, faces[start : start + count]
-        start += count
 
 
 def _part_of_faces(

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
+from core.export.glb import Parts, split
 from core.export.normals import face_normals, vertex_normals
-from core.export.parts import Parts, split
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
 

@@ -6,9 +6,9 @@ import pytest
 import torch
 import trimesh
 
+from core.export.glb import split
 from core.export.mesh import MeshSettings, export_mesh, extract_mesh
 from core.export.mesh_formats import Mesh
-from core.export.parts import split
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.part_head import PartHead
