@@ -29,6 +29,8 @@ _BLOCK = 16384
 _WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
 """of a car's height: wheels lie below the first and begin below the second; glass lies above the third, and every
 pane reaches the fourth, which a dark bumper does not"""
+_REACH = {"seat": (-np.inf, 0.05), "legs": (-np.inf, 0.03), "back": (-0.1, np.inf), "arms": (-0.3, np.inf)}
+"""scene units, from where to where, above the seat's top"""
 _BUMPER, _BETWEEN_WHEELS = 0.03, 0.6
 """of a car's length, at either end; of its width, in the middle: no wheel is there"""
 
@@ -59,8 +61,13 @@ def _part_of_faces(
     probability = _probability(head, folded, inside)
     low, high = vertices.min(0), vertices.max(0)
     places = (middles - low) / (high - low)
+    above = np.zeros(len(faces))
+    if "seat" in head.names:
+        facing_up = probability[:, head.names.index("seat")] * np.maximum(normals[:, 2], 0.0)
+        above = middles[:, 2] - _weighted_median(middles[:, 2], facing_up)
+    probability = np.maximum(probability, 1e-6)  # what is ruled out comes behind what is unlikely
     for part, name in enumerate(head.names):
-        probability[_never(name, places), part] = 0.0
+        probability[_never(name, places, above), part] = 0.0
     pairs = _neighbours(faces)
     part = _averaged(probability, pairs, area).argmax(1)
     return _without_strays(_without_patches(part, pairs, area), pairs, places[:, 2], head.names)
@@ -75,12 +82,23 @@ def _probability(
     return torch.cat(found).cpu().numpy()
 
 
-def _never(name: str, places: Float[np.ndarray, "faces 3"]) -> Bool[np.ndarray, "faces"]:
-    """Where in an object's bounding box (0..1) a part cannot be."""
+def _weighted_median(values: Float[np.ndarray, "faces"], weights: Float[np.ndarray, "faces"]) -> float:
+    order = np.argsort(values)
+    total = weights[order].cumsum()
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def _never(
+    name: str, places: Float[np.ndarray, "faces 3"], above: Float[np.ndarray, "faces"]
+) -> Bool[np.ndarray, "faces"]:
+    """Where a part cannot be: by places in the object's bounding box (0..1), and by how far above the seat's top."""
     x, y, z = np.abs(places - 0.5).T[0], np.abs(places - 0.5).T[1], places[:, 2]
     if name == "wheels":
         return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * (1 - _BETWEEN_WHEELS))
-    return (z < _GLASS_BEGINS) if name == "glass" else np.zeros(len(places), bool)
+    if name == "glass":
+        return z < _GLASS_BEGINS
+    low, high = _REACH.get(name, (-np.inf, np.inf))
+    return (above < low) | (above > high)
 
 
 def _neighbours(faces: Int[np.ndarray, "faces 3"]) -> Pairs:

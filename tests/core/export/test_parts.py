@@ -62,6 +62,17 @@ def test_an_object_without_a_part_has_none_of_that_name():
     assert [name for name, _ in run_to_end(extract_mesh(chairs, stool, 64)).parts] == ["seat", "legs"]
 
 
+def test_a_seat_ends_where_the_back_begins():
+    chairs = load_model("chairs")
+    chair = chairs.codes[chairs.codes.index["quaternius_oct2017_chaircushioned"]]
+    found = run_to_end(extract_mesh(chairs, chair, 64))
+    heights = {name: found.vertices[faces][..., 2] for name, faces in split(found.faces, found.parts)}
+    assert {"seat", "back", "legs"} <= set(heights)
+    top = np.median(heights["seat"])
+    assert heights["legs"].max() < top + 0.1 and heights["back"].min() > top - 0.15
+    assert heights["seat"].max() < np.median(heights["back"])
+
+
 def test_a_model_without_a_part_head_makes_one_part(tiny: Model):
     assert run_to_end(extract_mesh(tiny, tiny.codes[0], 32)).parts[0][0] == "stool"
 
