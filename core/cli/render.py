@@ -14,6 +14,7 @@ from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
 from core.export.video import WHITE, VideoSettings, write_video
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
@@ -29,8 +30,7 @@ def render(chosen: argparse.Namespace) -> None:
         (codes, camera), *_ = filling_frame(model, [View(codes, camera)])
     camera = camera.resized(chosen.size, chosen.size)
     if chosen.exact:
-        colour = render_reference(model, codes, camera).colour.clamp(0, 1)
-        image = (colour * 255 + 0.5).byte().cpu().numpy()
+        image = to_bytes(render_reference(model, codes, camera).colour)
     else:
         image = render_frame(model, codes, camera).image
     save_image(image, chosen.out, Scene(model.fingerprint, codes, camera))

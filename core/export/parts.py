@@ -1,7 +1,8 @@
 """The parts of a mesh: which triangles are wheels, glass and body, or seat, back, legs and arms.
 
 The features that the field's density comes from know parts (:class:`core.models.part_head.PartHead`). What they say of
-each triangle is averaged over its neighbours, and patches too small for a part go to the part around them.
+each triangle is averaged over its neighbours, rules say where no wheel, glass or seat can be, and patches too small
+for a part go to the part around them.
 """
 
 import numpy as np
@@ -29,10 +30,10 @@ _BLOCK = 16384
 _WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
 """of a car's height: wheels lie below the first and begin below the second; glass lies above the third, and every
 pane reaches the fourth, which a dark bumper does not"""
+_BUMPER, _BETWEEN_WHEELS = 0.03, 0.4
+"""of a car's length, at either end; of its width, in the middle: no wheel is there"""
 _REACH = {"seat": (-np.inf, 0.05), "legs": (-np.inf, 0.03), "back": (-0.1, np.inf), "arms": (-0.3, np.inf)}
 """scene units, from where to where, above the seat's top"""
-_BUMPER, _BETWEEN_WHEELS = 0.03, 0.6
-"""of a car's length, at either end; of its width, in the middle: no wheel is there"""
 
 
 def by_part(
@@ -92,9 +93,9 @@ def _never(
     name: str, places: Float[np.ndarray, "faces 3"], above: Float[np.ndarray, "faces"]
 ) -> Bool[np.ndarray, "faces"]:
     """Where a part cannot be: by places in the object's bounding box (0..1), and by how far above the seat's top."""
-    x, y, z = np.abs(places - 0.5).T[0], np.abs(places - 0.5).T[1], places[:, 2]
+    (x, y), z = np.abs(places[:, :2] - 0.5).T, places[:, 2]
     if name == "wheels":
-        return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * (1 - _BETWEEN_WHEELS))
+        return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * _BETWEEN_WHEELS)
     if name == "glass":
         return z < _GLASS_BEGINS
     low, high = _REACH.get(name, (-np.inf, np.inf))
