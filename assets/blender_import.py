@@ -16,11 +16,11 @@ _HEIGHT = 1024
 
 
 def open_glb(path, photo=None):
-    """An otherwise empty scene with the object and, where the file has one, its camera; returns both."""
+    """An otherwise empty scene with the object and, where the file has one, its camera; returns its parts and that."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=str(path))
     scene, made = bpy.context.scene, list(bpy.data.objects)
-    (item,) = (one for one in made if one.type == "MESH")
+    parts = [one for one in made if one.type == "MESH"]
     camera = next((one for one in made if one.type == "CAMERA"), None)
     world = bpy.data.worlds.new("white")
     world.color = (1.0, 1.0, 1.0)
@@ -33,7 +33,7 @@ def open_glb(path, photo=None):
             camera.data.show_background_images = True
             behind = camera.data.background_images.new()
             behind.image, behind.alpha = bpy.data.images.load(str(photo)), 0.5
-    return item, camera
+    return parts, camera
 
 
 def _aspect(path):

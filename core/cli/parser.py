@@ -41,6 +41,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_dataset(commands)
     _add_train(commands)
     _add_train_viewpoint(commands)
+    _add_train_parts(commands)
     _add_train_category(commands)
     _add_convert(commands)
     _add_evaluate(commands)
@@ -91,16 +92,16 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
     _add_scene_options(command)
     command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back")
-    command.add_argument("--frames", type=count, default=72, help="number of frames")
-    command.add_argument("--fps", type=count, default=24, help="frames per second")
+    command.add_argument("--frames", type=count, default=72, metavar="N", help="number of frames")
+    command.add_argument("--fps", type=count, default=24, metavar="N", help="frames per second")
     command.add_argument("--size", type=count, default=512, metavar="PX", help="width and height")
-    command.add_argument("--quality", type=count, default=85, help="1 to 100")
+    command.add_argument("--quality", type=count, default=85, metavar="N", help="1 to 100 (gif: colours)")
     command.add_argument("--transparent", action="store_true", help="transparent background (not in mp4)")
     command.add_argument("--shadow", action="store_true", help="the object's shadow on the ground (no transparent gif)")
     command.add_argument(
         "--exact",
         action="store_true",
-        help="every frame by the network: minutes, and 45 dB from the usual",
+        help="every frame by the network, which takes minutes; the usual ones are within 45 dB of these",
     )
     command.add_argument(
         "--out",
@@ -112,22 +113,23 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_mesh(commands: argparse._SubParsersAction) -> None:
-    command = add_command(commands, "mesh", "render.mesh", "write an object as a coloured mesh")
+    command = add_command(commands, "mesh", "render.mesh", "write an object as a coloured mesh, its parts named")
     _add_object_options(command)
     command.add_argument(
         "--resolution",
         type=count,
         metavar="N",
-        help="cells along the longest side (default: by the object's detail)",
+        help="cells along the longest side (default: as many as the object's detail needs)",
     )
     command.add_argument(
         "--texture",
         type=count,
-        default=0,
         metavar="PX",
-        help="glb: colours in an image about so wide, not in vertices",
+        help="glb: colours in an image about so wide (default: at the vertices)",
     )
-    command.add_argument("--triangles", type=count, default=0, metavar="N", help="at the most, by quadric error")
+    command.add_argument(
+        "--triangles", type=count, metavar="N", help="at the most (default: all, or with a texture a few thousand)"
+    )
     command.add_argument(
         "--metres", type=float, metavar="M", help="the longest side; it stands on the ground (else in scene units)"
     )
@@ -273,6 +275,15 @@ def _add_train_viewpoint(commands: argparse._SubParsersAction) -> None:
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--steps", type=count, default=8000, help="of training")
     add_seed(command)
+
+
+def _add_train_parts(commands: argparse._SubParsersAction) -> None:
+    command = add_command(
+        commands, "train-parts", "train.train_part_head", "learn which parts the meshes of a model's objects have"
+    )
+    add_model(command)
+    command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
+    command.add_argument("--objects", type=count, default=600, metavar="N", help="generated ones that it knows")
 
 
 def _add_train_category(commands: argparse._SubParsersAction) -> None:

@@ -14,6 +14,7 @@ from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
 from core.export.video import WHITE, VideoSettings, write_video
 from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
@@ -29,8 +30,7 @@ def render(chosen: argparse.Namespace) -> None:
         (codes, camera), *_ = filling_frame(model, [View(codes, camera)])
     camera = camera.resized(chosen.size, chosen.size)
     if chosen.exact:
-        colour = render_reference(model, codes, camera).colour.clamp(0, 1)
-        image = (colour * 255 + 0.5).byte().cpu().numpy()
+        image = to_bytes(render_reference(model, codes, camera).colour)
     else:
         image = render_frame(model, codes, camera).image
     save_image(image, chosen.out, Scene(model.fingerprint, codes, camera))
@@ -43,9 +43,9 @@ def turntable(chosen: argparse.Namespace) -> None:
     settings = VideoSettings(chosen.size, chosen.fps, chosen.quality, background, chosen.exact, chosen.shadow)
     shots = timeline.turntable(codes, camera, chosen.frames)
     if chosen.morph_to is not None:
-        there, length = View(model.codes[chosen.morph_to], camera), chosen.frames / chosen.fps
-        keys = Keyframe(0.0, View(codes, camera)), Keyframe(length / 2, there)
-        shots = Timeline(keys, length, turns=1).views(chosen.fps)
+        there = View(model.codes[chosen.morph_to], camera)
+        keys = Keyframe(0.0, View(codes, camera)), Keyframe(0.5, there)
+        shots = Timeline(keys, 1.0, turns=1).views(chosen.frames)  # as of one second: any count will do
     if chosen.distance is None:
         shots = filling_frame(model, shots)
     written = write_video(model, shots, chosen.out, settings)
@@ -59,7 +59,7 @@ def mesh(chosen: argparse.Namespace) -> None:
     from core.export.mesh import MeshSettings, export_mesh  # and scipy: a tenth of what films and images import
 
     model, codes, camera = _load_selection(chosen)
-    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture, chosen.triangles)
+    settings = MeshSettings(chosen.resolution, chosen.metres, chosen.texture or 0, chosen.triangles or 0)
     shares = export_mesh(model, codes, chosen.out, settings, camera if chosen.scene else None)
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:

@@ -19,6 +19,7 @@ from core.lab.datasets.srn import Dataset, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
 from core.lab.training.category import category_accuracy, train_category
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
+from core.lab.training.parts import fit_part_head, labelled_places
 from core.lab.training.recipes import RECIPES
 from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
 from core.lab.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
@@ -33,7 +34,7 @@ _CHECKPOINT_EVERY = 5000
 _VIEWPOINT_FRACTION = 12
 """The viewpoint classifier is trained for one step per so many steps of the model."""
 _VALIDATION_STRIDE = 20
-"""One of so many objects is held out to measure the viewpoint classifier."""
+"""One of so many objects is held out to measure a classifier."""
 _VALIDATION_ANGLE = math.radians(15)
 """A predicted direction within this of the true one is counted as right."""
 _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
@@ -107,6 +108,19 @@ def train_viewpoint_classifier(chosen: argparse.Namespace) -> None:
     if model.category not in ("", dataset.category):
         raise ValueError(f"the dataset shows {dataset.category}, and the model is one of {model.category}")
     _with_viewpoint(model, dataset, chosen.steps, chosen.seed).save(chosen.out)
+
+
+def train_part_head(chosen: argparse.Namespace) -> None:
+    """``train-parts``: learn to tell the parts of meshes apart, from generated objects that the model knows."""
+    require_writable(chosen.out)
+    model = load_model(chosen.model)
+    places = list(tqdm(labelled_places(model, chosen.objects), desc="parts", unit="object", disable=None))
+    tested = places[::_VALIDATION_STRIDE]
+    trial = fit_part_head(model, [one for index, one in enumerate(places) if index % _VALIDATION_STRIDE] or places)
+    features, part = (torch.cat(values) for values in zip(*tested, strict=True))
+    share = 100 * float((trial(features).argmax(1) == part).float().mean())
+    replace(model, part_head=fit_part_head(model, places)).save(chosen.out)
+    print(f"{', '.join(trial.names)}: {share:.1f} % of the surface of {len(tested)} objects that were left out")
 
 
 def train_category_classifier(chosen: argparse.Namespace) -> None:

@@ -1,8 +1,12 @@
-"""One coloured mesh as binary glTF 2.0. Its light is in its colours, so its material is unlit; a camera beside it."""
+"""A coloured mesh as binary glTF 2.0, a node for each part, and a camera beside them.
+
+Its light is in its colours, so its material is unlit.
+"""
 
 import json
 import math
 import struct
+from collections.abc import Iterator
 
 import numpy as np
 import torch
@@ -12,6 +16,8 @@ from core.geometry.camera import WORLD_FROM_GLTF, Camera
 
 _FLOAT, _UINT, _USHORT = 5126, 5125, 5123
 _VERTICES, _INDICES = 34962, 34963
+Parts = tuple[tuple[str, int], ...]
+"""names of parts, and how many triangles each has, in the order in which a mesh has them"""
 
 
 def glb(
@@ -19,24 +25,33 @@ def glb(
     normals: Float[np.ndarray, "vertices 3"],
     colours: Float[np.ndarray, "vertices 3"],
     faces: Int[np.ndarray, "faces 3"],
+    parts: Parts,
 ) -> bytes:
     """The bytes of a .glb file.
 
     Args:
         vertices, normals: glTF axes.
         colours: sRGB, 0..1; glTF wants them linear, in 16 bits so that dark ones keep their steps.
+        parts: of the triangles, in their order; each has vertices of its own.
     """
     linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
-    paint = np.hstack((linear, np.ones((len(linear), 1))))
-    blobs = (
-        vertices.astype("<f4").tobytes(),
-        normals.astype("<f4").tobytes(),
-        (paint * 65535 + 0.5).astype("<u2").tobytes(),
-        faces.astype("<u4").tobytes(),
-    )
-    about = _about([len(blob) for blob in blobs], vertices.astype("<f4"), faces.size)
-    body = b"".join(blobs)  # each is a multiple of 4 bytes long
+    paint = (np.hstack((linear, np.ones((len(linear), 1)))) * 65535 + 0.5).astype("<u2")
+    about, body = _about(), b""
+    for name, some in split(faces, parts):
+        used, corners = np.unique(some, return_inverse=True)
+        arrays = (vertices[used].astype("<f4"), normals[used].astype("<f4"), paint[used], corners.astype("<u4"))
+        _add_mesh(about, name, arrays, len(body))
+        body += b"".join(array.tobytes() for array in arrays)  # each is a multiple of 4 bytes long
+    about["buffers"] = [{"byteLength": len(body)}]
     return _file(about, struct.pack("<II", len(body), 0x004E4942) + body)
+
+
+def split(faces: Int[np.ndarray, "faces 3"], parts: Parts) -> Iterator[tuple[str, Int[np.ndarray, "some 3"]]]:
+    """Each part's name and triangles."""
+    start = 0
+    for name, count in parts:
+        yield name, faces[start : start + count]
+        start += count
 
 
 def place_camera(file: bytes, camera: Camera, origin: Float[np.ndarray, "3"], scale: float) -> bytes:
@@ -68,32 +83,37 @@ def _file(about: dict, rest: bytes) -> bytes:
     return struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks
 
 
-def _about(lengths: list[int], vertices: np.ndarray, indices: int) -> dict:
-    """The JSON part: one mesh over four views of the buffer."""
-    starts = [sum(lengths[:index]) for index in range(len(lengths))]
-    kinds = (_VERTICES, _VERTICES, _VERTICES, _INDICES)
-    views = [
-        {"buffer": 0, "byteOffset": start, "byteLength": length, "target": kind}
-        for start, length, kind in zip(starts, lengths, kinds, strict=True)
-    ]
-    count = len(vertices)
-    bounds = {"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()}
-    accessors = [
-        {"bufferView": 0, "componentType": _FLOAT, "count": count, "type": "VEC3", **bounds},
-        {"bufferView": 1, "componentType": _FLOAT, "count": count, "type": "VEC3"},
-        {"bufferView": 2, "componentType": _USHORT, "normalized": True, "count": count, "type": "VEC4"},
-        {"bufferView": 3, "componentType": _UINT, "count": indices, "type": "SCALAR"},
-    ]
-    primitive = {"attributes": {"POSITION": 0, "NORMAL": 1, "COLOR_0": 2}, "indices": 3, "material": 0}
+def _about() -> dict:
+    """The JSON part without any mesh."""
     return {
         "asset": {"version": "2.0", "generator": "CodeNeRF Viewer"},
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [primitive]}],
+        "scenes": [{"nodes": []}],
+        "nodes": [],
+        "meshes": [],
         "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0.0}, "extensions": {"KHR_materials_unlit": {}}}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": sum(lengths)}],
+        "accessors": [],
+        "bufferViews": [],
     }
+
+
+def _add_mesh(about: dict, name: str, arrays: tuple[np.ndarray, ...], start: int) -> None:
+    """Describe a node and its mesh: places, normals, colours and corners, which begin at a byte of the buffer."""
+    vertices, corners = arrays[0], arrays[3]
+    first, count = len(about["accessors"]), len(vertices)
+    bounds = {"min": vertices.min(0).tolist(), "max": vertices.max(0).tolist()}
+    about["accessors"] += [
+        {"bufferView": first, "componentType": _FLOAT, "count": count, "type": "VEC3", **bounds},
+        {"bufferView": first + 1, "componentType": _FLOAT, "count": count, "type": "VEC3"},
+        {"bufferView": first + 2, "componentType": _USHORT, "normalized": True, "count": count, "type": "VEC4"},
+        {"bufferView": first + 3, "componentType": _UINT, "count": corners.size, "type": "SCALAR"},
+    ]
+    for array, kind in zip(arrays, (_VERTICES, _VERTICES, _VERTICES, _INDICES), strict=True):
+        about["bufferViews"].append({"buffer": 0, "byteOffset": start, "byteLength": array.nbytes, "target": kind})
+        start += array.nbytes
+    attributes = {"POSITION": first, "NORMAL": first + 1, "COLOR_0": first + 2}
+    index = len(about["meshes"])
+    about["meshes"].append({"primitives": [{"attributes": attributes, "indices": first + 3, "material": 0}]})
+    about["nodes"].append({"name": name, "mesh": index})
+    about["scenes"][0]["nodes"].append(index)

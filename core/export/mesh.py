@@ -20,6 +20,7 @@ from core.detail.maps import detail_maps
 from core.export.glb import place_camera
 from core.export.mesh_formats import FORMATS, TEXTURED, Mesh
 from core.export.normals import face_normals, vertex_normals
+from core.export.parts import by_part
 from core.export.texture import TRIANGLES, TexturedMesh, textured
 from core.geometry.camera import WORLD_FROM_GLTF, Camera
 from core.models.codes import Codes
@@ -137,7 +138,7 @@ def _textured(
         own = yield from _vertex_colours(folded, places, normals, interval)
         return _with_detail(own, places, normals, detail)
 
-    return textured(mesh.vertices, mesh.faces, colours, pixels)
+    return textured(mesh.vertices, mesh.faces, mesh.parts, colours, pixels)
 
 
 def _with_detail(
@@ -194,8 +195,9 @@ def extract_mesh(
         vertices, faces = _simplified(vertices, faces, triangles)
         of_faces = face_normals(vertices, faces)
     normals = vertex_normals(len(vertices), faces, of_faces)
+    faces, parts = by_part(model, folded, vertices, faces)
     colours = yield from subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
-    return Mesh(vertices, normals, colours, faces)
+    return Mesh(vertices, normals, colours, faces, parts)
 
 
 def _simplified(vertices: np.ndarray, faces: np.ndarray, triangles: int) -> tuple[np.ndarray, np.ndarray]:

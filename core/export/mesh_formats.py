@@ -3,13 +3,14 @@
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from core.export.glb import glb
+from core.export.glb import Parts, glb
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.geometry.pixels import to_bytes
 
@@ -38,6 +39,8 @@ class Mesh:
     colours: Float[np.ndarray, "vertices 3"]
     """sRGB, 0..1"""
     faces: Int[np.ndarray, "faces 3"]
+    parts: Parts
+    """the triangles' names, in their order"""
 
     def save(self, path: Path) -> None:
         """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
@@ -47,7 +50,7 @@ class Mesh:
 def _write_glb(mesh: Mesh, path: Path) -> None:
     """glTF axes: y up, front +z."""
     vertices, normals = mesh.vertices @ WORLD_FROM_GLTF, mesh.normals @ WORLD_FROM_GLTF
-    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces))
+    path.write_bytes(glb(vertices, normals, mesh.colours, mesh.faces, mesh.parts))
 
 
 def _write_ply(mesh: Mesh, path: Path) -> None:
@@ -55,9 +58,12 @@ def _write_ply(mesh: Mesh, path: Path) -> None:
 
 
 def _write_obj(mesh: Mesh, path: Path) -> None:
-    """The axes of glTF, which readers expect of this format too."""
+    """The axes of glTF, which readers expect of this format too; parts are objects that share vertices."""
     turned = replace(mesh, vertices=mesh.vertices @ WORLD_FROM_GLTF, normals=mesh.normals @ WORLD_FROM_GLTF)
-    _trimesh(turned).export(path)
+    head, *triangles = _trimesh(turned).export(file_type="obj").split("\nf ")
+    rest = iter(triangles)
+    objects = ["\nf ".join((f"o {name}", *islice(rest, count))) for name, count in mesh.parts]
+    path.write_text("\n".join((head, *objects)))
 
 
 def _write_stl(mesh: Mesh, path: Path) -> None:

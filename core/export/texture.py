@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
+from core.export.glb import Parts, split
 from core.export.normals import face_normals, vertex_normals
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
@@ -37,6 +38,8 @@ class TexturedMesh:
     uv: Float[np.ndarray, "vertices 2"]
     """0..1, from the image's left and bottom edge"""
     image: UInt8[np.ndarray, "height width 3"]
+    parts: Parts
+    """the triangles' names, in their order"""
 
     def glb(self) -> bytes:
         """The bytes of a .glb file, the material unlit: light is in the colours. Vertices are taken in glTF axes."""
@@ -45,15 +48,28 @@ class TexturedMesh:
         material = trimesh.visual.material.PBRMaterial(
             baseColorTexture=Image.fromarray(self.image), metallicFactor=0.0, roughnessFactor=1.0
         )
-        visual = trimesh.visual.TextureVisuals(self.uv, material=material)
-        mesh = trimesh.Trimesh(
-            self.vertices, self.faces, vertex_normals=self.normals, visual=visual, process=False, validate=False
-        )
-        return trimesh.Scene(mesh).export(file_type="glb", tree_postprocessor=_without_light, include_normals=True)
+        scene = trimesh.Scene()
+        for name, faces in split(self.faces, self.parts):
+            used, corners = np.unique(faces, return_inverse=True)
+            visual = trimesh.visual.TextureVisuals(self.uv[used], material=material)
+            mesh = trimesh.Trimesh(
+                self.vertices[used],
+                corners.reshape(-1, 3),
+                vertex_normals=self.normals[used],
+                visual=visual,
+                process=False,
+                validate=False,
+            )
+            scene.add_geometry(mesh, node_name=name, geom_name=name)
+        return scene.export(file_type="glb", tree_postprocessor=_without_light, include_normals=True)
 
 
 def textured(
-    vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"], colours: Colours, pixels: int
+    vertices: Float[np.ndarray, "vertices 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    parts: Parts,
+    colours: Colours,
+    pixels: int,
 ) -> Generator[float, None, TexturedMesh]:
     """A surface with its colours in an image of about so many px; yields the share that is done.
 
@@ -70,7 +86,7 @@ def textured(
     texels[1] /= np.maximum(np.linalg.norm(texels[1], axis=1, keepdims=True), 1e-9)
     image = np.zeros((height, width, 3), np.uint8)
     image[covered] = to_bytes((yield from subprogress(colours(*texels), _SHARE, 1.0)))
-    return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered))
+    return TexturedMesh(places, normals, corners, uv * (1, -1) + (0, 1), _filled(image, covered), parts)
 
 
 def _without_light(tree: dict[str, Any]) -> None:

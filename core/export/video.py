@@ -47,7 +47,10 @@ class VideoSettings:
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
-            raise ValueError(f"a video has 2 to 4096 px, 1 to 100 frames per second, quality 1 to 100; got {self}")
+            raise ValueError(
+                f"a video has 2 to 4096 px, 1 to 100 frames per second, quality 1 to 100; "
+                f"got {self.size} px, {self.rate}, {self.quality}"
+            )
 
 
 def write_video(

@@ -20,6 +20,7 @@ from core.models.codes import CodeBook, Entry
 from core.models.field import Field
 from core.models.field_config import FieldConfig
 from core.models.occupied_cells import find_occupied_cells, pack, unpack
+from core.models.part_head import PartHead
 from core.runtime.files import atomic_file
 from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
 
@@ -29,6 +30,7 @@ _LARGEST = 1e6
 _CELLS = "occupied_cells"
 _CLASSIFIER = "viewpoint."
 """prefix of the viewpoint classifier's tensors"""
+_PARTS = "parts.weight", "parts.bias"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,8 @@ class Model:
     """the longest side of a usual object"""
     stored_cells: Bool[Tensor, "x y z"] | None = None
     """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
+    part_head: PartHead | None = None
+    """tells the parts of a mesh apart, on the processor; None: a mesh is one part"""
 
     def __post_init__(self) -> None:
         sizes = {"focal": self.focal, "distance": self.distance, "metres": self.metres}
@@ -76,6 +80,8 @@ class Model:
         for name, weights in self.field.state_dict().items():
             if not bool(torch.isfinite(weights).all()):
                 raise ValueError(f"the weights {name} of a model must be finite")
+        if self.part_head and self.part_head.weight.shape[1] != self.field.config.width:
+            raise ValueError("the part head of a model does not fit its field")
         self.field.requires_grad_(False).eval()
         if self.viewpoint_classifier:
             self.viewpoint_classifier.requires_grad_(False).eval()
@@ -161,6 +167,7 @@ class Model:
             "metres": self.metres,
             "white_from_network": self.white_from_network,
             "extends": self.extends,
+            "parts": self.part_head.names if self.part_head else (),
         }
         with atomic_file(path, Model.load) as partial:
             partial.write_bytes(save(_all_tensors(self), metadata={"format": FORMAT, "model": json.dumps(about)}))
@@ -179,12 +186,13 @@ class Model:
         field = build_field(about.config)
         shapes, textures = tensors.pop("codes.shapes").float(), tensors.pop("codes.textures").float()
         cells, classifier = tensors.pop(_CELLS, None), _pop_classifier(tensors)
+        head = PartHead(about.parts, *(tensors.pop(name).float() for name in _PARTS)) if about.parts else None
         field.load_state_dict({name.removeprefix("field."): tensor.float() for name, tensor in tensors.items()})
         objects = tuple(Entry(*entry) for entry in about.objects)
         codes = CodeBook(shapes, textures, objects, about.collapsed)
         cells = None if cells is None else unpack(cells)
-        rest = {name: getattr(about, name) for name in _About._fields if name not in ("config", "objects", "collapsed")}
-        return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells)
+        rest = {name: getattr(about, name) for name in _About._fields if name not in _ELSEWHERE}
+        return cls(field, codes, **rest, viewpoint_classifier=classifier, stored_cells=cells, part_head=head)
 
 
 def singular(category: str) -> str:
@@ -211,6 +219,12 @@ class _About(NamedTuple):
     white_from_network: bool = False
     extends: tuple[str, ...] = ()
     metres: float = 1.0
+    parts: tuple[str, ...] = ()
+    """names of the part head's parts"""
+
+
+_ELSEWHERE = ("config", "objects", "collapsed", "parts")
+"""of these the model's other values are made"""
 
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:
@@ -230,9 +244,10 @@ def _all_tensors(model: Model) -> dict[str, Tensor]:
     state = model.viewpoint_classifier.state_dict() if model.viewpoint_classifier else {}
     cells = {} if model.occupied_cells is None else {_CELLS: pack(model.occupied_cells)}
     looking = {_CLASSIFIER + name: tensor.half() for name, tensor in state.items()}
+    head = dict(zip(_PARTS, (model.part_head.weight, model.part_head.bias), strict=True)) if model.part_head else {}
     rendering = _rendering_tensors(model)
     rendering |= {name: _halved(tensor) for name, tensor in rendering.items() if name.startswith("codes.")}
-    return rendering | looking | cells
+    return rendering | looking | cells | head
 
 
 def _halved(tensor: Shaped[Tensor, "*shape"]) -> Shaped[Tensor, "*shape"]:

@@ -86,7 +86,7 @@ def test_render_draws_objects_scenes_and_the_mean_fast_or_exactly(file: str, mod
 
 
 def test_a_turntable_becomes_another_object_and_turns_back(file: str):
-    about = "--morph-to 1 --frames 4 --fps 12 --transparent --exact"
+    about = "--morph-to 1 --frames 4 --fps 24 --transparent --exact"
     run(f"turntable --model {file} --object 0 --distance 2 --size 24 {about} --out t.frames")
     run(f"render --model {file} --object 1 --azimuth 240 --distance 2 --size 24 --out there.png")
     assert len(list(Path("t.frames").iterdir())) == 4
@@ -168,6 +168,7 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
         ("render --out a.png --size none", "--size"),
         ("render --out a.png --azimuth nan", "--azimuth"),
         ("turntable --out t.avi --model {file}", "mp4"),
+        ("turntable --out t.mp4 --model {file} --quality 101", "got 512 px, 24, 101"),
         ("mesh --out a.dae --model {file}", "glb"),
         ("convert {file} --out a.safetensors", "hpam.json"),
         ("convert {file} --config {file} --out a.pth", "safetensors"),
@@ -224,6 +225,15 @@ def test_dataset_train_and_render_from_nothing():
     write_manifest(Path("other"), "boats", {})
     run("train-category d other --steps 2 --out c.safetensors")
     assert CategoryClassifier.load(Path("c.safetensors")).categories == ("boats", "chairs")
+
+
+def test_train_parts_adds_a_part_head(capsys):
+    run("train-parts --model cars --objects 2 --out parts.safetensors")
+    assert "body, wheels, glass: " in capsys.readouterr().out
+    found = load_model("parts.safetensors")
+    assert found.fingerprint == load_model("cars").fingerprint
+    assert found.part_head is not None
+    assert found.part_head.names == ("body", "wheels", "glass")
 
 
 def test_bench_measures_fits_and_draws_their_charts(capsys, monkeypatch):

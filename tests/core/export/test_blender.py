@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(sys.argv[1]).parent))
 import bpy
 from blender_import import open_glb
 from bpy_extras.object_utils import world_to_camera_view
-item, camera = open_glb(Path(sys.argv[2]))
+(item,), camera = open_glb(Path(sys.argv[2]))
 bpy.context.view_layer.update()
 scene = bpy.context.scene
 places = [item.matrix_world @ vertex.co for vertex in item.data.vertices]

@@ -20,7 +20,7 @@ def by_place(places: np.ndarray, normals: np.ndarray) -> Generator[float, None, 
 @pytest.fixture(scope="module")
 def ball() -> tuple[TexturedMesh, list[float]]:
     whole, shares = trimesh.creation.icosphere(4), []
-    stream = textured(whole.vertices, whole.faces, by_place, 256)
+    stream = textured(whole.vertices, whole.faces, (("ball", len(whole.faces)),), by_place, 256)
     while True:
         try:
             shares.append(next(stream))

@@ -12,6 +12,7 @@ from core.classifiers.crops import SIDE
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.models.codes import CodeBook
 from core.models.model import Model
+from core.models.part_head import PartHead
 from core.runtime.reading import read_tensors
 
 
@@ -37,6 +38,26 @@ def test_a_viewpoint_classifier_is_saved_in_half_precision_and_changes_no_scene(
     seen = torch.rand(2, 4, SIDE, SIDE)
     assert torch.allclose(again.viewpoint_classifier(seen), looking.viewpoint_classifier(seen), atol=1e-2)
     assert model.viewpoint_classifier is None
+
+
+def test_a_part_head_is_saved_and_changes_no_scene(model: Model, tmp_path):
+    width = model.field.config.width
+    head = PartHead(("seat", "legs"), torch.randn(2, width), torch.randn(2))
+    replace(model, part_head=head).save(tmp_path / "m.safetensors")
+    again = Model.load(tmp_path / "m.safetensors")
+    assert again.fingerprint == model.fingerprint
+    assert again.part_head is not None
+    assert again.part_head.names == head.names
+    seen = torch.randn(5, width)
+    assert torch.equal(again.part_head(seen), head(seen))
+    torch.testing.assert_close(head(seen).sum(1), torch.ones(5))
+    with pytest.raises(ValueError, match="part head of a model does not fit"):
+        replace(model, part_head=PartHead(head.names, torch.zeros(2, width + 1), head.bias))
+    for names in ((), ("seat",), ("seat", "seat"), ("seat", ""), ("seat", "back", "legs")):
+        with pytest.raises(ValueError, match="parts"):
+            replace(head, names=names)
+    with pytest.raises(ValueError, match="part head must be finite"):
+        replace(head, bias=head.bias * math.inf)
 
 
 def test_codes_are_saved_in_half_precision_where_that_loses_nothing(model: Model, tmp_path):

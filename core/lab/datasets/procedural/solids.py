@@ -7,12 +7,15 @@ bent back rest as it would on the flat board.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import wraps
+from typing import ParamSpec
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from core.lab.datasets.rasteriser import Surface
 
+Given = ParamSpec("Given")
 Points = Float[np.ndarray, "points 3"]
 Point = Float[np.ndarray, "3"]
 _CREASE = math.cos(math.radians(42))
@@ -36,6 +39,8 @@ class Part:
 
     label: str
     solid: Solid
+    of: str = ""
+    """which of the object's named parts it belongs to: seat, wheels; none: that is its label, or the first"""
 
 
 @dataclass(frozen=True)
@@ -48,13 +53,26 @@ class Shape:
     """scene units"""
 
 
+def belongs_to(name: str) -> Callable[[Callable[Given, list[Part]]], Callable[Given, list[Part]]]:
+    """Decorate a function that builds one of an object's named parts."""
+
+    def decorated(build: Callable[Given, list[Part]]) -> Callable[Given, list[Part]]:
+        @wraps(build)
+        def built(*given: Given.args, **named: Given.kwargs) -> list[Part]:
+            return [replace(part, of=name) for part in build(*given, **named)]
+
+        return built
+
+    return decorated
+
+
 def normalised_shape(kind: str, parts: Sequence[Part]) -> Shape:
     """Parts in metres, brought to ShapeNet's place and scale."""
     used = np.concatenate([part.solid.vertices for part in parts])
     low, high = used.min(0), used.max(0)
     metre = 1.0 / float(np.linalg.norm(high - low))
     middle = (low + high) / 2
-    placed = [Part(p.label, replace(p.solid, vertices=(p.solid.vertices - middle) * metre)) for p in parts]
+    placed = [replace(p, solid=replace(p.solid, vertices=(p.solid.vertices - middle) * metre)) for p in parts]
     return Shape(kind, tuple(placed), metre)
 
 

@@ -38,6 +38,14 @@ class ProceduralObject:
         """The name that all objects of this texture share."""
         return f"{self.category}-texture-{self.texture:07d}"
 
+    @classmethod
+    def named(cls, name: str) -> "ProceduralObject | None":
+        """The object of a folder; None where it is no procedural object's."""
+        category, *seeds = name.split("-")
+        if category not in _GENERATORS or len(seeds) != 2 or not all(seed.isdecimal() for seed in seeds):
+            return None
+        return cls(category, *map(int, seeds))
+
     @property
     def name(self) -> str:
         """The object's folder."""
@@ -88,10 +96,14 @@ def procedural_tasks(objects: Sequence[ProceduralObject]) -> tuple[RenderTask, .
     return tuple(RenderTask(one.name, one.shape_id, one.texture_id, partial(surfaces, one)) for one in objects)
 
 
+def shape_of(category: str, seed: int) -> Shape:
+    """The shape of a seed, with its labelled parts."""
+    return _GENERATORS[category][0](seed)
+
+
 def surfaces(item: ProceduralObject) -> tuple[Surface, ...]:
     """An object's surfaces, ready to render."""
-    make_shape, make_texture = _GENERATORS[item.category]
-    shape, paints = make_shape(item.shape), make_texture(item.texture)
+    shape, paints = shape_of(item.category, item.shape), _GENERATORS[item.category][1](item.texture)
     # Labels often share a paint (a chair all of one wood); one surface for each paint means few draw calls.
     painted: dict[int, list[Solid]] = {}
     for part in shape.parts:

@@ -1,5 +1,7 @@
 """Procedural cars: one seed, one car, made of labelled meshes in metres and then brought to ShapeNet's scale."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from core.lab.datasets.procedural.cars.bodies import body
@@ -7,7 +9,7 @@ from core.lab.datasets.procedural.cars.fittings import fittings
 from core.lab.datasets.procedural.cars.kinds import KINDS, sample_dimensions
 from core.lab.datasets.procedural.cars.wheels import wheels
 from core.lab.datasets.procedural.carving import mirrored
-from core.lab.datasets.procedural.solids import Part, Shape, normalised_shape, warped
+from core.lab.datasets.procedural.solids import Shape, normalised_shape, warped
 
 
 def car(seed: int) -> Shape:
@@ -15,6 +17,6 @@ def car(seed: int) -> Shape:
     generator = np.random.default_rng([seed, 17])
     kind = str(generator.choice(list(KINDS), p=[share for _, share in KINDS.values()]))
     dims = sample_dimensions(generator, kind)
-    parts = [Part(p.label, warped(p.solid, dims.bent)) for p in body(generator, dims) + fittings(generator, dims)]
+    parts = [replace(p, solid=warped(p.solid, dims.bent)) for p in body(generator, dims) + fittings(generator, dims)]
     parts += wheels(generator, dims)
-    return normalised_shape(kind, [Part(part.label, mirrored(part.solid)) for part in parts])
+    return normalised_shape(kind, [replace(part, solid=mirrored(part.solid)) for part in parts])

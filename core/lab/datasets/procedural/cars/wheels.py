@@ -6,11 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.lab.datasets.procedural.cars.dimensions import CarDimensions
-from core.lab.datasets.procedural.solids import Part, Solid, bar, line, moved, quads
+from core.lab.datasets.procedural.solids import Part, Solid, bar, belongs_to, line, moved, quads
 
 _SIDES = 20
 
 
+@belongs_to("wheels")
 def wheels(g: np.random.Generator, dims: CarDimensions) -> list[Part]:
     """The right side's two wheels, not bowed: each stands where the bowed arch is."""
     made = _wheel(g, dims.wheel, g.uniform(0.19, 0.25))

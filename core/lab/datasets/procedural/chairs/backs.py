@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from core.lab.datasets.procedural.chairs.dimensions import ChairDimensions
-from core.lab.datasets.procedural.solids import Part, Solid, bar, line, moved, rounded_path, slab, tube
+from core.lab.datasets.procedural.solids import Part, Solid, bar, belongs_to, line, moved, rounded_path, slab, tube
 
 
+@belongs_to("back")
 def back_rest(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Any back rest that a wooden chair may have."""
     styles = (slats, _ladder, panel, padded, hoop, _cross)
@@ -35,6 +36,7 @@ def _cross_bar(x: float, up: float, tall: float, thick: float = 0.018) -> Solid:
     return bar(line((-x, up, 0), (x, up, 0), 12), tall, thick, side=(0, 1, 0))
 
 
+@belongs_to("back")
 def slats(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Upright slats between two rails."""
     x, posts = _posts(g, dims)
@@ -63,6 +65,7 @@ def _cross(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     return _flat(dims, "back", [*posts, _cross_bar(x, high, tall, 0.024), _cross_bar(x, low, 0.035), *bars])
 
 
+@belongs_to("back")
 def panel(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """A bent board, down to the seat or held up by posts; its corners up to fully round."""
     gap = g.choice((-0.02, g.uniform(0.08, 0.2)))
@@ -76,6 +79,7 @@ def panel(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     return parts
 
 
+@belongs_to("back")
 def padded(g: np.random.Generator, dims: ChairDimensions, gap: float | None = None) -> list[Part]:
     """An upholstered back, on two posts, or framed by them."""
     framed = gap is None and g.random() < 0.4
@@ -95,6 +99,7 @@ def padded(g: np.random.Generator, dims: ChairDimensions, gap: float | None = No
     return _flat(dims, "cushion", [pad]) + (_supports(dims, 0.3 * wide, lift + 0.06, 0.0) if held else [])
 
 
+@belongs_to("back")
 def hoop(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Windsor: a bent hoop with spindles in it, or a thonet's second hoop."""
     x = (dims.width / 2 - 0.025) * (1 - dims.taper)

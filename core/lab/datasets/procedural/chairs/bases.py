@@ -5,9 +5,21 @@ import math
 import numpy as np
 
 from core.lab.datasets.procedural.chairs.dimensions import ChairDimensions
-from core.lab.datasets.procedural.solids import Part, Point, Solid, bar, line, moved, rounded_path, slab, tube
+from core.lab.datasets.procedural.solids import (
+    Part,
+    Point,
+    Solid,
+    bar,
+    belongs_to,
+    line,
+    moved,
+    rounded_path,
+    slab,
+    tube,
+)
 
 
+@belongs_to("legs")
 def legs(g: np.random.Generator, dims: ChairDimensions, bars: int | None = None) -> list[Part]:
     """Four legs, straight or splayed, with or without an apron and stretchers."""
     inset, splay = g.uniform(0.025, 0.05), g.choice((0.0, g.uniform(0.02, 0.09)))
@@ -52,6 +64,7 @@ def _rails(
     return [Part("legs", bar(line(start, end), tall, wide, side=(0, 0, 1))) for start, end in pairs]
 
 
+@belongs_to("legs")
 def feet(g: np.random.Generator, dims: ChairDimensions, shift: float) -> list[Part]:
     """Short legs under upholstery."""
     thick, splay = g.uniform(0.03, 0.06), g.choice((0.0, 0.02))
@@ -60,6 +73,7 @@ def feet(g: np.random.Generator, dims: ChairDimensions, shift: float) -> list[Pa
     return [Part("legs", bar(path, thick, thick, end=0.6)) for path in paths]
 
 
+@belongs_to("legs")
 def sled(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Bent tubes: a cantilever's one run, or a loop on each side."""
     x, front, rear = dims.width / 2 - 0.02, dims.depth / 2 - 0.02, -dims.depth / 2
@@ -76,6 +90,7 @@ def sled(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     return [Part("legs", tube(loop, radius, 10)) for loop in loops] + [Part("legs", cross)]
 
 
+@belongs_to("legs")
 def wire_base(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Thin rods that run crosswise from under the seat to the four feet."""
     x, y, top = dims.width / 2, dims.depth / 2, dims.height - dims.thick - 0.02
@@ -91,6 +106,7 @@ def wire_base(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     return parts
 
 
+@belongs_to("legs")
 def column(g: np.random.Generator, dims: ChairDimensions, ring: bool = False) -> list[Part]:
     """A column on a trumpet foot, a disc or a flat cross."""
     top, wide = dims.height - dims.thick, 0.5 * max(dims.width, 0.42)
@@ -116,6 +132,7 @@ def column(g: np.random.Generator, dims: ChairDimensions, ring: bool = False) ->
     return parts
 
 
+@belongs_to("legs")
 def star(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """An office chair's five spokes on castors, gas lift and plate."""
     reach = g.uniform(0.27, 0.33)

@@ -60,7 +60,7 @@ def _swivel(g: np.random.Generator) -> list[Part]:
     parts = upholstery(g, dims, g.uniform(0.06, 0.11)) + star(g, dims) + padded(g, dims, gap)
     spine = [(0, -0.1, -dims.thick - 0.02), (0, -0.02, -0.09), (0, 0.06, -0.05), (0, dims.back * 0.5, -0.04)]
     flat = bar(rounded_path([(0, up, out) for _, up, out in spine]), 0.07, 0.02)
-    parts.append(Part("metal", dims.upright(flat)))
+    parts.append(Part("metal", dims.upright(flat), "back"))
     return parts + (t_arms(g, dims) if g.random() < 0.65 else [])
 
 
@@ -72,16 +72,16 @@ def _armchair(g: np.random.Generator) -> list[Part]:
     arm, thick = g.uniform(0.08, 0.2), g.uniform(0.12, 0.2)
     cushion = g.uniform(0.1, 0.16)
     base = slab(width + 0.02, depth + thick, high - foot - cushion, 0.03, 0.02)
-    parts = [Part("cushion", moved(base, (0, -thick / 2, (high - cushion + foot) / 2)))]
+    parts = [Part("cushion", moved(base, (0, -thick / 2, (high - cushion + foot) / 2)), "seat")]
     pad = slab(width - 0.01, depth, cushion, 0.06, 0.05, dome=g.uniform(0.0, 0.03))
-    parts.append(Part("cushion", moved(pad, (0, 0.02, high - cushion / 2))))
+    parts.append(Part("cushion", moved(pad, (0, 0.02, high - cushion / 2)), "seat"))
     back = slab(width + (arm if g.random() < 0.5 else -0.02), dims.back + 0.1, thick, g.uniform(0.04, 0.15), 0.06)
-    parts.append(Part("cushion", dims.upright(moved(back, (0, dims.back / 2 - 0.05, -0.3 * thick)))))
+    parts.append(Part("cushion", dims.upright(moved(back, (0, dims.back / 2 - 0.05, -0.3 * thick))), "back"))
     rise, long = g.uniform(0.1, 0.26), depth + thick * 0.8
     for side in (-1, 1):
         block = slab(arm, long, high - foot + rise, 0.04, min(0.045, arm * 0.45))
         place = (side * (width + arm) / 2, -0.4 * thick, (high + foot + rise) / 2)
-        parts.append(Part("cushion", moved(block, place)))
+        parts.append(Part("cushion", moved(block, place), "arms"))
     wide = replace(dims, width=width + 1.4 * arm, depth=depth + 0.6 * thick, height=foot + 0.03, thick=0.03)
     return parts + feet(g, wide, -0.2 * thick)
 
@@ -97,11 +97,11 @@ def _tub(g: np.random.Generator) -> list[Part]:
     lean = 1 + g.uniform(0.05, 0.3) * way * (0.4 + 0.6 * share)
     squash = g.uniform(0.85, 1.1)
     sheet = np.stack((radius * lean * np.cos(angle), -radius * squash * lean * np.sin(angle), z), -1)
-    parts = [Part("cushion", shell(sheet[:, ::-1], thick))]
+    parts = [Part("cushion", shell(sheet[:, ::-1], thick), "back")]
     under = slab(1.9 * radius, 1.9 * radius * squash, high - foot - 0.1, radius * 0.85, 0.03)
-    parts.append(Part("seat", moved(under, (0, 0.01, (high + foot - 0.1) / 2))))
+    parts.append(Part("seat", moved(under, (0, 0.01, (high + foot - 0.1) / 2)), "seat"))
     pad = slab(1.9 * radius, 1.95 * radius * squash, 0.13, radius * 0.85, 0.05, dome=0.02)
-    parts.append(Part("cushion", moved(pad, (0, 0.02, high - 0.06))))
+    parts.append(Part("cushion", moved(pad, (0, 0.02, high - 0.06)), "seat"))
     dims = ChairDimensions(1.6 * radius, 1.6 * radius * squash, foot + 0.03, 0.03, back)
     return parts + (feet(g, dims, 0.0) if foot < 0.16 or g.random() < 0.6 else column(g, dims))
 
@@ -112,7 +112,7 @@ def _lounge(g: np.random.Generator) -> list[Part]:
     dims = replace(dims, recline=g.uniform(0.25, 0.5), curve=0.0, depth=g.uniform(0.5, 0.6), thick=0.04)
     parts = upholstery(g, dims, g.uniform(0.1, 0.14)) + legs(g, dims) + arms(g, dims)
     pad = slab(dims.width - 0.06, dims.back, g.uniform(0.09, 0.14), 0.04, 0.045)
-    parts.append(Part("cushion", dims.upright(moved(pad, (0, dims.back / 2 + 0.04, 0.07)))))
+    parts.append(Part("cushion", dims.upright(moved(pad, (0, dims.back / 2 + 0.04, 0.07))), "back"))
     return parts + slats(g, dims)
 
 

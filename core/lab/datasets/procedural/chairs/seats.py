@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from core.lab.datasets.procedural.chairs.dimensions import ChairDimensions
-from core.lab.datasets.procedural.solids import Part, bar, line, moved, rounded_path, shell, slab, tube
+from core.lab.datasets.procedural.solids import Part, bar, belongs_to, line, moved, rounded_path, shell, slab, tube
 
 
+@belongs_to("seat")
 def seat(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """A board, bare (perhaps hollowed) or with a cushion, or upholstered all through."""
     kind = g.choice(3, p=(0.45, 0.3, 0.25))
@@ -24,6 +25,7 @@ def seat(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     return parts
 
 
+@belongs_to("seat")
 def upholstery(g: np.random.Generator, dims: ChairDimensions, thick: float) -> list[Part]:
     """A thick cushion whose top lies at the seat's height, on a thin board."""
     corner = max(dims.corner, 0.04)
@@ -35,6 +37,7 @@ def upholstery(g: np.random.Generator, dims: ChairDimensions, thick: float) -> l
     ]
 
 
+@belongs_to("shell")
 def bucket(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """A bent shell: a profile from the front lip over the seat and up the back, its sides lifted."""
     deep, high = dims.depth / 2, dims.height
@@ -70,6 +73,7 @@ def bucket(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     return parts
 
 
+@belongs_to("arms")
 def arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """Wooden arms on posts, or bent tubes, from the back rest to the seat's front."""
     rise, wide = g.uniform(0.17, 0.25), g.uniform(0.025, 0.06)
@@ -91,6 +95,7 @@ def arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     return parts
 
 
+@belongs_to("arms")
 def t_arms(g: np.random.Generator, dims: ChairDimensions) -> list[Part]:
     """An office chair's arms: a pad on a bracket that comes from under the seat."""
     rise, x = g.uniform(0.17, 0.24), dims.width / 2 + 0.03

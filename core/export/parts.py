@@ -1,0 +1,163 @@
+"""The parts of a mesh: which triangles are wheels, glass and body, or seat, back, legs and arms.
+
+The features that the field's density comes from know parts (:class:`core.models.part_head.PartHead`). What they say of
+each triangle is averaged over its neighbours, rules say where no wheel, glass or seat can be, and patches too small
+for a part go to the part around them.
+"""
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from core.export.glb import Parts
+from core.export.normals import face_normals
+from core.models.model import Model
+from core.models.part_head import PartHead
+from core.rendering.folded_field import FoldedField
+
+Pairs = Int[np.ndarray, "2 pairs"]
+"""triangles that share an edge"""
+_DEPTH = 0.004
+"""scene units below the surface, where the field is surest of what it is"""
+_TRIANGLES_PER_PASS = 2500
+"""of a mesh: averaging over neighbours so often reaches equally far in coarse and in fine ones"""
+_PATCH = 0.01
+"""of the surface: smaller patches are no part"""
+_BLOCK = 16384
+"""points evaluated at a time"""
+_WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
+"""of a car's height: wheels lie below the first and begin below the second; glass lies above the third, and every
+pane reaches the fourth, which a dark bumper does not"""
+_BUMPER, _BETWEEN_WHEELS = 0.03, 0.4
+"""of a car's length, at either end; of its width, in the middle: no wheel is there"""
+_REACH = {"seat": (-np.inf, 0.05), "legs": (-np.inf, 0.03), "back": (-0.1, np.inf), "arms": (-0.3, np.inf)}
+"""scene units, from where to where, above the seat's top"""
+
+
+def by_part(
+    model: Model, folded: FoldedField, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
+) -> tuple[Int[np.ndarray, "faces 3"], Parts]:
+    """The triangles sorted by part, and the parts that there are; one where the model has no part head.
+
+    Args:
+        vertices: world, scene units.
+    """
+    if not model.part_head:
+        return faces, ((model.noun or "object", len(faces)),)
+    part = _part_of_faces(model.part_head, folded, vertices, faces)
+    names, counts = model.part_head.names, np.bincount(part, minlength=len(model.part_head.names)).tolist()
+    return faces[np.argsort(part, kind="stable")], tuple((n, c) for n, c in zip(names, counts, strict=True) if c)
+
+
+def _part_of_faces(
+    head: PartHead, folded: FoldedField, vertices: Float[np.ndarray, "vertices 3"], faces: Int[np.ndarray, "faces 3"]
+) -> Int[np.ndarray, "faces"]:
+    """For each triangle, its part as an index into the head's names."""
+    normals = face_normals(vertices, faces)
+    area = np.linalg.norm(normals, axis=1)
+    middles = vertices[faces].mean(1)
+    inside = middles - _DEPTH * normals / np.maximum(area[:, None], 1e-12)
+    probability = _probability(head, folded, inside)
+    low, high = vertices.min(0), vertices.max(0)
+    places = (middles - low) / (high - low)
+    above = np.zeros(len(faces))
+    if "seat" in head.names:
+        facing_up = probability[:, head.names.index("seat")] * np.maximum(normals[:, 2], 0.0)
+        above = middles[:, 2] - _weighted_median(middles[:, 2], facing_up)
+    probability = np.maximum(probability, 1e-6)  # what is ruled out comes behind what is unlikely
+    for part, name in enumerate(head.names):
+        probability[_never(name, places, above), part] = 0.0
+    pairs = _neighbours(faces)
+    part = _averaged(probability, pairs, area).argmax(1)
+    return _without_strays(_without_patches(part, pairs, area), pairs, places[:, 2], head.names)
+
+
+def _probability(
+    head: PartHead, folded: FoldedField, points: Float[np.ndarray, "faces 3"]
+) -> Float[np.ndarray, "faces parts"]:
+    with torch.inference_mode():
+        blocks = torch.from_numpy(points).float().to(folded.device).split(_BLOCK)
+        found = [head(folded.density(folded.first_layer(block))[1]) for block in blocks]
+    return torch.cat(found).cpu().numpy()
+
+
+def _weighted_median(values: Float[np.ndarray, "faces"], weights: Float[np.ndarray, "faces"]) -> float:
+    order = np.argsort(values)
+    total = weights[order].cumsum()
+    return float(values[order][np.searchsorted(total, total[-1] / 2)])
+
+
+def _never(
+    name: str, places: Float[np.ndarray, "faces 3"], above: Float[np.ndarray, "faces"]
+) -> Bool[np.ndarray, "faces"]:
+    """Where a part cannot be: by places in the object's bounding box (0..1), and by how far above the seat's top."""
+    (x, y), z = np.abs(places[:, :2] - 0.5).T, places[:, 2]
+    if name == "wheels":
+        return (z > _WHEELS_END) | (y > 0.5 - _BUMPER) | (x < 0.5 * _BETWEEN_WHEELS)
+    if name == "glass":
+        return z < _GLASS_BEGINS
+    low, high = _REACH.get(name, (-np.inf, np.inf))
+    return (above < low) | (above > high)
+
+
+def _neighbours(faces: Int[np.ndarray, "faces 3"]) -> Pairs:
+    edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), axis=1)
+    owner = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort(edges.T)
+    same = (np.diff(edges[order], axis=0) == 0).all(1)
+    return np.stack((owner[order][:-1][same], owner[order][1:][same]))
+
+
+def _averaged(
+    probability: Float[np.ndarray, "faces parts"], pairs: Pairs, area: Float[np.ndarray, "faces"]
+) -> Float[np.ndarray, "faces parts"]:
+    """Means over each triangle and its neighbours, weighted by area, again and again."""
+    count = len(area)
+    own = np.arange(count)
+    to, of = np.concatenate((pairs, pairs[::-1], (own, own)), axis=1)
+    weights = coo_array((area[of], (to, of)), shape=(count, count)).tocsr()
+    total = np.maximum(weights @ np.ones((count, 1)), 1e-12)
+    for _ in range(-(-count // _TRIANGLES_PER_PASS)):
+        probability = weights @ probability / total
+    return probability
+
+
+def _patches(part: Int[np.ndarray, "faces"], pairs: Pairs) -> tuple[int, Int[np.ndarray, "faces"]]:
+    """How many patches of one part there are, and in which each triangle lies."""
+    within = pairs[:, part[pairs[0]] == part[pairs[1]]]
+    graph = coo_array((np.ones(within.shape[1], bool), within), shape=(len(part), len(part)))
+    return connected_components(graph, directed=False)
+
+
+def _without_patches(
+    part: Int[np.ndarray, "faces"], pairs: Pairs, area: Float[np.ndarray, "faces"]
+) -> Int[np.ndarray, "faces"]:
+    """Small patches go to the part that most of their larger neighbours belong to, until none has one."""
+    a, b = np.concatenate((pairs, pairs[::-1]), axis=1)
+    while True:
+        count, patch = _patches(part, pairs)
+        size = np.bincount(patch, area, count)
+        border = (size[patch[a]] < min(_PATCH * area.sum(), size.max())) & (size[patch[b]] > size[patch[a]])
+        border &= part[a] != part[b]
+        if not border.any():
+            return part
+        votes = np.zeros((count, int(part.max()) + 1))
+        np.add.at(votes, (patch[a[border]], part[b[border]]), 1)
+        part = np.where(votes.max(1)[patch] > 0, votes.argmax(1)[patch], part)
+
+
+def _without_strays(
+    part: Int[np.ndarray, "faces"], pairs: Pairs, height: Float[np.ndarray, "faces"], names: tuple[str, ...]
+) -> Int[np.ndarray, "faces"]:
+    """Wheels that begin too high, and glass that ends too low, become the first part."""
+    count, patch = _patches(part, pairs)
+    low, high = np.ones(count), np.zeros(count)
+    np.minimum.at(low, patch, height)
+    np.maximum.at(high, patch, height)
+    stray: dict[str, np.ndarray] = {"wheels": low > _WHEELS_BEGIN, "glass": high < _GLASS_ENDS}
+    for index, name in enumerate(names):
+        if name in stray:
+            part = np.where((part == index) & stray[name][patch], 0, part)
+    return part
