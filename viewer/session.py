@@ -88,6 +88,17 @@ class Session:
         load = self.jobs.backend.load_model
         self.jobs.submit(Job("model", lambda: (load(name),), lambda model: self._opened(name, model), ended))
 
+    def change_model(self, name: str) -> None:
+        """Open another model, at once unless something is under way that this would end: a person decides then."""
+        if name == self.model_name:
+            return
+        if self._is_idle(self._workspace()):
+            self.open_model(name)
+            return
+        offer = Button("Open it", lambda: self.open_model(name))
+        text = f"Open {Path(name).name}? What is under way would end"
+        self.messages.notify(text, MessageKind.NOTE, buttons=(offer,))
+
     def when_ready(self, action: Callable[[], None]) -> None:
         """Do something now, or once the model on its way is open."""
         if self.workspace is not None and not self.loading:
