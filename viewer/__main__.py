@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -11,22 +12,30 @@ from core.runtime.threads import use_one_thread
 from viewer.screen import window
 from viewer.screen.splash import Splash
 from viewer.screen.window import NoDisplayError, config_folder
+from viewer.services.single_instance import SingleInstance, Start, begin
 
 _LONGEST = 900.0
 """s that an image of the window may wait for its fit"""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Open the window. Without a display: one line on stderr, status 1."""
+    """Open the window, or raise the one that is open. Without a display: one line on stderr, status 1."""
     use_one_thread()
     chosen = parser().parse_args(arguments)
-    headless = chosen.screenshot is not None
     try:
-        if not headless:
+        if chosen.screenshot is not None:
+            _run(chosen)
+            return
+        image = str(chosen.image.absolute()) if chosen.image else ""
+        instance = begin(config_folder(), Start(image, _found_again(chosen.model or "")))
+        if instance is None:
+            print(f"{window.NAME} is open already: its window was raised")
+            return
+        with closing(instance):
             _import_behind_splash()
+            _run(chosen, instance)
     except (NoDisplayError, ImportError, OSError) as error:
         sys.exit(f"python -m viewer: {error}")
-    _run(chosen, headless)
 
 
 def _import_behind_splash() -> None:
@@ -35,7 +44,8 @@ def _import_behind_splash() -> None:
     Splash(lambda: import_module("viewer.app")).run()
 
 
-def _run(chosen: argparse.Namespace, headless: bool) -> None:
+def _run(chosen: argparse.Namespace, instance: SingleInstance | None = None) -> None:
+    """Without an instance: into an image, where nobody sees it."""
     # Imported late: `--help`, a wrong word and the splash are there before torch is.
     from core.models.library import DEFAULT_MODEL, load_model
     from viewer.app import App
@@ -45,32 +55,34 @@ def _run(chosen: argparse.Namespace, headless: bool) -> None:
     from viewer.services.worker import Worker
     from viewer.session import Session
 
-    worker = Worker(at_rest=return_free_memory)
+    headless, worker = instance is None, Worker(at_rest=return_free_memory)
     try:
         session = Session(worker, Backend(partial(load_model, device=chosen.device)))
-        app = App(session, chosen.size, None if headless else config_folder(), headless)
-        name = chosen.model or app.last_model or DEFAULT_MODEL
-        path = Path(name)
-        session.open_model(str(path.resolve()) if path.is_file() else name)  # found again from other folders
+        app = App(session, chosen.size, None if headless else config_folder(), headless, instance=instance)
+        session.open_model(_found_again(chosen.model or app.last_model or DEFAULT_MODEL))
         if chosen.image:
             app.context.fit(chosen.image)
         if headless:
             Screenshot(app, _LONGEST).save(chosen.screenshot)
         else:
             app.run()
-    except (NoDisplayError, OSError) as error:
-        sys.exit(f"python -m viewer: {error}")
     finally:
         worker.close()
     if headless and (failed := session.messages.errors):
         sys.exit(f"python -m viewer: {failed[-1]}")
 
 
+def _found_again(model: str) -> str:
+    """A model's name, or its path from any folder."""
+    path = Path(model)
+    return str(path.resolve()) if path.is_file() else model
+
+
 def parser() -> argparse.ArgumentParser:
     """The words of the command line."""
     words = argparse.ArgumentParser(
         prog="python -m viewer",
-        description="Opens the window; without a display, renders it into an image.",
+        description="Opens the window, or raises the one that is open; without a display, renders it into an image.",
         allow_abbrev=False,
     )
     words.add_argument("--model", help="a shipped name, or the path of a model file (the last one, chairs at first)")

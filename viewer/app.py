@@ -23,6 +23,7 @@ from viewer.screen.file_dialog import FileDialog, is_there
 from viewer.services.clipboard import Clipboard
 from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.services.messages import error_text
+from viewer.services.single_instance import SingleInstance, Start
 from viewer.services.user_objects import UserObjects
 from viewer.session import Session
 from viewer.values.preferences import Preferences
@@ -49,6 +50,7 @@ class App:
         folder: Path | None = None,
         headless: bool = False,
         native_dialogs: bool | None = None,
+        instance: SingleInstance | None = None,
     ) -> None:
         """Nothing opens yet.
 
@@ -56,6 +58,7 @@ class App:
             folder: where layout and preferences are kept for the next time; None keeps nothing.
             headless: draw a window that nobody sees.
             native_dialogs: None: as the system has them.
+            instance: where second starts hand their files to.
         """
         window.prepare(headless)
         self.session = session
@@ -66,7 +69,7 @@ class App:
         self._segmenting, self._share = SegmentingDialog(), ShareDialog()
         self.params = window.parameters(size, folder)
         self.each_frame: Callable[[], None] = lambda: None
-        self._size, self._folder, self._headless = size, folder, headless
+        self._size, self._folder, self._headless, self._instance = size, folder, headless, instance
         if folder:
             self.context.preferences = Preferences.load(folder)
             session.view = replace(session.view, quality=QUALITIES[self.context.preferences.quality])
@@ -124,6 +127,8 @@ class App:
         calls.show_gui = self._draw
         calls.show_menus = self._draw_menus
         self.session.jobs.worker.wake = hello_imgui.request_refresh
+        if self._instance:
+            self._instance.wake = hello_imgui.request_refresh
 
     def _dock(self) -> None:
         window_params = self.params.imgui_window_params
@@ -230,7 +235,17 @@ class App:
         except Exception as error:  # glfw would keep it, and raise it in some later call
             self.session.messages.report("Cannot take this file", error)
 
+    def _take(self, start: Start) -> None:
+        """A second start, which leaves its wishes to this window."""
+        window.bring_to_front()
+        if start.model:
+            self.session.when_ready(lambda: self.session.change_model(start.model))
+        if start.image:
+            self.context.fit(Path(start.image))
+
     def _closing(self) -> None:
+        if self._instance:
+            self._instance.end()
         self.session.jobs.worker.close()
         if self.context.autosave:
             self.context.autosave.close()
@@ -248,6 +263,8 @@ class App:
             self.session.tick()
             if self.context.autosave:
                 self.context.autosave.tick()
+            for start in self._instance.starts() if self._instance else ():
+                self._take(start)
         except Exception as error:  # of one callback; the others run in the next frame
             self.session.messages.report("Something went wrong", error)
         preferences = self.context.preferences

@@ -13,10 +13,11 @@ from viewer.services.backend import Backend
 from viewer.services.jobs import Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.services.messages import Button, MessageKind, Messages
+from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
-from viewer.values.fit_history import PhotoSource
+from viewer.values.fit_history import PhotoSource, Waiting
 from viewer.values.objects import EditableObject
 from viewer.values.printable import printable
 from viewer.values.project import Project
@@ -31,6 +32,7 @@ class Session:
     def __init__(self, worker: Worker, backend: Backend | None = None, seed: int | None = None) -> None:
         self.messages = Messages()
         self.jobs = Jobs(worker, backend or Backend(), self.messages)
+        self.photo_thumbnails = PhotoThumbnails(self.jobs)
         self.view, self.fit_options = ViewSettings(), FitOptions()
         self.workspace: Workspace | None = None
         """None until the first model is open"""
@@ -46,8 +48,8 @@ class Session:
         """emitted with what is about to be replaced, or cannot be continued with"""
         self._deferred: list[Callable[[], None]] = []
         """what waits for the model on its way"""
-        self._elsewhere: tuple[tuple[tuple[PhotoSource, ...], str], ...] = ()
-        """photos of another category, and that, which wait until the model can be changed"""
+        self._elsewhere: tuple[Waiting, ...] = ()
+        """photos of another category, which wait until the model can be changed"""
         self._left: tuple[SavedSession, ...] = ()
         """sessions that go on when their model is opened next"""
         self.project_path: Path | None = None
@@ -87,6 +89,17 @@ class Session:
 
         load = self.jobs.backend.load_model
         self.jobs.submit(Job("model", lambda: (load(name),), lambda model: self._opened(name, model), ended))
+
+    def change_model(self, name: str) -> None:
+        """Open another model, at once unless something is under way that this would end: a person decides then."""
+        if name == self.model_name:
+            return
+        if self._is_idle(self._workspace()):
+            self.open_model(name)
+            return
+        offer = Button("Open it", lambda: self.open_model(name))
+        text = f"Open {Path(name).name}? What is under way would end"
+        self.messages.notify(text, MessageKind.NOTE, buttons=(offer,))
 
     def when_ready(self, action: Callable[[], None]) -> None:
         """Do something now, or once the model on its way is open."""
@@ -268,19 +281,23 @@ class Session:
     def _fit_with_its_model(self, sources: tuple[PhotoSource, ...], category: str) -> None:
         """Photos of another category are fitted with the model of that, once nothing here would be lost by it."""
         here, exporting = self._workspace().model.category, self._workspace().exporting
-        text = f"{sources[0].path.name} looks like {category}, not {here}: that model opens for it"
-        buttons: tuple[Button, ...] = (Button(f"Rebuild as {here} anyway", lambda: self._insist(sources, here)),)
+        waits = Waiting(sources, category)
+        text = f"{waits.name} looks like {category}, not {here}: that model opens for it"
+        buttons: tuple[Button, ...] = (Button(f"Rebuild as {here} anyway", lambda: self._insist(waits, here)),)
         if exporting.path:
             text += f" once {exporting.path.name} is saved"
-            buttons = (Button("Do it now", exporting.cancel), *buttons)
+            buttons = (Button("Do it now", lambda: self.do_now(waits)), *buttons)
         self.messages.notify(text, MessageKind.NOTE, buttons=buttons)
-        self._elsewhere = (*self._elsewhere, (sources, category))
+        self._elsewhere = (*self._elsewhere, waits)
 
-    def _insist(self, sources: tuple[PhotoSource, ...], category: str) -> None:
+    def _insist(self, waits: Waiting, category: str) -> None:
         """A person knows better than the classifier."""
-        others = (one for one in self._elsewhere if one[0] != sources)
-        known = tuple(source._replace(category=category) for source in sources)
-        self._elsewhere = (*others, (known, category))
+        known = tuple(source._replace(category=category) for source in waits.sources)
+        self._elsewhere = _without(self._elsewhere, waits)
+        if self._workspace().model.category == category:
+            self._workspace().fitting.fit(*known)
+        else:
+            self._elsewhere = (*self._elsewhere, Waiting(known, category))
 
     def _is_idle(self, workspace: Workspace) -> bool:
         """Nothing is under way that another model would end."""
@@ -288,17 +305,38 @@ class Session:
         return not (self.loading or self._replacing or any(busy))
 
     def _fit_with_other_model(self) -> None:
-        category = self._elsewhere[0][1]
-        photos = [sources for sources, wanted in self._elsewhere if wanted == category]
-        self._elsewhere = tuple(one for one in self._elsewhere if one[1] != category)
+        category = self._elsewhere[0].category
+        photos = [waits.sources for waits in self._elsewhere if waits.category == category]
+        self._elsewhere = tuple(waits for waits in self._elsewhere if waits.category != category)
 
         def begin() -> None:
             for sources in photos:
                 self._workspace().fitting.fit(*sources)
 
-        if self._workspace().model.category != category:
-            self.open_model(category)
+        self.open_model(category)
         self.when_ready(begin)
+
+    @property
+    def waiting(self) -> tuple[Waiting, ...]:
+        """Photos that are not fitted yet: those of the open model, then those of others, in their order."""
+        queue = self.workspace.fitting.queue if self.workspace else ()
+        return (*(Waiting(request.history.sources) for request in queue), *self._elsewhere)
+
+    def do_now(self, waits: Waiting) -> None:
+        """Fit photos before all others. A fit under way waits then; a file under way is given up where the model of
+        another category has to open.
+        """
+        if not waits.category:
+            self._workspace().fitting.begin_now(waits.sources)
+        elif waits in self._elsewhere:
+            self._elsewhere = (waits, *_without(self._elsewhere, waits))
+            self._workspace().exporting.cancel()
+            self._fit_with_other_model()
+
+    def forget(self, waits: Waiting) -> None:
+        """Do not fit photos that wait."""
+        self._elsewhere = _without(self._elsewhere, waits)
+        self._workspace().fitting.forget(waits.sources)
 
     def _restore(self, saved: SavedSession) -> None:
         try:
@@ -306,3 +344,7 @@ class Session:
         except ValueError as error:
             self.archive.emit(Project(saved.model, (saved,)))
             self.messages.report(f"Cannot go on with what was made with {saved.model}", error)
+
+
+def _without(all_of_them: tuple[Waiting, ...], one: Waiting) -> tuple[Waiting, ...]:
+    return tuple(other for other in all_of_them if other is not one)

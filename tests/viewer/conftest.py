@@ -19,6 +19,7 @@ from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
 from viewer.services.backend import Backend
+from viewer.services.single_instance import SingleInstance
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.quality import Quality
@@ -146,10 +147,11 @@ def drive(
         size: tuple[int, int] = (1280, 800),
         strict: bool = True,
         folder: Path | None = None,
+        instance: SingleInstance | None = None,
     ) -> None:
         session = Session(Worker(), backend, seed=0)
         session.view = replace(session.view, quality=Quality(32, 96))
-        app = App(session, size, folder, headless=True, native_dialogs=False)
+        app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
         if folder is None:  # else a fast machine would draw other pictures than a slow one
             app.context.set_preference(turning="off")
 

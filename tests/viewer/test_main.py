@@ -3,22 +3,31 @@
 import os
 import subprocess
 import sys
+import threading
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from imgui_bundle import glfw_utils
 from PIL import Image
+
+import glfw  # isort: skip
 
 from core.models.field import Field
 from core.models.model import Model
+from tests.viewer.driver import Drive, Driver
 from tests.viewer.machine import slowness
 from viewer.__main__ import parser
+from viewer.services.backend import Backend
+from viewer.services.single_instance import Start, begin
 
 
 def call(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
-    hidden = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    left_out = ("DISPLAY", "WAYLAND_DISPLAY", "XDG_CONFIG_HOME")
+    hidden = {key: value for key, value in os.environ.items() if key not in left_out}
     command = [sys.executable, "-m", "viewer", *map(str, words)]
     root = Path(__file__).resolve().parents[2]
     settings = hidden | {"OMP_NUM_THREADS": "1"} | environment
@@ -36,14 +45,50 @@ def file(tmp_path: Path, model: Model) -> Path:
     return tmp_path / "air.safetensors"
 
 
+_LINUX_ONLY = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere HOME does not name the user's folder")
+
+
+@_LINUX_ONLY
+def test_a_second_start_hands_its_photo_to_the_window_that_is_open(
+    drive: Drive, backend: Backend, photo: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / ".config" / "codenerf-viewer"
+    instance = begin(folder, Start())
+    assert instance is not None
+
+    def start_again(window: Driver, *words: object) -> subprocess.CompletedProcess[str]:
+        done: list[subprocess.CompletedProcess[str]] = []
+        threading.Thread(target=lambda: done.append(call(*words, HOME=str(tmp_path)))).start()
+        window.wait(lambda: bool(done), 120.0)
+        return done[0]
+
+    def act(window: Driver) -> None:
+        glfw.iconify_window(glfw_utils.glfw_window_hello_imgui())
+        for words in ((), ("--image", photo), ("--model", "cars")):
+            done = start_again(window, *words)
+            assert (done.returncode, done.stderr) == (0, "")
+            assert done.stdout == "CodeNeRF Viewer is open already: its window was raised\n"
+            assert not glfw.get_window_attrib(glfw_utils.glfw_window_hello_imgui(), glfw.ICONIFIED)
+            window.wait()
+        assert window.session.messages.errors == []
+        assert window.session.model_name == "cars"
+        left = window.session.project().sessions
+        assert [one.name for session in left for one in session.objects] == ["block"]
+
+    with closing(instance):
+        drive(act, folder=folder, instance=instance)
+    assert not (folder / "window.address").exists()
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there always is a display")
-def test_without_a_display_one_line_says_so() -> None:
-    done = call()
+def test_without_a_display_one_line_says_so(tmp_path: Path) -> None:
+    done = call(HOME=str(tmp_path))
     assert done.returncode == 1
     assert done.stdout == ""
     assert len(done.stderr.strip().splitlines()) == 1
     assert "no display" in done.stderr
     assert "--screenshot" in done.stderr
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]  # the next start finds no window
 
 
 def test_the_window_is_drawn_without_a_display_and_larger_than_a_screen(

@@ -77,6 +77,21 @@ def test_what_was_made_stays_with_its_model(
     assert opened(session).editor.state == before
 
 
+def test_another_model_ends_nothing_unless_a_person_says_so(session: Session, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    session.fit_photos(photo)
+    deliver(session, lambda: session.fitting_runs)
+    session.change_model("chairs")
+    assert session.messages.all == []
+    session.change_model("other")
+    assert (session.loading, session.model_name) == ("", "chairs")
+    (asked,) = session.messages.all
+    asked.buttons[0].press()
+    finish(session, lambda: session.model_name == "other")
+    session.change_model("chairs")
+    deliver(session, lambda: session.model_name == "chairs" and session.fitting_runs)  # it goes on
+
+
 def test_all_that_is_requested_while_another_model_loads_is_for_that(
     session: Session, editor: Editor, workspace: Workspace, photo: Path
 ) -> None:

@@ -64,10 +64,14 @@ class Fitting:
     @property
     def pending(self) -> tuple[FitRequest, ...]:
         """Requests that are not over: the fit under way, unless its result is there, and those that wait."""
+        return (*self._unfinished, *self.queue)
+
+    @property
+    def _unfinished(self) -> tuple[FitRequest, ...]:
+        """The fit under way, to be begun anew; none where its result is there."""
         if self.request is None or self.results.checking:
-            return self.queue
-        begun = replace(self.request.history, photos=self.history.photos)
-        return (self.request._replace(history=begun), *self.queue)
+            return ()
+        return (self.request._replace(history=replace(self.request.history, photos=self.history.photos)),)
 
     def close(self) -> None:
         """Drop a fit under way, and those that wait."""
@@ -167,15 +171,30 @@ class Fitting:
 
     def withdraw(self) -> None:
         """Undo the beginning of the fit under way; the next one begins."""
+        self._undo_beginning()
+        self._next()
+
+    def _undo_beginning(self) -> None:
         history, tiles = self._before
         self._drop()
         self.view.show(history)
         self.candidates.reset(tiles)
-        self._next()
 
-    def clear_queue(self) -> None:
-        """Forget the fits that wait."""
-        self.queue = ()
+    def begin_now(self, sources: tuple[PhotoSource, ...]) -> None:
+        """Fit photos that wait, before all others. A fit under way waits in their place, to begin anew; one that is
+        being checked ends with its result.
+        """
+        request = next((one for one in self.queue if one.history.sources is sources), None)
+        if request is None:
+            return
+        left, self.queue = (*self._unfinished, *_without(self.queue, sources)), ()
+        self.stop() if self.results.checking else self._undo_beginning()
+        self.queue = left
+        self._run(request)
+
+    def forget(self, sources: tuple[PhotoSource, ...]) -> None:
+        """Do not fit photos that wait."""
+        self.queue = _without(self.queue, sources)
 
     @property
     def can_follow(self) -> bool:
@@ -341,3 +360,7 @@ class Fitting:
     def _fitted(self, step: FitStep) -> EditableObject:
         photo = self.history.photo
         return EditableObject(self.history.name, step.codes, True, step.confidence, photo.digest if photo else "")
+
+
+def _without(queue: tuple[FitRequest, ...], sources: tuple[PhotoSource, ...]) -> tuple[FitRequest, ...]:
+    return tuple(request for request in queue if request.history.sources is not sources)

@@ -66,7 +66,7 @@ class GridPanel(Panel):
         mix = context.editor.state.mix
         enabled = len(context.grid.names) < MAX_OBJECTS
         imgui.begin_disabled(not enabled)
-        if imgui.button(f"{_ADD}###add", (side, side)):
+        if imgui.button(f"{_ADD}  Add###add", (side, side)):
             context.grid.add(*mix.a, mix.b)
         imgui.end_disabled()
         tooltip("Click to add A and B, or drop an object here" if enabled else f"{MAX_OBJECTS} objects are the most")

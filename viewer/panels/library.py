@@ -1,16 +1,19 @@
 """Everything to begin with: a photo, what one has made oneself, and the model's objects as thumbnails."""
 
+from collections.abc import Sequence
+
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
+from viewer.values.fit_history import Waiting
 from viewer.values.objects import ObjectLibrary
 from viewer.values.part import PARTS
 from viewer.values.variety import family, readable
-from viewer.widgets import object_tiles, user_objects
+from viewer.widgets import object_tiles, user_objects, waiting_tiles
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption, heading, paint_caption, small_height
-from viewer.widgets.welcome import Samples
+from viewer.widgets.welcome import draw_samples
 
 _MINE = "What you rebuild from photos comes here. Try one:"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
@@ -25,7 +28,6 @@ class LibraryPanel(Panel):
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
-        self._samples = Samples()
         self._unfolded = set[str]()
         """the objects whose variants are shown"""
 
@@ -42,11 +44,12 @@ class LibraryPanel(Panel):
     def _draw_objects(self, context: PanelContext, library: ObjectLibrary) -> None:
         if imgui.begin_child("objects"):
             heading(context, "Mine")
-            if library.own:
-                self._draw_tiles(context, library.own)
+            mine: list[str | Waiting] = [*context.session.waiting, *library.own]
+            if mine:
+                self._draw_tiles(context, mine)
             else:
                 caption(context, _MINE)
-                self._samples.draw(context)
+                draw_samples(context)
             imgui.spacing()
             heading(context, context.editor.model.category.capitalize() or "Objects")
             self._draw_tiles(context, self._listed(library.families))
@@ -59,33 +62,38 @@ class LibraryPanel(Panel):
             names += [head, *variants] if head in self._unfolded else [head]
         return names
 
-    def _draw_tiles(self, context: PanelContext, names: list[str]) -> None:
+    def _draw_tiles(self, context: PanelContext, tiles: Sequence[str | Waiting]) -> None:
+        """Of objects, by their names, and of photos that wait."""
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
         gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
         columns = max(1, int((room + gap) / (least + gap)))
         side = min(room, 1.25 * least, (room - gap * (columns - 1)) / columns)
         height = side + small_height()
         imgui.push_style_var(imgui.StyleVar_.item_spacing, (gap, gap))
-        for first in range(0, len(names), columns):
+        for first in range(0, len(tiles), columns):
             if not imgui.is_rect_visible((room, height)):  # hundreds of objects cost nothing while scrolled away
                 imgui.dummy((room, height))
                 continue
-            for column, name in enumerate(names[first : first + columns]):
+            for column, tile in enumerate(tiles[first : first + columns]):
                 if column:
                     imgui.same_line()
-                self._draw_tile(context, name, side, height)
+                after = imgui.get_cursor_pos()
+                self._draw_tile(context, tile, imgui.get_cursor_screen_pos(), ImVec2(side, height))
+                imgui.set_cursor_pos(after)
+                imgui.dummy((side, height))
         imgui.pop_style_var()
 
-    def _draw_tile(self, context: PanelContext, name: str, side: float, height: float) -> None:
-        corner, after = imgui.get_cursor_screen_pos(), imgui.get_cursor_pos()
+    def _draw_tile(self, context: PanelContext, tile: str | Waiting, corner: ImVec2, size: ImVec2) -> None:
         imgui.set_next_item_allow_overlap()
-        _draw_object(context, name, corner, ImVec2(side, height), self._user_menu)
-        head = name in context.editor.objects.families
-        paint_caption(context, readable(family(name) if head else name), corner + ImVec2(0, side), side)
-        if variants := context.editor.objects.families.get(name, ()):
-            self._draw_fold(context, name, len(variants), corner, side)
-        imgui.set_cursor_pos(after)
-        imgui.dummy((side, height))
+        below, families = corner + ImVec2(0, size.x), context.editor.objects.families
+        if isinstance(tile, Waiting):
+            waiting_tiles.draw(context, tile, corner, size)
+            paint_caption(context, tile.name, below, size.x)
+            return
+        _draw_object(context, tile, corner, size, self._user_menu)
+        paint_caption(context, readable(family(tile) if tile in families else tile), below, size.x)
+        if variants := families.get(tile, ()):
+            self._draw_fold(context, tile, len(variants), corner, size.x)
 
     def _draw_fold(self, context: PanelContext, name: str, count: int, corner: ImVec2, side: float) -> None:
         """The number of an object's variants, in the corner of its thumbnail."""

@@ -61,7 +61,8 @@ class MixPanel(Panel):
             editor.take(part, dropped)
         _draw_caption(context, f"A's {part}", side)
         what = f"Let the {part} change again" if locked else f"Keep the {part}, whatever is picked or sampled"
-        if button(f"{_LOCKED if locked else _OPEN}###lock {part}", what, side / hello_imgui.em_size()):
+        label, colour = f"{_LOCKED if locked else _OPEN}  Lock###lock {part}", context.palette.accent
+        if button(label, what, side / hello_imgui.em_size(), colour=colour if locked else None):
             editor.lock(part, not locked)
         imgui.end_group()
 

@@ -21,7 +21,7 @@ from viewer.widgets.controls import action_button, button, choose, end_gesture, 
 from viewer.widgets.eraser import Eraser
 from viewer.widgets.fit_curve import FitCurve
 from viewer.widgets.text import heading
-from viewer.widgets.welcome import Samples
+from viewer.widgets.welcome import draw_samples
 
 _ICON, _SHARE = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_SHARE_ALT
 _REFIT = f"Rebuild  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
@@ -51,8 +51,7 @@ class PhotoPanel(Panel):
     dock = "Right"
 
     def __init__(self) -> None:
-        self._comparison, self._samples = Comparison(), Samples()
-        self._curve, self._eraser = FitCurve(), Eraser()
+        self._comparison, self._curve, self._eraser = Comparison(), FitCurve(), Eraser()
         self._erasing = False
         """the photo is shown to be erased from"""
 
@@ -70,7 +69,7 @@ class PhotoPanel(Panel):
             what = f"Reading {fitting.history.sources[0].name} …" if fitting.running else _invitation(context)
             imgui.text_wrapped(what)
             if not fitting.running:
-                self._samples.draw(context)
+                draw_samples(context)
         else:
             if not fitting.running:
                 _draw_verdict(context, fitting)
@@ -147,18 +146,6 @@ def _draw_progress(fitting: Fitting) -> None:
     else:
         tooltip("Ranking the views of the view bank for the photo")
     imgui.text_wrapped(label)
-    _draw_queue(fitting)
-
-
-def _draw_queue(fitting: Fitting) -> None:
-    """Which photos wait, and the object that can be used already."""
-    if fitting.queue:
-        imgui.align_text_to_frame_padding()
-        imgui.text(f"{len(fitting.queue)} more wait{'s' if len(fitting.queue) == 1 else ''}")
-        tooltip("\n".join(request.history.name for request in fitting.queue))
-        imgui.same_line()
-        if button("Clear###clear queue", "Forget the photos that wait"):
-            fitting.clear_queue()
     if fitting.results.checking:
         imgui.text_disabled(f"{fitting.results.checking.name} can be used already")
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
+from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from core.photos.photo import Crop
 from core.photos.segmentation import Hints, Stroke
@@ -153,7 +153,7 @@ class SegmentingDialog:
             tooltip(text)
         self._brush = labelled_slider("brush", "Brush", self._brush, (0.005, 0.15), f"{self._brush:.1%}")[1]
         self._draw_threshold(segmenting)
-        if button(f"{icons_fontawesome_4.ICON_FA_UNDO}###undo hints", "Take the last of these back (Ctrl+Z)"):
+        if button("Undo###undo hints", "Take the last of these back (Ctrl+Z)"):
             segmenting.undo()
         if is_pressed(chord(imgui.Key.mod_ctrl, imgui.Key.z)):
             segmenting.undo()

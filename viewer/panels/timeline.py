@@ -11,8 +11,7 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, button, end_gesture, flow, tooltip
 
 _PLAY, _PAUSE = icons_fontawesome_4.ICON_FA_PLAY, icons_fontawesome_4.ICON_FA_PAUSE
-_ADD, _REMOVE = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_TRASH
-_VIDEO = icons_fontawesome_4.ICON_FA_FILM
+_ADD, _VIDEO = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_FILM
 _SWITCHES = (
     ("Smooth", "smooth", "Through the keys without corners (Catmull-Rom), or straight from one to the next"),
     ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
@@ -45,14 +44,14 @@ class TimelinePanel(Panel):
 
     def _draw_buttons(self, context: PanelContext, player: Player) -> None:
         here, gap = player.key, hello_imgui.em_size(0.3)
-        action_button(context, "play", _PAUSE if player.playing else _PLAY, width=2.4)
+        action_button(context, "play", f"{_PAUSE}  Pause" if player.playing else f"{_PLAY}  Play", width=5.2)
         imgui.same_line(0, gap)
         action_button(context, "add_key", f"{_ADD}  Key")
         flow("Replace")
         if button("Replace###replace key", "What is shown takes the place of this keyframe", enabled=here is not None):
             player.replace_key(here or 0)
-        flow(_REMOVE)
-        if button(f"{_REMOVE}###remove key", "Take the keyframe at this time out", enabled=here is not None):
+        flow("Remove")
+        if button("Remove###remove key", "Take the keyframe at this time out", enabled=here is not None):
             player.remove_key(here or 0)
         flow("length", _LENGTH)
         self._draw_numbers(context, player)

@@ -224,7 +224,8 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
     for number, (action, icon) in enumerate(_BUTTONS.items()):
         if number:
             imgui.same_line(0, gap)
-        action_button(context, action, icon)
+        labelled = action == "share" and size.x > _NARROW * em
+        action_button(context, action, f"{icon}  Share" if labelled else icon)
     gear = imgui.calc_text_size(_GEAR).x + 2 * imgui.get_style().frame_padding.x
     wide = size.x > _NARROW * em
     left = size.x - 0.7 * em - gear - (_MODE * em + gap if wide else 0.0)

@@ -83,6 +83,12 @@ def on(colour: Colour) -> Colour:
     return dark if contrast(dark, colour) > contrast(light, colour) else light
 
 
+def emphasised(colour: Colour) -> Colour:
+    """A coloured button under the mouse: farther from the colour of its words, which stay as easy to read."""
+    red, green, blue = on(colour)
+    return mixed(colour, (1 - red, 1 - green, 1 - blue), 0.2)
+
+
 def _luminance(colour: Colour) -> float:
     linear = (value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4 for value in colour)
     return sum(weight * value for weight, value in zip((0.2126, 0.7152, 0.0722), linear, strict=True))

@@ -128,6 +128,18 @@ def draw_into(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Fram
     return surface
 
 
+def bring_to_front() -> None:
+    """Show the window before others; where the system lets no program do that, ask for attention."""
+    window = glfw_utils.glfw_window_hello_imgui()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", glfw.GLFWError)
+        if glfw.get_window_attrib(window, glfw.ICONIFIED):
+            glfw.restore_window(window)
+        glfw.focus_window(window)
+        if not glfw.get_window_attrib(window, glfw.FOCUSED):
+            glfw.request_window_attention(window)
+
+
 def resize(width: int, height: int) -> None:
     """Give the window a size, be it larger than the screen."""
     glfw.set_window_size(glfw_utils.glfw_window_hello_imgui(), width, height)

@@ -150,6 +150,19 @@ class FitRequest(NamedTuple):
     """of a run that ended in it, maybe after its result had joined the objects"""
 
 
+class Waiting(NamedTuple):
+    """Photos of one object that are still to be fitted."""
+
+    sources: tuple[PhotoSource, ...]
+    category: str = ""
+    """whose model has to open for it; empty: that of the open model"""
+
+    @property
+    def name(self) -> str:
+        """Of the first photo's file."""
+        return self.sources[0].name
+
+
 def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:
     """Images with the pose files that have their names. Raises ``ValueError`` for a pose without its image."""
     poses = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
-from viewer.screen.theme import Colour, on
+from viewer.screen.theme import Colour, emphasised, on
 from viewer.values.duration import duration
 from viewer.values.printable import printable
 
@@ -53,12 +53,14 @@ def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colo
     """A button (width in em, 0 fits the label, -1 fills the line) with a tooltip."""
     if colour:
         imgui.push_style_color(imgui.Col_.button, (*colour, 1.0))
+        for part in (imgui.Col_.button_hovered, imgui.Col_.button_active):
+            imgui.push_style_color(part, (*emphasised(colour), 1.0))
         imgui.push_style_color(imgui.Col_.text, (*on(colour), 1.0))
     imgui.begin_disabled(not enabled)
     pressed = imgui.button(label, (hello_imgui.em_size(width) if width > 0 else width, 0))
     imgui.end_disabled()
     if colour:
-        imgui.pop_style_color(2)
+        imgui.pop_style_color(4)
     tooltip(text)
     return pressed
 

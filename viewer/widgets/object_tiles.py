@@ -1,5 +1,7 @@
 """An object, small: its thumbnail, a coloured frame, a letter in its corner."""
 
+from pathlib import Path
+
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
 from core.rendering.progressive import Frame
@@ -42,6 +44,16 @@ def paint_frame(
         draw.add_rect_filled(corner, opposite, packed(context.palette.panel, _DIMMED), rounding())
     if not context.preferences.dark:
         draw.add_rect(corner, opposite, packed(context.palette.line), rounding())
+
+
+def paint_photo(context: PanelContext, path: Path, corner: ImVec2, side: float) -> None:
+    """A photo as it is, or an empty square until it is read."""
+    draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
+    if (pixels := context.session.photo_thumbnails.get(path)) is None or context.images is None:
+        draw.add_rect_filled(corner, opposite, packed(context.palette.raised), rounding())
+        return
+    texture = context.images.texture(pixels, context.palette)
+    draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, rounding())
 
 
 def outline(corner: ImVec2, side: float, colour: Colour, inset: float = 0.0) -> None:

@@ -1,15 +1,11 @@
 """The way in: a large button to open a photo, one sentence, and photos to try; there until something is made."""
 
 import math
-from pathlib import Path
 
-import numpy as np
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
-from PIL import Image
 
 from core.models.library import sample_images, shipped_models
 from core.models.model import singular
-from core.runtime.reading import open_image
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
@@ -30,7 +26,6 @@ class Welcome:
     """A card at the bottom of the view."""
 
     def __init__(self) -> None:
-        self._samples = Samples()
         nouns = " or ".join(f"a {singular(category)}" for category in shipped_models())
         self._sentence = f"Drop a photo of {nouns}, or open one: it is rebuilt in 3-D."
 
@@ -56,7 +51,7 @@ class Welcome:
         if imgui.begin_child("welcome", (width, 0), shape, imgui.WindowFlags_.no_nav):
             if not small:
                 self._draw_open(context)
-            self._samples.draw(context, _SAMPLE * em)
+            draw_samples(context, _SAMPLE * em)
         imgui.end_child()
         self._height = imgui.get_item_rect_size().y
         imgui.pop_style_var()
@@ -82,40 +77,21 @@ class Welcome:
         return corner.y + max(0.0, size.y - self._height - _MARGIN * em)
 
 
-class Samples:
-    """Photos to try, small; a click rebuilds one."""
-
-    def __init__(self) -> None:
-        self._pixels: dict[Path, np.ndarray] = {}
-
-    def draw(self, context: PanelContext, largest: float = math.inf) -> None:
-        """In a line, each so many px wide at the most."""
-        em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
-        paths = sample_images(context.editor.model.category)
-        if not paths:
-            return
-        room = imgui.get_content_region_avail().x
-        side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), largest)
-        for number, path in enumerate(paths):
-            if number:
-                imgui.same_line(0, gap)
-            corner = imgui.get_cursor_screen_pos()
-            if imgui.invisible_button(f"sample {path.stem}", (side, side)):
-                context.fit(path)
-            hovered = imgui.is_item_hovered()
-            tooltip(f"Rebuild this photo: {path.stem}")
-            draw, opposite = imgui.get_window_draw_list(), corner + ImVec2(side, side)
-            if context.images:
-                texture = context.images.texture(self._of(path), context.palette)
-                draw.add_image_rounded(texture, corner, opposite, (0, 0), (1, 1), 0xFFFFFFFF, object_tiles.rounding())
-            object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)
-
-    def _of(self, path: Path) -> np.ndarray:
-        """The photo, small, on white."""
-        if path not in self._pixels:
-            with open_image(path) as image:
-                image.thumbnail((128, 128))
-                square = Image.new("RGBA", (max(image.size),) * 2, "white")
-                square.alpha_composite(image.convert("RGBA"), tuple((square.width - side) // 2 for side in image.size))
-                self._pixels[path] = np.asarray(square.convert("RGB"))
-        return self._pixels[path]
+def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
+    """Photos to try, small, in a line, each so many px wide at the most; a click rebuilds one."""
+    em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
+    paths = sample_images(context.editor.model.category)
+    if not paths:
+        return
+    room = imgui.get_content_region_avail().x
+    side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), largest)
+    for number, path in enumerate(paths):
+        if number:
+            imgui.same_line(0, gap)
+        corner = imgui.get_cursor_screen_pos()
+        if imgui.invisible_button(f"sample {path.stem}", (side, side)):
+            context.fit(path)
+        hovered = imgui.is_item_hovered()
+        tooltip(f"Rebuild this photo: {path.stem}")
+        object_tiles.paint_photo(context, path, corner, side)
+        object_tiles.outline(corner, side, context.palette.accent if hovered else context.palette.line)

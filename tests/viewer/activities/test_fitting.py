@@ -217,10 +217,44 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, workspace: Workspa
     deliver(session, lambda: len(fitting.history.steps) > 3)
     fitting.stop()
     assert fitting.history.name == "block b"
-    fitting.clear_queue()
+    fitting.forget(fitting.queue[0].history.sources)
     deliver(session, lambda: len(fitting.history.steps) > 3)
     fitting.stop()
     assert not fitting.running
+
+
+def test_a_photo_that_waits_may_go_first(session: Session, workspace: Workspace, photo: Path) -> None:
+    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
+    fitting = workspace.fitting
+    fitting.start(photo)
+    fitting.start(block(photo, "b"))
+    fitting.start(block(photo, "c"))
+    deliver(session, lambda: len(fitting.history.steps) > 3)
+    fitting.begin_now(fitting.queue[1].history.sources)
+    assert fitting.history.name == "block c"
+    assert [request.history.name for request in fitting.queue] == ["block", "block b"]
+    assert not fitting.queue[0].history.steps  # it begins anew
+    deliver(session, lambda: workspace.viewport.source == "fit")  # it is followed, as a person asked for it
+    session.jobs.backend = replace(session.jobs.backend, fit=quick_fit)
+    fitting.stop()
+    finish(session, lambda: not fitting.pending)
+    assert set(workspace.editor.objects.own) == {"block", "block b", "block c"}
+    assert session.messages.errors == []
+
+
+def test_what_is_only_checked_ends_with_its_result_where_a_photo_goes_first(
+    session: Session, workspace: Workspace, photo: Path
+) -> None:
+    fit, fitting = CheckedFit(), workspace.fitting
+    session.jobs.backend = replace(session.jobs.backend, fit=fit)
+    fitting.start(photo)
+    fitting.start(block(photo, "b"))
+    deliver(session, lambda: fitting.results.checking is not None)
+    fitting.begin_now(fitting.queue[0].history.sources)
+    assert (fitting.history.name, fitting.queue) == ("block b", ())
+    fit.may_end.set()
+    finish(session, lambda: not fitting.pending)
+    assert set(workspace.editor.objects.own) == {"block", "block b"}
 
 
 def test_photos_that_may_be_cut_out_wrongly_are_pointed_out_one_after_the_other(

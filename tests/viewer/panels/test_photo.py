@@ -19,6 +19,7 @@ from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit,
 from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
 from viewer.values.project import Project
+from viewer.widgets.user_objects import COLOURS
 
 
 def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
@@ -179,6 +180,34 @@ def test_a_doubtful_fit_is_seen_from_its_other_viewpoint(drive: Drive, photo: Pa
     drive(act)
 
 
+def test_photo_and_viewpoint_are_those_of_the_chosen_object(drive: Drive, photo: Path) -> None:
+    other = photo.with_name("block two.png")
+    other.write_bytes(photo.read_bytes())
+
+    def act(window: Driver) -> None:
+        fitting, editor = window.workspace.fitting, window.workspace.editor
+        window.fit(photo)
+        window.fit(other)
+        window.click("Photo/###viewpoint 2")
+        window.wait()
+        behind, shown = editor.scene.camera, fitting.history.image
+        window.click("Library/**/show block")
+        window.wait()
+        assert fitting.history.photo.source.path == photo
+        assert not fitting.view.from_runner_up
+        assert not np.array_equal(fitting.history.image, shown)  # rendered from its own camera
+        assert editor.scene.camera == behind  # the view is not turned by a choice
+        window.click("Photo/###viewpoint 2")
+        assert fitting.view.from_runner_up
+        window.click("Library/**/show block two")
+        assert fitting.history.photo.source.path == other
+        assert not fitting.view.from_runner_up
+        window.click("Photo/###viewpoint 1")
+        assert editor.scene.camera.azimuth == pytest.approx(1.0)
+
+    drive(act)
+
+
 def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
         workspace = window.workspace
@@ -255,6 +284,27 @@ def test_several_photos_are_fitted_together_with_known_poses(
         return replace(found, camera=camera.resized(32, 32)) if pose else found
 
     drive(act, Backend(lambda name: model, posed, quick_frames, quick_fit, guess_category=no_guess))
+
+
+@pytest.mark.parametrize(("psnr", "words"), [(30.0, "sure"), (12.0, "doubtful")])
+def test_several_photos_agree_or_not_by_a_dot(
+    drive: Drive, backend: Backend, photo: Path, psnr: float, words: str
+) -> None:
+    other = photo.with_name("block two.png")
+    other.write_bytes(photo.read_bytes())
+
+    def rated(model: Model, job: FitJob) -> Iterator[FitStep]:
+        return (replace(step, psnr=psnr) for step in quick_fit(model, job))
+
+    def act(window: Driver) -> None:
+        window.fit(photo, other)
+        window.show("Photo")
+        viewpoint = window.ctx.item_info("//Photo/###viewpoint 1").rect_full
+        line = window.capture()[int(viewpoint.min.y) : int(viewpoint.max.y), int(viewpoint.min.x) - 250 :]
+        dots = [name for name, colour in COLOURS.items() if (abs(line - 255 * np.array(colour)).max(-1) < 2).sum() > 20]
+        assert dots == [words]
+
+    drive(act, replace(backend, fit=rated))
 
 
 def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, backend: Backend, photo: Path) -> None:

@@ -1,6 +1,6 @@
 import pytest
 
-from viewer.screen.theme import DARK, LIGHT, ON_PLATE, PLATE, WARM, Palette, colours, contrast, mixed, on
+from viewer.screen.theme import DARK, LIGHT, ON_PLATE, PLATE, WARM, Palette, colours, contrast, emphasised, mixed, on
 
 _READABLE = 4.5
 """The contrast that WCAG 2 asks of text."""
@@ -31,7 +31,7 @@ def test_text_can_be_read_on_whatever_it_is_on(palette: Palette) -> None:
         for colour in (palette.quiet, palette.warm, palette.error):
             assert contrast(colour, ground) > _READABLE
     for badge in (palette.accent, WARM):
-        assert contrast(on(badge), badge) > _READABLE
+        assert contrast(on(badge), emphasised(badge)) > contrast(on(badge), badge) > _READABLE
     for ground in palette.background:  # through a plate that is not quite opaque
         assert contrast(ON_PLATE, mixed(PLATE, ground, 0.12)) > 2 * _READABLE
 

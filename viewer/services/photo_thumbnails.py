@@ -1,0 +1,42 @@
+"""Photos as they are, small; the worker reads them."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image, ImageOps
+
+from core.runtime.reading import open_image
+from viewer.services.jobs import Jobs
+from viewer.services.worker import Job
+
+_SIDE = 128
+"""px"""
+
+
+class PhotoThumbnails:
+    """Each is read once."""
+
+    def __init__(self, jobs: Jobs) -> None:
+        self._jobs = jobs
+        self._pixels: dict[Path, UInt8[np.ndarray, "side side 3"] | None] = {}
+
+    def get(self, path: Path) -> UInt8[np.ndarray, "side side 3"] | None:
+        """The whole photo in a white square; None until it has been read, and where it cannot be: its fit says so."""
+        if path not in self._pixels:
+            self._pixels[path] = None
+            self._jobs.submit(Job(f"photo {path}", lambda: (_square(path),), partial(self._keep, path)))
+        return self._pixels[path]
+
+    def _keep(self, path: Path, pixels: UInt8[np.ndarray, "side side 3"]) -> None:
+        self._pixels[path] = pixels
+
+
+def _square(path: Path) -> UInt8[np.ndarray, "side side 3"]:
+    with open_image(path, _SIDE) as image:
+        small = ImageOps.exif_transpose(image)
+        small.thumbnail((_SIDE, _SIDE))
+        square = Image.new("RGBA", (max(small.size),) * 2, "white")
+        square.alpha_composite(small.convert("RGBA"), tuple((square.width - side) // 2 for side in small.size))
+        return np.asarray(square.convert("RGB"))
