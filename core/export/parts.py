@@ -69,8 +69,8 @@ def _part_of_faces(
         facing_up = probability[:, head.names.index("seat")] * np.maximum(normals[:, 2], 0.0)
         above = middles[:, 2] - _weighted_median(middles[:, 2], facing_up)
     probability = np.maximum(probability, 1e-6)  # what is ruled out comes behind what is unlikely
-    for part, name in enumerate(head.names):
-        probability[_never(name, places, above), part] = 0.0
+    for index, name in enumerate(head.names):
+        probability[_never(name, places, above), index] = 0.0
     pairs = _neighbours(faces)
     part = _without_teeth(_averaged(probability, pairs, area).argmax(1), pairs)
     return _without_strays(_without_patches(part, pairs, area), pairs, places[:, 2], head.names)
