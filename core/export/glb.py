@@ -113,7 +113,8 @@ def _add_mesh(about: dict, name: str, arrays: tuple[np.ndarray, ...], start: int
         about["bufferViews"].append({"buffer": 0, "byteOffset": start, "byteLength": array.nbytes, "target": kind})
         start += array.nbytes
     attributes = {"POSITION": first, "NORMAL": first + 1, "COLOR_0": first + 2}
+    primitive = {"attributes": attributes, "indices": first + 3, "material": 0}
     index = len(about["meshes"])
-    about["meshes"].append({"primitives": [{"attributes": attributes, "indices": first + 3, "material": 0}]})
+    about["meshes"].append({"name": name, "primitives": [primitive]})
     about["nodes"].append({"name": name, "mesh": index})
     about["scenes"][0]["nodes"].append(index)
