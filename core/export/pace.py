@@ -5,11 +5,10 @@ import tempfile
 import time
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
-from core.export.frames import FEW_PIXELS, bake_views, key_views, over, supersampling
+from core.export.frames import FEW_SAMPLES, are_few, bake_views, count_objects, key_views, over, supersampling
 from core.export.keyframes import View, turntable
 from core.export.video import FORMATS, Coding, VideoSettings, coding_of
 from core.models.model import Model
@@ -49,16 +48,17 @@ class Pace:
         """
         coding = self.coding.get(suffix, Coding(0.0, 0.0))
         pixels = len(views) * size**2
-        few = pixels <= FEW_PIXELS or not self.baked
-        rendered = pixels * self.exact if exact or few else self._drawing(views, size)
-        parts = rendered, pixels * coding.frame
+        parts = self._rendering(views, size, exact), pixels * coding.frame
         # Another thread encodes, which helps where there is another core.
         return (max(parts) if (os.cpu_count() or 1) > 1 else sum(parts)) + pixels * coding.end
 
-    def _drawing(self, views: Sequence[View], size: int) -> float:
-        keys = [views[index].codes for index in key_views(views)]
-        objects = 1 + sum(before != after for before, after in pairwise(keys))
-        baking = objects * self.start + max(0, len(keys) - objects - 1) * self.view
+    def _rendering(self, views: Sequence[View], size: int, exact: bool) -> float:
+        few = are_few(views, size) and not exact
+        if few or exact or not self.baked:
+            samples = FEW_SAMPLES if few else RenderSettings.samples
+            return len(views) * size**2 * self.exact * samples / RenderSettings.samples
+        keys, objects = len(key_views(views)), count_objects(views)
+        baking = objects * self.start + max(0, keys - objects - 1) * self.view
         return baking + len(views) * (self.frame + (size * supersampling(size)) ** 2 * self.ray)
 
 

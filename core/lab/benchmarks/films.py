@@ -14,7 +14,7 @@ from statistics import mean
 from typing import NamedTuple
 
 from core.detail.frames import render_progressively
-from core.export.frames import LEVELS, BakedViews, Image, bake_views
+from core.export.frames import FEW_SAMPLES, LEVELS, BakedViews, Image, are_few, bake_views
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.lab.benchmarks.held_out_views import evenly_spaced_objects
@@ -42,7 +42,7 @@ class Film:
     shown: str
     """turn, morph or picture"""
     recipe: str
-    """exact, baked, or default: baked as finely as :func:`~core.export.frames.bake_views` chooses, its choice timed"""
+    """exact, baked, or default: as :func:`~core.export.frames.render_frames` chooses, its choice timed"""
     setting: float
     """samples of a ray, or cells of the grid along an axis"""
     seconds: float
@@ -82,7 +82,7 @@ def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = (
         "morph": [_Views(_morph(*pair), COMPARED) for pair in zip(turns, turns[1:] + turns[:1], strict=True)],
         "picture": [_Views([View(one[0].codes, one[0].camera.resized(PICTURE, PICTURE))], [0]) for one in turns],
     }
-    finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _baked(None))
+    finest, default = ("exact", SAMPLES[-1], _exact(SAMPLES[-1])), (DEFAULT, 0, _default)
     turned: list[tuple[str, int, _Films]] = [("exact", samples, _exact(samples)) for samples in SAMPLES]
     turned += [("baked", cells, _baked(cells)) for cells in LEVELS]
 
@@ -120,8 +120,13 @@ def _exact(samples: int) -> _Films:
     return film
 
 
+def _default(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
+    few = are_few(shown.views, shown.views[0].camera.width)
+    return (_exact(FEW_SAMPLES) if few else _baked(None))(model, shown)
+
+
 def _baked(cells: int | None) -> _Films:
-    """With a grid of so many cells, or the one that films take."""
+    """With a grid of so many cells, or the one that is fine enough."""
 
     def film(model: Model, shown: _Views) -> tuple[float, float, list[Image]]:
         began, views = time.process_time(), shown.views

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import pytest
 
+from core.export.frames import FEW_SAMPLES
 from core.export.keyframes import Keyframe, Timeline, View, turntable
 from core.export.pace import Pace, measure_pace
 from core.export.video import FORMATS, Coding
 from core.models.model import Model
+from core.rendering.progressive import RenderSettings
 from tests.conftest import unchecked_shapes
 from tests.core.tiny import tiny_model
 
@@ -41,16 +43,19 @@ def test_exact_frames_and_those_of_what_cannot_be_baked_are_counted_by_rays() ->
     views = turn(tiny_model())
     expected = 72 * 512**2 * 1e-5
     assert PACE.seconds(views, ".mp4", 512, exact=True) == pytest.approx(expected)
-    assert PACE.seconds(views[:1], ".png", 256) == pytest.approx(256**2 * 1e-5)  # sooner than baked
+    few = pytest.approx(256**2 * 1e-5 * FEW_SAMPLES / RenderSettings.samples)  # sooner than baked
+    assert PACE.seconds(views[:1], ".png", 256) == few
+    assert PACE.seconds(views[:1], ".png", 256, exact=True) == pytest.approx(256**2 * 1e-5)
     assert replace(PACE, baked=False).seconds(views, ".mp4", 512) == pytest.approx(expected)
 
 
-def test_every_object_of_a_morph_is_baked() -> None:
+def test_every_object_of_a_morph_is_baked_unless_its_frame_is_small() -> None:
     model = tiny_model()
     camera = model.camera(0.3, 0.4)
     keys = Keyframe(0.0, View(model.codes[0], camera)), Keyframe(0.5, View(model.codes[1], camera))
     morph = Timeline(keys, 1.0).views(16)
-    assert PACE.seconds(morph, ".mp4", 512) > 16 * PACE.start
+    assert PACE.seconds(morph, ".mp4", 1080) > 16 * PACE.start
+    assert PACE.seconds(morph, ".mp4", 512) == pytest.approx(16 * 512**2 * 1e-5 * FEW_SAMPLES / RenderSettings.samples)
 
 
 def test_what_is_written_at_the_end_takes_its_time_too() -> None:

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from core.export.frames import LEVELS, BakedViews
+from core.export.frames import FEW_SAMPLES, LEVELS, BakedViews
 from core.export.keyframes import View
 from core.lab.benchmarks import films
 from core.lab.benchmarks.charts import draw
@@ -25,6 +25,7 @@ def coarse_views(model: Model, views: Sequence[View]) -> Generator[None, None, B
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(films, "bake_views", coarse_views)
+    monkeypatch.setattr("core.export.frames.FEW_PIXELS", 48**2)
     for name, value in (
         ("SIZE", 48),
         ("PICTURE", 96),
@@ -50,6 +51,7 @@ def test_every_way_to_make_a_film_is_measured_once() -> None:
         coarse, fine, baked, default = rows[:4]
         assert fine.psnr > coarse.psnr
         assert default.setting == 128 and default.psnr == baked.psnr > 35
+        assert rows[5].setting == FEW_SAMPLES  # an object of a morph has one frame
         assert list(measure_films(tiny_model(), 2, [row.key for row in rows])) == []
 
 
