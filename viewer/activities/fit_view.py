@@ -1,7 +1,12 @@
 """How the fit under way, or the last one, is shown: its steps and photos, and renders from their cameras."""
 
+import math
 import time
 from dataclasses import replace
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
 
 from core.export.keyframes import View
 from core.fitting.fit import FitStep, RunnerUp
@@ -69,15 +74,17 @@ class FitView:
         size = self._editor.model.image_size
         return found.cameras[self.history.photo_index].resized(size, size)
 
-    def _moved(self, step: FitStep) -> tuple[int, int]:
-        """How many px right and below the photo shows what its camera sees in its middle; the roll is left out."""
+    def _moved(self, step: FitStep) -> tuple[int, int, float]:
+        """How many px right and below the photo shows what its camera sees in its middle, and how far it is turned
+        around that (rad, clockwise).
+        """
         model, index, cameras = self._editor.model, self.history.photo_index, self._seen(step).cameras
         for one in step.hypotheses:
             if one.cameras == cameras:
                 size = model.focal * cameras[index].height / model.image_size
-                right, below = (round(size * shift) for shift in one.crop_transform[index, 2:].tolist())
-                return right, below
-        return 0, 0
+                _, roll, *shift = one.crop_transform[index].tolist()
+                return round(size * shift[0]), round(size * shift[1]), roll
+        return 0, 0, 0.0
 
     def scrub(self, index: int | None, gesture: str = "") -> None:
         """Show a step: its codes, seen from its camera, are an edit of the scene. None is the newest step."""
@@ -123,7 +130,7 @@ class FitView:
         index, view, fills = self.history.photo_index, self._viewport.settings, self._fills_view
         camera = self._seen(step).cameras[index]
         layout = (*view.panel, camera.height, view.pan) if fills else (camera.width, camera.height, camera.height)
-        right, below = self._moved(step)
+        right, below, roll = self._moved(step)
         crop = orbit.fit_to_panel(camera, *layout).widened(abs(right), abs(below))
         job = RenderJob(step.codes, crop.camera, settings, shadow=True)
 
@@ -132,6 +139,8 @@ class FitView:
                 self._viewport.display(frame, crop, "fit")
             if index == self.history.photo_index and (fitted := self.history.photo):
                 middle = crop.middle(camera, right, below).cropped(frame)
+                shift = right / camera.width, below / camera.height
+                middle = replace(middle, image=_turned(middle.image, roll, shift))
                 difference = fitted.doubled_difference(middle.image)
                 self.history = replace(self.history, frame=middle, difference=difference)
 
@@ -140,3 +149,17 @@ class FitView:
         # While a person scrubs, each frame is shown before the next replaces it.
         urgent = self.history.selected is not None
         self._jobs.submit(Job("fit frame", lambda: frames(model, job), rendered, ended, urgent))
+
+
+def _turned(
+    image: UInt8[np.ndarray, "height width 3"], roll: float, shift: tuple[float, float]
+) -> UInt8[np.ndarray, "height width 3"]:
+    """Turned clockwise (rad) around a place right of and below its middle, in shares of its size; white beyond it."""
+    if not roll:
+        return image
+    height, width = image.shape[:2]
+    about = width * (0.5 + shift[0]), height * (0.5 + shift[1])
+    turned = Image.fromarray(image).rotate(
+        -math.degrees(roll), Image.Resampling.BICUBIC, center=about, fillcolor="white"
+    )
+    return np.asarray(turned)

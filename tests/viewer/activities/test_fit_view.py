@@ -1,3 +1,4 @@
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -100,3 +101,29 @@ def test_the_render_lies_where_the_photo_has_the_object(session: Session, worksp
     assert frame is not None
     middle = model.image_size // 2
     assert np.argwhere(frame.image[..., 0] == 0).tolist() == [[middle - 3, middle + 5]]
+
+
+def test_the_render_is_turned_as_the_photo_is(session: Session, workspace: Workspace, photo: Path) -> None:
+    """Clockwise, around where the photo has the object."""
+    model = workspace.editor.model
+
+    def paint_right(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+        height, width = job.camera.height, job.camera.width
+        image, opaque = np.full((height, width, 3), 255, np.uint8), np.ones((height, width), np.float32)
+        image[height // 2 - 2 : height // 2 + 2, width // 2 + 5 : width // 2 + 9] = 0
+        yield Frame(image, opaque, opaque, 0, 1, 8, 0.0)
+
+    def rolled_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
+        transform = torch.tensor([[0.0, math.pi / 2, 2 / model.focal, -3 / model.focal]])
+        for step in quick_fit(model, job):
+            first, *others = step.hypotheses
+            yield replace(step, hypotheses=(replace(first, crop_transform=transform), *others))
+
+    session.jobs.backend = replace(session.jobs.backend, fit=rolled_fit, frames=paint_right)
+    workspace.fitting.start(photo)
+    finish(session)
+    frame = workspace.fitting.history.frame
+    assert frame is not None
+    black, middle = np.argwhere(frame.image[..., 0] == 0), model.image_size // 2
+    assert black.min(0).tolist() == [middle - 3 + 5, middle + 2 - 2]
+    assert black.max(0).tolist() == [middle - 3 + 8, middle + 2 + 1]
