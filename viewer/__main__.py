@@ -12,6 +12,7 @@ from core.runtime.threads import use_one_thread
 from viewer.screen import window
 from viewer.screen.splash import Splash
 from viewer.screen.window import NoDisplayError, config_folder
+from viewer.services.memory import keep_little_free_memory, return_free_memory
 from viewer.services.single_instance import SingleInstance, Start, begin
 
 _LONGEST = 900.0
@@ -20,6 +21,7 @@ _LONGEST = 900.0
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window, or raise the one that is open. Without a display: one line on stderr, status 1."""
+    keep_little_free_memory()
     use_one_thread()
     chosen = parser().parse_args(arguments)
     try:
@@ -51,7 +53,6 @@ def _run(chosen: argparse.Namespace, instance: SingleInstance | None = None) -> 
     from viewer.app import App
     from viewer.screenshot import Screenshot
     from viewer.services.backend import Backend
-    from viewer.services.memory import return_free_memory
     from viewer.services.worker import Worker
     from viewer.session import Session
 
