@@ -287,8 +287,8 @@ class Session:
         if exporting.path:
             text += f" once {exporting.path.name} is saved"
             buttons = (Button("Do it now", lambda: self.do_now(waits)), *buttons)
-        self.messages.notify(text, MessageKind.NOTE, buttons=buttons)
         self._elsewhere = (*self._elsewhere, waits)
+        self.messages.notify(text, MessageKind.NOTE, buttons=buttons, holds=lambda: waits in self._elsewhere)
 
     def _insist(self, waits: Waiting, category: str) -> None:
         """A person knows better than the classifier."""

@@ -8,10 +8,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
-from core.export.frames import FEW_SAMPLES, are_few, bake_views, count_objects, key_views, over, supersampling
+from core.export.frames import (
+    STILL_STEPS,
+    are_few,
+    bake_views,
+    count_objects,
+    few_samples,
+    key_views,
+    over,
+    supersampling,
+)
 from core.export.keyframes import View, turntable
 from core.export.video import FORMATS, Coding, VideoSettings, coding_of
 from core.models.model import Model
+from core.rendering.baked_field import MAX_STEPS
 from core.rendering.baking import mixed
 from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
@@ -55,11 +65,12 @@ class Pace:
     def _rendering(self, views: Sequence[View], size: int, exact: bool) -> float:
         few = are_few(views, size) and not exact
         if few or exact or not self.baked:
-            samples = FEW_SAMPLES if few else RenderSettings.samples
+            samples = few_samples(views) if few else RenderSettings.samples
             return len(views) * size**2 * self.exact * samples / RenderSettings.samples
         keys, objects = len(key_views(views)), count_objects(views)
         baking = objects * self.start + max(0, keys - objects - 1) * self.view
-        return baking + len(views) * (self.frame + (size * supersampling(size)) ** 2 * self.ray)
+        finer = STILL_STEPS / MAX_STEPS if len(views) == 1 else 1.0
+        return baking + len(views) * (self.frame + (size * supersampling(size)) ** 2 * self.ray * finer)
 
 
 def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:

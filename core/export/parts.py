@@ -21,8 +21,8 @@ Pairs = Int[np.ndarray, "2 pairs"]
 """triangles that share an edge"""
 _DEPTH = 0.004
 """scene units below the surface, where the field is surest of what it is"""
-_TRIANGLES_PER_PASS = 2500
-"""of a mesh: averaging over neighbours so often reaches equally far in coarse and in fine ones"""
+_TRIANGLES_PER_PASS, _MOST_PASSES = 2500, 60
+"""of a mesh: averaging over neighbours so often reaches equally far in coarse and in fine ones; of very fine ones"""
 _TEETH = 4
 """times that borders are straightened: two triangles might take each other's part for ever"""
 _PATCH = 0.01
@@ -121,7 +121,7 @@ def _averaged(
     to, of = np.concatenate((pairs, pairs[::-1], (own, own)), axis=1)
     weights = coo_array((area[of], (to, of)), shape=(count, count)).tocsr()
     total = np.maximum(weights @ np.ones((count, 1)), 1e-12)
-    for _ in range(-(-count // _TRIANGLES_PER_PASS)):
+    for _ in range(min(_MOST_PASSES, -(-count // _TRIANGLES_PER_PASS))):
         probability = weights @ probability / total
     return probability
 

@@ -25,7 +25,7 @@ LOGITS = -8.0, 24.0
 """Logits that 0 and 255 stand for; the least is a density of 0.01 per scene unit."""
 STEPS_PER_TEXEL = 1.5
 MAX_STEPS = 128
-"""along the longest side of the box: more change nothing that can be seen"""
+"""along the longest side of the box: more change nothing that can be seen in motion"""
 MIN_LIGHT = 0.002
 """A ray ends where less of its light is left."""
 _FARTHEST = 8
@@ -54,11 +54,13 @@ class BakedField:
     """what a photo adds to the colours: far finer than texels, so it is looked up for each pixel"""
     shadow: GroundShadow | None = None
     """of the object on the ground, to be laid between it and a background"""
+    steps: int | None = None
+    """along the longest side of the box; None: as many as change most of what can be seen"""
 
     @property
     def step(self) -> float:
         """scene units between the samples of a ray"""
-        return 2 * max(self.extent) / min(MAX_STEPS, STEPS_PER_TEXEL * self.cells)
+        return 2 * max(self.extent) / (self.steps or min(MAX_STEPS, STEPS_PER_TEXEL * self.cells))
 
 
 def colour_texels(colour: Float[Tensor, "*corners 3"]) -> UInt8[Tensor, "*corners 3"]:

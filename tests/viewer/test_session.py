@@ -298,9 +298,9 @@ def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
         session.tick()
     finish(session, lambda: not session.fitting_runs)
     assert opened(session).editor.objects.names[0] == "block"
-    assert "block.png looks like cars, not chairs: that model opens for it" in [
-        one.text for one in session.messages.all
-    ]
+    said = "block.png looks like cars, not chairs: that model opens for it"
+    assert said in [one.text for one in session.messages.log]
+    assert said not in [one.text for one in session.messages.shown]
     session.open_model("chairs")
     finish(session, lambda: session.model_name == "chairs")
     assert "block" not in opened(session).editor.objects.names

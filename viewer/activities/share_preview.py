@@ -27,8 +27,8 @@ class SharePreview:
         """on nothing; None until it is rendered"""
         self._shown: tuple[object, ...] = ()
         """what it shows"""
-        self._copied: tuple[Codes, BakedField] | None = None
-        """the object and its baked copy that it is drawn from, if it is"""
+        self._copied: tuple[Codes, int] | None = None
+        """the object, and the cells of its baked copy that it is drawn from, if it is"""
         self.pace: Pace | None = None
         """of videos of this model on this machine; None until that is measured"""
         self._known: tuple[tuple[object, ...], float] | None = None
@@ -44,23 +44,24 @@ class SharePreview:
         state, model = self._editor.state, self._editor.model
         framing = settings.kind, settings.fill, settings.frames, settings.rate, settings.shows_shadow
         wanted = state.scene, state.timeline, framing
-        is_coarse = self._copied is not None and baked_copy(self._copied[0]) not in (None, self._copied[1])
+        finer = baked_copy(self._copied[0]) if self._copied else None
+        is_coarse = self._copied is not None and finer is not None and finer.cells > self._copied[1]
         if (wanted == self._shown and not is_coarse) or self._editor.history.gesture:
             return
         self._copied = None
         self._shown, small, shadow = wanted, replace(settings, size=_SIZE), settings.shows_shadow
 
-        def stream() -> Iterator[tuple[Image, tuple[Codes, BakedField] | None] | None]:
+        def stream() -> Iterator[tuple[Image, tuple[Codes, int] | None] | None]:
             view = small.views(model, state.scene, state.timeline)[0]
             baked, backend = baked_copy(view.codes), self._jobs.backend
             drawn = backend.draw(baked, view.camera, _SIZE, shadow) if baked else None
             if baked and drawn is not None:
-                yield drawn, (view.codes, baked)
+                yield drawn, (view.codes, baked.cells)
                 return
             for image in backend.pictures(model, [view], _SIZE, None, False, shadow):
                 yield None if image is None else (image, None)
 
-        def rendered(found: tuple[Image, tuple[Codes, BakedField] | None]) -> None:
+        def rendered(found: tuple[Image, tuple[Codes, int] | None]) -> None:
             self.image, self._copied = found
 
         self._jobs.submit(Job("share preview", stream, rendered, self._jobs.reporting("Cannot render the preview")))

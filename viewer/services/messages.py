@@ -54,13 +54,17 @@ class Message:
     buttons: tuple[Button, ...] = ()
     lasts: bool = False
     """until it is answered or dismissed"""
+    holds: Callable[[], bool] = lambda: True
+    """whether what it says is still so"""
     born: float = field(default_factory=time.monotonic)
     """s on the monotonic clock"""
     written: datetime = field(default_factory=datetime.now)
 
     @property
     def faded(self) -> bool:
-        """It goes from the screen by itself, later where there is something to press."""
+        """It goes from the screen by itself, later where there is something to press, and once it holds no more."""
+        if not self.holds():
+            return True
         short = self.kind is MessageKind.DONE and not self.buttons
         return not self.lasts and time.monotonic() - self.born > (_SHORT if short else _LONG)
 

@@ -9,18 +9,20 @@ import os
 import queue
 import secrets
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
-_ADDRESS = "window.address"
-"""the file in the folder: port and key of the window that is open, to be read by its user alone"""
+_LOCK, _ADDRESS = "window.lock", "window.address"
+"""the files in the folder: held by the window that is open, as long as it lives; its port and key, to be read by its
+user alone"""
 _HOST = "127.0.0.1"
-_PATIENCE = 3.0
-"""s: a window that does not answer within this is taken to be dead"""
+_PATIENCE = 20.0
+"""s, for an answer: the window may be loading its libraries"""
 _CLOSING = 60.0
 """s that a start waits for a window which writes its session and ends"""
 _MOST = 65_536
@@ -39,11 +41,11 @@ class Start(NamedTuple):
 class SingleInstance:
     """The window of a folder listens on a port of this machine; its thread only collects what :meth:`starts` gives."""
 
-    def __init__(self, folder: Path) -> None:
-        """Listen, and write down where. Raises ``FileExistsError`` where another window has done so first."""
-        self._path, self._key = folder / _ADDRESS, secrets.token_hex(16)
+    def __init__(self, folder: Path, lock: IO[bytes]) -> None:
+        """Listen, and write down where. The lock is closed with it."""
+        self._path, self._lock, self._key = folder / _ADDRESS, lock, secrets.token_hex(16)
         self.wake: Callable[[], None] = lambda: None
-        """called from the thread once there is a start to take"""
+        """called from a thread once there is a start to take"""
         self._starts = queue.SimpleQueue[Start]()
         self._ends = False
         self._listener = socket.create_server((_HOST, 0))
@@ -70,8 +72,9 @@ class SingleInstance:
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)  # closed alone, it would go on accepting
         self._listener.close()
-        if _read_address(self._path)[1] == self._key:  # another has taken over from one that did not answer
-            self._path.unlink(missing_ok=True)
+        with suppress(OSError):  # some systems keep a file that is being read; the next window writes it anew
+            self._path.unlink()
+        self._lock.close()
 
     def _listen(self) -> None:
         while True:
@@ -79,62 +82,74 @@ class SingleInstance:
                 connection, _ = self._listener.accept()
             except OSError:  # closed
                 return
-            with connection, suppress(Exception):  # whatever another program may send
-                connection.settimeout(_PATIENCE)
-                self._answer(connection)
+            threading.Thread(target=self._answer, args=(connection,), daemon=True).start()
 
     def _answer(self, connection: socket.socket) -> None:
-        with connection.makefile("rb") as lines:
-            key, *wishes = map(str, json.loads(lines.readline(_MOST)))
-        if not hmac.compare_digest(key, self._key):
-            return
-        start = Start(*wishes)
-        if not self._ends:
-            self._starts.put(start)
-            self.wake()
-        connection.sendall(_ENDS if self._ends else _TAKEN)
+        with connection, suppress(Exception):  # whatever another program may send
+            connection.settimeout(_PATIENCE)
+            with connection.makefile("rb") as lines:
+                key, *wishes = map(str, json.loads(lines.readline(_MOST)))
+            if not hmac.compare_digest(key, self._key):
+                return
+            start, ends = Start(*wishes), self._ends
+            if not ends:
+                self._starts.put(start)
+                self.wake()
+            connection.sendall(_ENDS if ends else _TAKEN)
 
 
 def begin(folder: Path, start: Start) -> SingleInstance | None:
-    """Become the window of a folder; None where one is open, which has been handed the start then. What a window that
-    crashed has left is cleared away.
+    """Become the window of a folder; None where one is open, which has been handed the start then.
+
+    Raises ``TimeoutError`` where that does not answer for a minute.
     """
     folder.mkdir(parents=True, exist_ok=True)
     until = time.monotonic() + _CLOSING
-    while True:
-        try:
-            return SingleInstance(folder)
-        except FileExistsError:
-            answer = _hand_over(folder / _ADDRESS, start)
-        if answer == _TAKEN:
+    while time.monotonic() < until:
+        if lock := _locked(folder / _LOCK):
+            return SingleInstance(folder, lock)
+        if _hand_over(folder / _ADDRESS, start) == _TAKEN:
             return None
-        if answer == _ENDS and time.monotonic() < until:
-            time.sleep(0.1)
+        time.sleep(0.1)
+    raise TimeoutError("a window is open already, but does not answer")
+
+
+def _locked(path: Path) -> IO[bytes] | None:
+    """The file, held until it is closed or this process ends, however it does; None while another process holds it."""
+    file = path.open("ab")
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
         else:
-            (folder / _ADDRESS).unlink(missing_ok=True)
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        file.close()
+        return None
+    except OSError:  # a file system without locks: any number of windows
+        pass
+    return file
 
 
 def _hand_over(path: Path, start: Start) -> bytes:
     """The answer of the window that has written this file; empty where there is none."""
-    port, key = _read_address(path)
     try:
-        with socket.create_connection((_HOST, port), _PATIENCE) as connection:
+        port, key = path.read_text().split()
+        with socket.create_connection((_HOST, int(port)), _PATIENCE) as connection:
             connection.sendall(json.dumps([key, *start]).encode() + b"\n")
             with connection.makefile("rb") as lines:
                 return lines.readline(_MOST)
-    except (OSError, OverflowError):
+    except (OSError, ValueError, OverflowError):  # not written yet, or closed already
         return b""
 
 
 def _write_address(path: Path, port: int, key: str) -> None:
-    with os.fdopen(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "w") as file:
+    """Whole, in place of what a window that crashed has left."""
+    partial = path.with_suffix(".new")
+    partial.unlink(missing_ok=True)
+    with os.fdopen(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600), "w") as file:
         file.write(f"{port} {key}")
-
-
-def _read_address(path: Path) -> tuple[int, str]:
-    """Port and key; a port that nobody listens on where the file cannot be read."""
-    try:
-        port, key = path.read_text().split()
-        return int(port), key
-    except (OSError, ValueError):
-        return 0, ""
+    partial.replace(path)

@@ -34,11 +34,13 @@ class Project:
     def summary(self) -> str:
         """How many steps, objects and photos under way it holds; empty where it holds none."""
         counts = {
-            "steps": sum(len(one.history.past) + len(one.history.future) for one in self.sessions),
-            "objects": sum(len({each.name for each in one.objects} - {*one.removed}) for one in self.sessions),
-            "photos under way": sum(len(one.pending) for one in self.sessions),
+            ("step", "steps"): sum(len(one.history.past) + len(one.history.future) for one in self.sessions),
+            ("object", "objects"): sum(
+                len({each.name for each in one.objects} - {*one.removed}) for one in self.sessions
+            ),
+            ("photo under way", "photos under way"): sum(len(one.pending) for one in self.sessions),
         }
-        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+        return ", ".join(f"{count} {one if count == 1 else more}" for (one, more), count in counts.items() if count)
 
     def shared(self) -> "Project":
         """To be handed on: without the folders of this machine, except those of photos that have not been read yet."""

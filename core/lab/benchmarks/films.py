@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from statistics import mean
+from statistics import mean, median
 from typing import NamedTuple
 
 from core.detail.frames import render_progressively
@@ -100,7 +100,7 @@ def measure_films(model: Model, objects: int = 2, done: Collection[Hashable] = (
                 chosen.append(found)
                 seconds.append(spent)
                 quality += [psnr(one / 255, of / 255) for one, of in zip(frames, truth(what, number), strict=True)]
-            yield Film(what, recipe, mean(chosen), mean(seconds), mean(quality), min(quality))
+            yield Film(what, recipe, median(chosen), mean(seconds), mean(quality), min(quality))
 
 
 def _morph(turn: Sequence[View], other: Sequence[View]) -> Sequence[View]:

@@ -318,7 +318,7 @@ def test_the_first_result_can_be_used_while_it_is_checked(
     assert editor.scene.codes == model.codes[4]  # nobody has edited it
     assert editor.scene.camera.azimuth == pytest.approx(1.0 + np.pi, abs=0.02)
     assert [one.name for one in editor.objects.added] == ["block"]
-    assert "a better one was found" in session.messages.all[-1].text
+    assert "a better viewpoint was found" in session.messages.all[-1].text
     editor.undo()
     assert editor.scene.codes == model.codes[3]
 

@@ -1,5 +1,6 @@
 import socket
 import stat
+import subprocess
 import sys
 import threading
 import time
@@ -42,7 +43,7 @@ def test_two_homes_do_not_meet(window: SingleInstance, tmp_path: Path) -> None:
 
 def test_the_next_window_opens_once_the_first_is_closed(window: SingleInstance, tmp_path: Path) -> None:
     window.close()
-    assert not any((tmp_path / "home").iterdir())
+    assert not (tmp_path / "home" / "window.address").exists()
     later = begin(tmp_path / "home", Start())
     assert later is not None
     later.close()
@@ -95,11 +96,33 @@ def test_the_key_is_for_its_user_alone(window: SingleInstance, tmp_path: Path) -
     assert stat.S_IMODE((tmp_path / "home" / "window.address").stat().st_mode) == 0o600
 
 
-def test_a_window_taken_for_dead_leaves_the_next_ones_address_alone(window: SingleInstance, tmp_path: Path) -> None:
-    (tmp_path / "home" / "window.address").unlink()
-    later = begin(tmp_path / "home", Start())
-    assert later is not None
-    with closing(later):
-        window.close()
-        assert begin(tmp_path / "home", Start("a.png")) is None
-        assert list(later.starts()) == [Start("a.png")]
+_START = """
+import sys, time
+from pathlib import Path
+from viewer.services.single_instance import Start, begin
+while not Path(sys.argv[2]).exists():
+    time.sleep(0.001)
+window = begin(Path(sys.argv[1]), Start(sys.argv[3]))
+print("window" if window else "handed over", flush=True)
+if window:
+    sys.stdin.read()
+    print("".join(sorted(start.image for start in window.starts())))
+"""
+
+
+def test_of_starts_at_once_one_is_the_window(tmp_path: Path) -> None:
+    home, go = tmp_path / "home", tmp_path / "go"
+    home.mkdir()
+    (home / "window.address").write_text("1 key")  # of a window that crashed
+    words = [sys.executable, "-c", _START, home, go]
+    started = {
+        name: subprocess.Popen([*words, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        for name in "abcd"
+    }
+    go.touch()
+    became = {name: process.stdout.readline().strip() for name, process in started.items() if process.stdout}
+    (window,) = [name for name, what in became.items() if what == "window"]
+    others = "abcd".replace(window, "")
+    assert all(became[name] == "handed over" for name in others)
+    left = {name: process.communicate()[0].strip() for name, process in started.items()}
+    assert left == {window: others} | dict.fromkeys(others, "")
