@@ -91,7 +91,9 @@ def _add_render(commands: argparse._SubParsersAction) -> None:
 def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command = add_command(commands, "turntable", "render.turntable", "write a video of one turn around an object")
     _add_scene_options(command)
-    command.add_argument("--morph-to", type=int, metavar="J", help="morph into this object and back")
+    command.add_argument(
+        "--morph-to", type=int, metavar="J", help="morph into this object and back: a minute, each frame is another"
+    )
     command.add_argument("--frames", type=count, default=72, metavar="N", help="number of frames")
     command.add_argument("--fps", type=count, default=24, metavar="N", help="frames per second")
     command.add_argument("--size", type=count, default=512, metavar="PX", help="width and height")
@@ -101,7 +103,7 @@ def _add_turntable(commands: argparse._SubParsersAction) -> None:
     command.add_argument(
         "--exact",
         action="store_true",
-        help="every frame by the network, which takes minutes; the usual ones are within 45 dB of these",
+        help="every frame by the network, which takes minutes; the usual ones are 45 dB from these or nearer",
     )
     command.add_argument(
         "--out",

@@ -46,7 +46,7 @@ class Pace:
     ray: float = 0.0
     """one that is drawn"""
     baked: bool = False
-    """frames are drawn from a baked copy; else they are exact, wanted or not"""
+    """frames are drawn from a baked copy, unless they are few; else they are rendered, wanted or not"""
     coding: Mapping[str, Coding] = field(default_factory=dict)
     """a pixel written, by the ending of the file's name"""
 

@@ -41,7 +41,7 @@ class VideoSettings:
     background: Background | None = WHITE
     """None is transparent"""
     exact: bool = False
-    """every frame by the network; else drawn from a baked copy, which cannot be told from that by eye"""
+    """every frame by the network; else as :mod:`core.export.frames` is soonest done"""
     shadow: bool = False
     """of the object, on the ground"""
 

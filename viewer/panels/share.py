@@ -165,7 +165,7 @@ def _draw_form(settings: ShareSettings, usual: float) -> ShareSettings:
         settings = _draw_quality(settings)
     _label("Exact")
     _, exact = imgui.checkbox("##exact", settings.exact)
-    tooltip("Every pixel by the network, for videos in minutes; else from a baked copy that can hardly be told from it")
+    tooltip("Every pixel by the network, for videos in minutes; else faster, and hardly to be told from it")
     settings = _draw_background(replace(settings, exact=exact))
     _label("")
     _, fill = imgui.checkbox("Fill the frame###fill", settings.fill)
