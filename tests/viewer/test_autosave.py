@@ -218,7 +218,7 @@ def test_restoring_adds_to_what_was_made_meanwhile(
     opened(session).editor.show_object("object 5")
     before = opened(session).editor.history
     offer = session.messages.shown[-1]
-    assert f"{len(lost.past)} steps, 1 objects" in offer.text
+    assert f"{len(lost.past)} steps, 1 object," in offer.text
     offer.buttons[0].press()
     history = opened(session).editor.history
     assert history.now == before.now
