@@ -109,10 +109,9 @@ def baked_frames(
 ) -> Iterator[Image | None]:
     """Every frame by OpenGL, from what is baked as finely as it takes; None many times a frame.
 
-    Frames are exact where the machine has no OpenGL, where the model's architecture cannot be baked, or where the
-    finest grid is not fine enough.
+    Frames are exact where the machine has no OpenGL, or where the finest grid is not fine enough.
     """
-    baked = None if model.is_ablation else (yield from bake_views(model, views))
+    baked = yield from bake_views(model, views)
     if baked is None:
         yield from exact_frames(model, views, size, background, shadow)
         return

@@ -78,9 +78,7 @@ def measure_pace(model: Model, view: View) -> Iterator[Pace | None]:
     camera = view.camera.resized(_EXACT_SIZE, _EXACT_SIZE)
     job = RenderJob(view.codes, camera, RenderSettings(divisors=(1,)))
     views = turntable(view.codes, view.camera, 72)[:9]
-    baked, start = None, 0.0
-    if not model.is_ablation:  # what is prepared once is, before exact rays are timed
-        baked, start = yield from _timed(bake_views(model, views))
+    baked, start = yield from _timed(bake_views(model, views))  # before exact rays: it prepares what they need once
     frames, exact = yield from _timed(_collected(model, job))
     ray, coding = exact / _EXACT_SIZE**2, _coding(frames[-1])
     if baked is None:

@@ -134,7 +134,7 @@ def bake_shape(
     distance = cell_distances(_filled_cells(density, cells, box))
     field = BakedField(texels.numpy(), distance, model.extent, scale, model.pixel_offset, cells, box.first)
     hidden = _VOXEL * functional.avg_pool3d(thickness[None], _VOXEL, ceil_mode=True)[0]
-    return BakedShape(field, box, corners, neighbours, torch.cat(features) if features else torch.empty(0, 0), hidden)
+    return BakedShape(field, box, corners, neighbours, torch.cat(features), hidden)
 
 
 def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
