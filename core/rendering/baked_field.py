@@ -26,8 +26,8 @@ LOGITS = -8.0, 24.0
 STEPS_PER_TEXEL = 1.5
 MAX_STEPS = 128
 """along the longest side of the box: more change nothing that can be seen in motion"""
-MIN_LIGHT = 0.002
-"""A ray ends where less of its light is left."""
+MIN_LIGHT = 0.005
+"""A ray ends where less of its light is left; that counts as taken."""
 _FARTHEST = 8
 """cells that are skipped at a time, at most"""
 _CHUNK_RAYS = 4096

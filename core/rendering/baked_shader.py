@@ -35,7 +35,7 @@ uniform sampler3D texels;     // rgb and logit; the axes are z, y, x
 uniform usampler3D distance;  // cells to the nearest occupied one
 uniform vec3 origin, right, up, backward, extent, first, sides;
 uniform vec2 middle;          // of the picture, px from the first pixel drawn
-uniform vec2 logits;          // least, most; over the logarithm of 2, as all exponents here
+uniform vec2 logits;          // least, range; over the logarithm of 2, as all exponents here
 uniform float focal, pace, cells, blocks, thickness, min_light;
 flat in vec2 reach;
 out vec4 colour;
@@ -48,29 +48,34 @@ void main() {
     vec3 low = min(one, other), high = max(one, other);
     float near = max(0.0, max(low.x, max(low.y, low.z)));
     float far = min(reach.y, min(high.x, min(high.y, high.z)));
-    // In the box's coordinates, 0 to 1: of the sample i, base + i * delta.
+    // In the box's coordinates, 0 to 1, the sample i lies at base + i * delta; in cells of the distance, and in the
+    // texture, likewise. What does not change along the ray is computed here: nothing moves it out of the loop.
     vec3 base = 0.5 + 0.5 * (origin + along * (near + 0.5 * pace)) / extent, delta = 0.5 * along * pace / extent;
-    vec3 ahead = vec3(greaterThan(along, vec3(0.0))), samples_per_block = 1.0 / (delta * blocks);
+    vec3 block_base = base * blocks, block_delta = delta * blocks, samples_per_block = 1.0 / block_delta;
+    vec3 forward = sign(along), leave_base = vec3(lessThan(along, vec3(0.0))) - block_base;
+    vec3 texel_base = (base * cells - first + 0.5) / sides, texel_delta = delta * cells / sides;
+    int last_block = int(blocks) - 1;
     float i = max(0.0, floor((reach.x - near) / pace)), count = ceil((far - near) / pace - 0.5);
     vec3 seen = vec3(0.0);
     float light = 1.0, middle_of_light = 0.0;
     while (i < count && light > min_light) {
-        vec3 block = clamp(floor((base + i * delta) * blocks), 0.0, blocks - 1.0);
-        float empty = float(texelFetch(distance, ivec3(block).zyx, 0).r);
+        ivec3 block = min(ivec3(block_base + i * block_delta), last_block);
+        float empty = float(texelFetch(distance, block.zyx, 0).r);
         // Leave the cube of empty cells around this one. The sample there is taken without asking again whether its
         // cell is empty, for it has nearly no density then: in software both branches of a question cost time.
-        vec3 leave = (block + mix(vec3(1.0 - empty), vec3(empty), ahead) - base * blocks) * samples_per_block;
+        vec3 leave = (vec3(block) + empty * forward + leave_base) * samples_per_block;
         i = empty > 0.0 ? max(i, ceil(min(leave.x, min(leave.y, leave.z)))) : i;
-        vec4 texel = textureLod(texels, (((base + i * delta) * cells - first + 0.5) / sides).zyx, 0.0);
-        float logit = mix(logits.x, logits.y, texel.a);
-        float softplus = max(logit, 0.0) + log2(1.0 + exp2(-abs(logit)));
+        vec4 texel = textureLod(texels, (texel_base + i * texel_delta).zyx, 0.0);
+        float softplus = log2(1.0 + exp2(logits.x + logits.y * texel.a));
         float left = i < count ? light * exp2(-thickness * softplus) : light;
         seen += (light - left) * texel.rgb;
         middle_of_light += (light - left) * (i + 0.5);
         light = left;
         i += 1.0;
     }
-    float opacity = 1.0 - light;
+    // The little light that a ray ends with counts as taken.
+    float opacity = light > min_light ? 1.0 - light : 1.0;
+    seen *= opacity / max(1.0 - light, 1e-6);
     ADDED
     colour = vec4(clamp(seen, 0.0, opacity), opacity);
 }
@@ -121,7 +126,8 @@ class BakedShader:
             constants = ("blocks", CELLS), ("min_light", MIN_LIGHT), *((name, unit) for unit, name in units)
             for name, value in constants:
                 program[name] = value
-            program["logits"] = tuple(bound / math.log(2) for bound in LOGITS)
+            least, most = LOGITS
+            program["logits"] = tuple(part / math.log(2) for part in (least, most - least))
             self._programs[detailed] = program
         return self._programs[detailed]
 

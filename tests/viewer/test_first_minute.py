@@ -28,7 +28,7 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: P
         def wait(what: str, until: Callable[[], bool]) -> None:
             began = time.monotonic()
             while not until():  # at the rate of a window on screen: without a display it would take all it can get
-                window.wait(lambda: True)
+                window.ctx.yield_()
                 time.sleep(1 / window.app.rate())
                 assert time.monotonic() - began < 600, f"waited in vain for {what}"
             waits[what] = time.monotonic() - began
