@@ -66,15 +66,17 @@ def _largest_zoom(camera: Camera, points: Float[Tensor, "points 3"]) -> float:
 
 
 @lru_cache(maxsize=8)
-def _outline(model: Model, codes: Codes) -> Float[Tensor, "corners 3"]:
-    """The corners of the convex hull of an object (scene units); of the model's box where it is nowhere opaque."""
-    from scipy.spatial import ConvexHull, QhullError  # a third of a second that the window need not wait for
-
-    found = _opaque_points(model, codes, _PARTS)
-    try:
-        return found[ConvexHull(found.numpy()).vertices]
-    except (QhullError, ValueError):  # too few points to hold a volume
-        return _corners(model)
+def _outline(model: Model, codes: Codes) -> Float[Tensor, "ends 3"]:
+    """Points of an object (scene units) that end its rows along all three axes: its convex hull is theirs."""
+    points = _opaque_points(model, codes, _PARTS)
+    place = ((points - points.amin(0)) * (CELLS * _PARTS / 2) / torch.tensor(model.extent) + 0.5).long()
+    taken = torch.zeros((place.amax(0) + 1).tolist(), dtype=torch.bool)
+    taken[place.unbind(-1)] = True
+    ends = taken
+    for axis, side in enumerate(taken.shape):
+        number = taken.cumsum(axis)
+        ends = ends & ((number == 1) | (number == number.narrow(axis, side - 1, 1)))
+    return points[ends[place.unbind(-1)]]
 
 
 def _opaque_points(model: Model, codes: Codes, parts: int) -> Float[Tensor, "points 3"]:
