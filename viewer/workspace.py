@@ -14,7 +14,7 @@ from viewer.activities.segmenting import Segmenting
 from viewer.activities.thumbnails import Thumbnails
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job
@@ -23,9 +23,6 @@ from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.part import Part
 from viewer.values.saved_session import SavedSession
 from viewer.values.view_request import ViewSettings
-
-_VIEW_BANK_SHARE = 0.2
-"""of the worker's time: a fit that waits for it has all the rest"""
 
 
 class Workspace:
@@ -69,8 +66,8 @@ class Workspace:
         """Render the first image, and make what fits wait for."""
         self.viewport.render()
         view_bank, words = self._jobs.backend.view_bank, self._jobs.backend.direction_words
-        self._jobs.submit(Job("words", lambda: words(self.model), self._name_directions, share=_VIEW_BANK_SHARE))
-        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), self._prepare, share=_VIEW_BANK_SHARE))
+        self._jobs.submit(Job("words", lambda: words(self.model), self._name_directions, share=BACKGROUND_SHARE))
+        self._jobs.submit(Job("view bank", lambda: view_bank(self.model), self._prepare, share=BACKGROUND_SHARE))
 
     def word(self, part: Part, index: int) -> str:
         """What more of a principal direction makes of the object, such as *wider*; empty where that is not known."""

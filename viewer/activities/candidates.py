@@ -14,14 +14,12 @@ from core.models.model import Model
 from core.rendering.progressive import Frame
 from core.rendering.reference import render_exact
 from core.runtime.precision import autocast
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.worker import Job
 from viewer.values.saved_session import SavedTile
 
 _MAX_STEP = 45.0
 """degrees: one step turns no camera so far, so what is farther is another hypothesis of the same origin"""
-_SHARE = 0.06
-"""of the worker's time, which the fit has otherwise"""
 _SIZE, _SAMPLES = 32, 16
 """px, and along a ray"""
 _CLOSER = 1.5
@@ -111,7 +109,7 @@ class Candidates:
     def _start(self) -> None:
         if self.tiles and not self._jobs.busy("candidates"):
             ended = self._jobs.reporting("Cannot render the candidates")
-            self._jobs.submit(Job("candidates", self._render, self._keep, ended, share=_SHARE))
+            self._jobs.submit(Job("candidates", self._render, self._keep, ended, share=BACKGROUND_SHARE))
 
     def _render(self) -> Iterator[tuple[int, Frame]]:
         """Every other thumbnail is the best candidate's; between them comes whoever was rendered the longest ago.

@@ -15,7 +15,7 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails, Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
@@ -30,8 +30,8 @@ _COARSE, _COARSE_SAMPLES = 32, 24
 """px and intervals of what is shown until a thumbnail is there"""
 _BATCH = 6
 """thumbnails rendered before the queue is read again"""
-_SHARE = 0.3
-"""of the worker's time"""
+_COARSE_SHARE = 0.3
+"""of the worker's time, where there is nothing to see yet"""
 
 
 class _Key(NamedTuple):
@@ -123,9 +123,9 @@ class Thumbnails:
 
     def tick(self) -> None:
         """Once a frame: begin with what panels wanted since the last one."""
-        # Coarse ones first; the sort keeps the order otherwise.
-        queue = sorted(self._queue.items(), key=lambda one: one[0].camera.width > _COARSE)
-        batch, self._queue = queue[:_BATCH], {}
+        queue, self._queue = list(self._queue.items()), {}
+        coarse = [one for one in queue if one[0].camera.width <= _COARSE]
+        batch, share = (coarse or queue)[:_BATCH], _COARSE_SHARE if coarse else BACKGROUND_SHARE
         if self._jobs.busy("thumbnails"):
             return
         if not batch:
@@ -137,7 +137,7 @@ class Thumbnails:
                 self._failed.update(key for key, _ in batch if key not in self._frames)
                 self._jobs.messages.report("Cannot render the thumbnails", error)
 
-        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=_SHARE))
+        self._jobs.submit(Job("thumbnails", lambda: self._render(batch), self._keep, ended, share=share))
 
     def _save(self) -> None:
         """Nothing is to be rendered: keep what is there of objects, if that is more than is kept."""
@@ -155,7 +155,7 @@ class Thumbnails:
             kept.save(model, on_disk)
             yield None
 
-        self._jobs.submit(Job("thumbnails", stream, lambda nothing: None, share=_SHARE))
+        self._jobs.submit(Job("thumbnails", stream, lambda nothing: None, share=BACKGROUND_SHARE))
 
     def close(self) -> None:
         """Render no more."""

@@ -7,6 +7,9 @@ from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
+BACKGROUND_SHARE = 0.05
+"""of the worker's time: of what nobody looks at yet, beside what somebody waits for; alone it has all of it"""
+
 
 @dataclass(eq=False)
 class Jobs:
