@@ -39,7 +39,6 @@ def render_steps(
     samples: int,
     complete: bool = True,
     cutoff: Tolerances | None = None,
-    supersampling: int = 1,
 ) -> Generator[None, None, Rendered]:
     """Render as :func:`core.rendering.reference.render_exact` does, many times faster.
 
@@ -52,18 +51,18 @@ def render_steps(
         complete: False looks for the shape only around the one rendered last, if they are similar: for a shape that
             changes continuously.
         cutoff: what of a ray is neither evaluated nor shaded; :func:`tolerances` of the samples where it is None.
-        supersampling: how many pixels of the camera along each side make one of the image, as their mean; the large
-            image is never held.
     """
     with torch.inference_mode():
         folded = _folded_field(model, codes)
     key = VisibilityKey(model, tuple(codes.shape.tolist()), camera, samples, complete, cutoff)
     known: Sequence[Chunk] | None = CACHE.get(Kind.VIEW, key)
     keep, size, done = known is None, 0, 0.0
-    seen, canvas = list[Chunk](), _Canvas(camera, supersampling, model.device)
+    seen, image = list[Chunk](), _blank(camera, model.device)
     for chunk in _visible_chunks(folded, key) if known is None else known:
         with torch.inference_mode():
-            canvas.add(chunk, _shade(folded, chunk))
+            shaded = _shade(folded, chunk), chunk.depth, chunk.opacity, chunk.evaluations
+            for whole, part in zip(image, shaded, strict=True):
+                whole[chunk.pixel] = part
         size, done = size + chunk.size, done + chunk.share
         # Visibility is buffered until the view is complete; skip buffering if it would exceed the cache.
         keep = keep and CACHE.make_room(Kind.VIEW, round(size / done))
@@ -71,7 +70,7 @@ def render_steps(
         yield None
     if keep:
         CACHE.put(Kind.VIEW, key, seen, size)
-    return canvas.rendered()
+    return Rendered(*(part.unflatten(0, (camera.height, camera.width)) for part in image))
 
 
 def render(
@@ -270,29 +269,7 @@ def _shade(folded: FoldedField, chunk: Chunk) -> Float[Tensor, "rays 3"]:
     return torch.lerp(torch.ones_like(mean), mean, chunk.opacity[:, None])
 
 
-class _Canvas:
-    """An image with a white background, into which shaded rays are added; depth is averaged over what is opaque."""
-
-    def __init__(self, camera: Camera, factor: int, device: torch.device) -> None:
-        self._across, self._factor = camera.width, factor
-        self._size = camera.height // factor, camera.width // factor
-        count = self._size[0] * self._size[1]
-        self._colour = torch.ones(count, 3, device=device)
-        self._depth, self._opacity = torch.zeros(count, device=device), torch.zeros(count, device=device)
-        self._evaluations = torch.zeros(count, dtype=torch.long, device=device)
-
-    def add(self, chunk: Chunk, colour: Float[Tensor, "rays 3"]) -> None:
-        """The rays of a chunk, in their colours."""
-        row, column = chunk.pixel // self._across, chunk.pixel % self._across
-        at = (row // self._factor) * self._size[1] + column // self._factor
-        share = 1 / self._factor**2
-        self._colour.index_add_(0, at, colour - 1, alpha=share)
-        self._opacity.index_add_(0, at, chunk.opacity, alpha=share)
-        self._depth.index_add_(0, at, chunk.depth * chunk.opacity, alpha=share)
-        self._evaluations.index_add_(0, at, chunk.evaluations)
-
-    def rendered(self) -> Rendered:
-        """The image of what was added."""
-        depth = self._depth / self._opacity.clamp_min(1e-6)
-        parts = (self._colour.unflatten(0, self._size), depth, self._opacity, self._evaluations)
-        return Rendered(parts[0], *(part.reshape(self._size) for part in parts[1:]))
+def _blank(camera: Camera, device: torch.device) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """What :class:`Rendered` has of each pixel where no object is, row by row."""
+    depth, opacity = torch.zeros(2, camera.height * camera.width, device=device)
+    return torch.ones(len(depth), 3, device=device), depth, opacity, torch.zeros_like(depth, dtype=torch.long)

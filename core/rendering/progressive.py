@@ -28,15 +28,9 @@ class RenderSettings:
     """what the size of the image is divided by, stage after stage"""
     preview_samples: int = 64
     """intervals in the stages before the last"""
-    supersampling: int = 1
-    """above 1: one more stage renders so many pixels along each side of a pixel"""
 
     def __post_init__(self) -> None:
-        if (
-            min(self.samples, self.preview_samples) < 2
-            or not self.divisors
-            or min(*self.divisors, self.supersampling) < 1
-        ):
+        if min(self.samples, self.preview_samples) < 2 or min(self.divisors, default=0) < 1:
             raise ValueError(f"rendering needs at least 2 samples and a stage, got {self}")
 
 
@@ -70,8 +64,6 @@ class Frame:
     """since the job began"""
     evaluations: Int32[np.ndarray, "height width"] | None = None
     """samples of each ray whose density was evaluated, where that is known"""
-    supersampling: int = 1
-    """pixels rendered along each side of a pixel"""
     sources: Float32[np.ndarray, "height width 2"] | None = None
     """how far each pixel's colour is from a photo, and from a photo's mirror image, 0..1; None: all is the model's"""
     shadow: GroundShadow | None = None
@@ -95,19 +87,14 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
     """
     began = time.perf_counter()
     stages = _stages(job)
-    # A new texture begins with the finest stage whose shape is cached, if that has one render pixel a pixel.
-    cached = [
-        at
-        for at, (camera, samples, complete, supersampling) in enumerate(stages)
-        if supersampling == 1 and is_cached(model, job.codes, camera, samples, complete)
-    ]
+    # A new texture begins with the finest stage whose shape is cached.
+    cached = [at for at, stage in enumerate(stages) if is_cached(model, job.codes, *stage)]
     for at in range(max(cached, default=0), len(stages)):
-        camera, samples, complete, supersampling = stages[at]
-        rendered = yield from render_steps(model, job.codes, camera, samples, complete, supersampling=supersampling)
+        camera, samples, complete = stages[at]
+        rendered = yield from render_steps(model, job.codes, camera, samples, complete)
         sources = None
         if job.detail:
-            shown = camera.resized(camera.width // supersampling, camera.height // supersampling)
-            rendered, shares = job.detail.added(rendered, shown)
+            rendered, shares = job.detail.added(rendered, camera)
             sources = torch.stack(shares, -1).cpu().numpy()
         image = to_bytes(rendered.colour)
         depth, opacity = rendered.depth.cpu().numpy(), rendered.opacity.cpu().numpy()
@@ -115,9 +102,7 @@ def render_progressively(model: Model, job: RenderJob) -> Iterator[Frame | None]
         evaluations = None if rendered.evaluations is None else rendered.evaluations.int().cpu().numpy()
         shape = tuple(job.codes.shape.tolist())
         shadow = shape_occupancy(model, shape, complete).shadow if job.shadow else None
-        yield Frame(
-            *(image, depth, opacity, at, len(stages), samples, seconds, evaluations, supersampling, sources, shadow)
-        )
+        yield Frame(image, depth, opacity, at, len(stages), samples, seconds, evaluations, sources, shadow)
 
 
 class _Stage(NamedTuple):
@@ -126,7 +111,6 @@ class _Stage(NamedTuple):
     camera: Camera
     samples: int
     complete: bool
-    supersampling: int = 1
 
 
 def _stages(job: RenderJob) -> list[_Stage]:
@@ -138,7 +122,4 @@ def _stages(job: RenderJob) -> list[_Stage]:
         samples = settings.samples if last else settings.preview_samples
         camera = job.camera.resized(max(1, width // divisor), max(1, height // divisor))
         stages.append(_Stage(camera, samples, last))
-    if settings.supersampling > 1:
-        camera = job.camera.resized(width * settings.supersampling, height * settings.supersampling)
-        stages.append(_Stage(camera, settings.samples, True, settings.supersampling))
     return stages

@@ -22,8 +22,6 @@ from viewer.values.view_request import ViewRequest, ViewSettings
 Source = Literal["scene", "timeline", "fit"]
 LIVE = RenderSettings(samples=48, divisors=(2,))
 """of a fit on its way"""
-_SUPERSAMPLING = 2
-"""Pixels rendered across each pixel of the finished image."""
 _FULL_RESOLUTION_DELAY = 0.4
 """s without a change after which the image is rendered at the view's own resolution"""
 _EXACT_DELAY = 0.15
@@ -288,7 +286,7 @@ class Viewport:
             continues: it is one stage more of the image on screen.
         """
         crop, before = request.crop(detail), self.times if continues else ()
-        render = RenderSettings(request.settings.quality.samples, stages, supersampling=_SUPERSAMPLING)
+        render = RenderSettings(request.settings.quality.samples, stages)
         job = RenderJob(request.codes, crop.camera, render, shadow=True)
 
         def rendered(frame: Frame) -> None:

@@ -38,8 +38,7 @@ class PerformancePanel(Panel):
             imgui.table_headers_row()
             started = 0.0
             for number, (size, seconds) in enumerate(times, 1):
-                across = frame.supersampling if frame.final and number == len(times) else 1
-                rate = size[0] * size[1] * across**2 / max(seconds - started, 1e-6)
+                rate = size[0] * size[1] / max(seconds - started, 1e-6)
                 started = seconds
                 _row(str(number), f"{size[0]} x {size[1]} px", f"{1000 * seconds:.0f} ms", f"{rate:,.0f}")
             imgui.end_table()

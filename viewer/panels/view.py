@@ -214,8 +214,7 @@ def _draw_badge(viewport: Viewport, frame: Frame, corner: ImVec2, size: ImVec2) 
         tooltip(f"{shown}, drawn by OpenGL from {baked.cells} cells a side; the exact picture follows at rest")
         return
     stage = "finished" if frame.final else f"stage {frame.stage + 1} of {frame.stage_count}"
-    smoothed = f", smoothed {frame.supersampling} x {frame.supersampling}" if frame.supersampling > 1 else ""
-    tooltip(f"{width} x {height} px, {frame.samples} samples{smoothed}; {stage}")
+    tooltip(f"{width} x {height} px, {frame.samples} samples; {stage}")
 
 
 def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:

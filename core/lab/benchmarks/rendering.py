@@ -100,7 +100,7 @@ class Interaction:
     preview_size: int
     """px, of the last preview"""
     settle_time: float
-    """s from the end of the movement to the final image with 2 x 2 supersampling, mean over a few"""
+    """s from the end of the movement to the final image, mean over a few"""
 
     @property
     def key(self) -> Hashable:
@@ -287,14 +287,13 @@ def _interaction(model: Model, what: str, size: int) -> Interaction:
     codes, camera = model.codes[0], model.camera(0.9, 0.4).resized(size, size)
     other = model.codes[len(model.codes.objects) // 2]
 
-    def at(share: float, divisors: tuple[int, ...], supersampling: int) -> RenderJob:
+    def at(share: float, divisors: tuple[int, ...]) -> RenderJob:
         turned = replace(camera, azimuth=camera.azimuth + 2 * share)
         mixed = codes.mixed(other, share * (what == "shape"), share * (what == "texture"))
-        settings = RenderSettings(divisors=divisors, supersampling=supersampling)
-        return RenderJob(mixed, turned if what == "orbit" else camera, settings)
+        return RenderJob(mixed, turned if what == "orbit" else camera, RenderSettings(divisors=divisors))
 
-    def whole(share: float, divisors: tuple[int, ...] = (1,), supersampling: int = 1) -> float:
-        return _until(model, at(share, divisors, supersampling), last=True)[0]
+    def whole(share: float, divisors: tuple[int, ...] = (1,)) -> float:
+        return _until(model, at(share, divisors), last=True)[0]
 
     frames = INTERACTION_FRAMES + _WARMUP_FRAMES
     shares = [(index + 1) / frames for index in range(frames)]
@@ -304,12 +303,12 @@ def _interaction(model: Model, what: str, size: int) -> Interaction:
     budget, previews, preview_size = FrameBudget(), list[float](), size
     for share in shares:
         divisors = budget.divisors(size)
-        seconds, frame = _until(model, at(share, divisors, 2), last=False)
+        seconds, frame = _until(model, at(share, divisors), last=False)
         previews.append(seconds)
         preview_size = frame.resolution[0]
         if frame.stage == 0:  # of a shape that is known at full size, the first image is a finer one
             budget.observe(divisors[0], seconds)
-    settle = sum(whole(1.0 + index, budget.divisors(size), 2) for index in range(_SETTLES)) / _SETTLES
+    settle = sum(whole(1.0 + index, budget.divisors(size)) for index in range(_SETTLES)) / _SETTLES
     return Interaction(what, size, *_quantiles(images), *_quantiles(previews), preview_size, settle)
 
 

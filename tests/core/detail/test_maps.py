@@ -152,7 +152,7 @@ def test_without_a_photo_every_frame_is_as_it_was(tiny: Model) -> None:
 
 
 def test_every_stage_shows_it(tiny: Model, codes: Codes, camera: Camera) -> None:
-    settings = RenderSettings(divisors=(2, 1), supersampling=2)
+    settings = RenderSettings(divisors=(2, 1, 1))
     frames = []
     for one in (codes, replace(codes, detail=None)):
         clear_cache()
