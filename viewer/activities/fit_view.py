@@ -129,7 +129,7 @@ class FitView:
         self._rendered_at, self._steps_since = time.monotonic(), 0
         index, view, fills = self.history.photo_index, self._viewport.settings, self._fills_view
         camera = self._seen(step).cameras[index]
-        layout = (*view.panel, camera.height, view.pan) if fills else (camera.width, camera.height, camera.height)
+        layout = (*view.panel, camera.height, view.offset) if fills else (camera.width, camera.height, camera.height)
         right, below, roll = self._moved(step)
         crop = orbit.fit_to_panel(camera, *layout).widened(abs(right), abs(below))
         job = RenderJob(step.codes, crop.camera, settings, shadow=True)

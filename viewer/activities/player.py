@@ -255,7 +255,7 @@ class Player:
     def _layout(self) -> tuple[int, int, int, tuple[float, float]]:
         """How frames lie in the view: what :func:`~viewer.values.orbit.fit_to_panel` takes."""
         settings = self._viewport.settings
-        return *settings.panel, _DETAIL, settings.pan
+        return *settings.panel, _DETAIL, settings.offset
 
     @property
     def _shown(self) -> View:

@@ -67,7 +67,9 @@ class ViewPanel(Panel):
             _note(corner + size * 0.5, f"Loading {loading} …" if loading else "No model")
             return
         viewport = context.viewport
-        viewport.change(panel=pixels, opengl=context.opengl_turns)
+        begins = self._welcome.is_due(context)
+        covered = round(self._welcome.height * scale.y) if begins else 0
+        viewport.change(panel=pixels, covered=covered, opengl=context.opengl_turns)
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")
             return
@@ -83,7 +85,6 @@ class ViewPanel(Panel):
         imgui.invisible_button("orbit", size, every)
         self._react(context, size)
         _draw_buttons(context, corner, size)
-        begins = self._welcome.is_due(context)
         if context.preferences.newcomer and (size.y > hello_imgui.em_size(_LOW) or not begins):
             self._draw_hint(corner, size)
         if begins:
@@ -176,7 +177,7 @@ def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
     """What a panel shows over the object, once."""
     image, context.overlay = context.overlay, None
     if image is not None and context.images and context.viewport.source == "scene":
-        side, pan = min(size.x, size.y), context.viewport.settings.pan
+        side, pan = min(size.x, size.y), context.viewport.settings.offset
         low = corner + (size - ImVec2(side, side)) * 0.5 + ImVec2(*pan) * side
         texture, draw = context.images.texture(image, context.palette), imgui.get_window_draw_list()
         draw.add_image(texture, low, low + ImVec2(side, side))

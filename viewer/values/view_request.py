@@ -21,6 +21,13 @@ class ViewSettings:
     """one of :data:`viewer.values.view_modes.MODES`"""
     opengl: bool = False
     """OpenGL draws a baked copy while the object is turned; else every image is exact"""
+    covered: int = 0
+    """px at the view's lower edge that something lies over: an object stands above it"""
+
+    @property
+    def offset(self) -> tuple[float, float]:
+        """How far the object is right of and below the view's middle, in shares of the view's shorter side."""
+        return self.pan[0], self.pan[1] - self.covered / (2 * min(self.panel))
 
     @property
     def baked(self) -> bool:
@@ -48,4 +55,4 @@ class ViewRequest:
 
     def crop(self, detail: int) -> orbit.PanelCrop:
         """The camera to render, so many px along the view's shorter side, and what of it is shown."""
-        return orbit.fit_to_panel(self.camera, *self.settings.panel, detail, self.settings.pan)
+        return orbit.fit_to_panel(self.camera, *self.settings.panel, detail, self.settings.offset)

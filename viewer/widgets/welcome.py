@@ -42,7 +42,8 @@ class Welcome:
         em = hello_imgui.em_size()
         small = bool(context.editor.history.past) or size.y < _LOW * em
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
-        imgui.set_cursor_screen_pos(ImVec2(corner.x + (size.x - width) / 2, self._top(corner, size, em)))
+        left = size.x - width - _MARGIN * em if small else (size.x - width) / 2  # beside the badge, when there is one
+        imgui.set_cursor_screen_pos(ImVec2(corner.x + left, self._top(corner, size, em)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
         imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
         flags = imgui.ChildFlags_
@@ -54,6 +55,7 @@ class Welcome:
             draw_samples(context, _SAMPLE * em)
         imgui.end_child()
         self._height = imgui.get_item_rect_size().y
+        self.height = max(self.height, self._height + 2 * _MARGIN * em)
         imgui.pop_style_var()
         imgui.pop_style_color()
 
@@ -72,6 +74,8 @@ class Welcome:
 
     _height = 0.0
     """px, in the last frame"""
+    height = 0.0
+    """px, that have been covered at most, with the margins: the object stands still when the card becomes smaller"""
 
     def _top(self, corner: ImVec2, size: ImVec2, em: float) -> float:
         return corner.y + max(0.0, size.y - self._height - _MARGIN * em)

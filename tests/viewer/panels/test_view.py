@@ -297,15 +297,20 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
 
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
-            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 64)
-            shown = render_frame(stools, editor.scene.codes, crop.camera).opacity > 0.2
+            crop, settings = viewport.request.crop(64), viewport.settings
+            shown = crop.cropped(render_frame(stools, editor.scene.codes, crop.camera)).opacity > 0.2
+            clear = round(len(shown) * (1 - settings.covered / settings.panel[1]))
+            assert not shown[clear:].any()
+            shown = shown[:clear]
             ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
             return max(np.abs(2 * both - 1).max() for both in ends)
 
+        assert viewport.settings.covered > 50  # by the card with the samples
         assert filled() == pytest.approx(0.75, abs=0.06)
         window.click(f"Library/**/show {editor.objects.names[2]}")
         assert filled() == pytest.approx(0.75, abs=0.06)
         assert len(editor.history.past) == 1
+        assert viewport.settings.covered == 0
         window.fit(photo)
         assert filled() == pytest.approx(0.75, abs=0.06)
         found = window.workspace.fitting.view.camera

@@ -20,6 +20,12 @@ def test_one_record_says_what_is_rendered_and_what_of_it_is_shown(request_: View
     assert crop.camera.width == 340  # panned: rendered wider, and cropped
 
 
+def test_an_object_stands_in_the_middle_of_what_is_not_covered(request_: ViewRequest) -> None:
+    free = replace(request_, settings=replace(request_.settings, pan=(0.0, 0.0), covered=40))
+    crop = free.crop(100)
+    assert crop.camera.height / 2 - crop.top == (100 - 20) / 2  # the object's middle, of the image's rows
+
+
 def test_equal_records_are_equal_images(request_: ViewRequest, model: Model) -> None:
     assert replace(request_) == request_
     assert replace(request_, codes=model.codes[1]) != request_
