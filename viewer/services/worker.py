@@ -163,8 +163,8 @@ class Worker:
     def _post(self, entry: _Running, callback: Callable[[], None], over: bool = False) -> None:
         with self._changed:
             self._delivery.append((entry, callback))
-            entry.shown, entry.over = True, entry.over or over
-            if newer := self._next.pop(entry.job.name, None):
+            replaced, entry.shown, entry.over = entry.over, True, entry.over or over
+            if not replaced and (newer := self._next.pop(entry.job.name, None)):  # else it waits for another entry
                 self._begin(newer, entry)
         self.wake()
 

@@ -107,6 +107,25 @@ def test_a_render_at_rest_does_not_keep_a_drag_waiting(worker: Worker) -> None:
     assert seen == ["coarse"]
 
 
+def test_the_last_step_of_what_was_replaced_lets_no_two_renders_run_beside_each_other(worker: Worker) -> None:
+    seen: list[tuple[int, str]] = []
+    stepping, go_on = threading.Event(), threading.Event()
+
+    def sharpened() -> Iterator[tuple[int, str]]:
+        stepping.set()
+        go_on.wait(60)
+        yield 0, "whole"
+
+    worker.submit(Job("view", sharpened, seen.append))
+    assert stepping.wait(60)
+    for number in (1, 2):  # both come during that step
+        stages = [(number, "coarse"), (number, "fine")]
+        worker.submit(Job("view", lambda stages=stages: iter(stages), seen.append, urgent=True))
+    go_on.set()
+    wait(worker, lambda: not worker.busy())
+    assert seen == [(1, "coarse"), (2, "coarse"), (2, "fine")]
+
+
 def test_an_urgent_job_goes_between_the_steps_of_another(worker: Worker) -> None:
     steps: list[int] = []
     worker.submit(Job("fit", lambda: ticking(pause=0.05), steps.append))
