@@ -1,5 +1,6 @@
 """Sessions and windows to test; a tiny model."""
 
+import math
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,6 +19,7 @@ from tests.viewer.stand_ins import Clock, no_guess, quick_fit, quick_frames, qui
 from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
+from viewer.services import messages
 from viewer.services.backend import Backend
 from viewer.services.single_instance import SingleInstance
 from viewer.services.worker import Worker
@@ -96,6 +98,13 @@ def workspace(session: Session) -> Workspace:
 def editor(workspace: Workspace) -> Editor:
     """Of the model that is open."""
     return workspace.editor
+
+
+@pytest.fixture
+def lasting_messages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """None goes by itself: on a busy machine seconds pass between its coming and a click on it."""
+    for seconds in ("_SHORT", "_LONG"):
+        monkeypatch.setattr(messages, seconds, math.inf)
 
 
 @pytest.fixture

@@ -91,6 +91,7 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
     drive(second, folder=folder)
 
 
+@pytest.mark.usefixtures("lasting_messages")
 def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     drive: Drive, backend: Backend, photo: Path, tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from core.geometry.camera import Camera
 from core.models.scene import Scene
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -30,6 +31,8 @@ class IdleTurn:
         """what is to be turned; another scene ends it"""
         self._began: float | None = None
         """s on the clock, when it turns, or will"""
+        self._shown: Camera | None = None
+        """from where it is seen while it turns"""
         viewport.result_shown.connect(self._prepare)
 
     @property
@@ -42,27 +45,34 @@ class IdleTurn:
         """It turns."""
         return self._began is not None and self._clock() >= self._began
 
+    @property
+    def _edited(self) -> bool:
+        """The scene is another than the one to be turned."""
+        scene, of = self._editor.scene, self._of
+        return of is None or scene.codes is not of.codes or not orbit.same_direction(scene.camera, of.camera)
+
     def _prepare(self) -> None:
-        self._of, self._began = self._editor.scene, None
+        self._of, self._began, self._shown = self._editor.scene, None, None
 
     def tick(self) -> None:
         """Once a frame, unless something is touched: turn a little."""
         viewport, scene = self._viewport, self._editor.scene
-        if self._of is None or viewport.source != "scene" or self._jobs.busy("fit", "framing"):
-            self._began = None
-        elif scene.codes is not self._of.codes or not orbit.same_direction(scene.camera, self._of.camera):
-            self._of = self._began = None  # an edit
+        if not self.due or viewport.source != "scene" or self._jobs.busy("fit", "framing"):
+            self._began = self._shown = None
+        elif self._edited:
+            self._of = self._began = self._shown = None
         elif self._began is None:
             ready = viewport.sharp and viewport.is_baked(scene.codes)
             self._began = self._clock() + _REST if ready else None
         elif self.turning:
             azimuth = _SPEED * (self._clock() - self._began)
-            viewport.show_turned(orbit.turned(scene.camera, azimuth, 0.0))
+            self._shown = orbit.turned(scene.camera, azimuth, 0.0)
+            viewport.show_turned(self._shown)
             self._jobs.worker.wake()
 
     def stop(self) -> None:
         """Stay where it is, as a part of the edit before."""
-        shown, scene, turned = self._viewport.baked_frame, self._editor.scene, self.turning
-        self._of = self._began = None
-        if turned and shown:
-            self._editor.join(replace(scene, camera=replace(scene.camera, azimuth=shown.camera.azimuth)))
+        scene, shown = self._editor.scene, self._shown if self.turning and not self._edited else None
+        self._of = self._began = self._shown = None
+        if shown:
+            self._editor.join(replace(scene, camera=replace(scene.camera, azimuth=shown.azimuth)))

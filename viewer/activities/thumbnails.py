@@ -55,6 +55,14 @@ def _key(codes: Codes, camera: Camera, samples: int) -> _Key:
     return _Key(shape, texture, camera, samples, codes.detail)
 
 
+def _coarse(key: _Key) -> _Key:
+    """What is shown until a thumbnail is there; the same one where that is as small."""
+    camera = key.camera
+    if min(camera.width, camera.height) <= _COARSE:
+        return key
+    return key._replace(camera=camera.resized(_COARSE, _COARSE), samples=min(key.samples, _COARSE_SAMPLES))
+
+
 def _frame(pixels: Pixels, samples: int) -> Frame:
     opacity = pixels[..., 3] / np.float32(255)
     return Frame(pixels[..., :3], _no_depth(opacity), opacity, 0, 1, samples, 0.0)
@@ -74,7 +82,8 @@ class Thumbnails:
         """pictures that were kept, and the names of those to keep: of objects from the first view"""
         self._home = orbit.home(model)
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()
-        self._queue: dict[_Key, RenderJob] = {}
+        self._queue: dict[_Key, Codes] = {}
+        """what panels want, and what that shows"""
         self._failed: set[_Key] = set()
         """which are not tried again"""
 
@@ -106,28 +115,28 @@ class Thumbnails:
         if key in self._frames:
             self._frames.move_to_end(key)
             return self._frames[key]
-        camera, samples = key.camera, key.samples
-        if min(camera.width, camera.height) <= _COARSE:
-            self._want(key, codes, soon)
-            return None
-        coarse = key._replace(camera=camera.resized(_COARSE, _COARSE), samples=min(samples, _COARSE_SAMPLES))
-        found = self._frames.get(coarse)
-        self._want(key if found or coarse in self._failed else coarse, codes, soon)
-        return found
-
-    def _want(self, key: _Key, codes: Codes, soon: bool) -> None:
-        if key in self._failed:
-            return
-        wanted = {key: RenderJob(codes, key.camera, RenderSettings(key.samples, divisors=(1,)))}
+        wanted = {key: codes}
         self._queue = wanted | self._queue if soon else self._queue | wanted
+        return self._frames.get(_coarse(key))
+
+    def _due(self) -> dict[_Key, RenderJob]:
+        """What is to be rendered next of all that is wanted: nothing that has come since it was."""
+        due = dict[_Key, RenderJob]()
+        for key, codes in self._queue.items():
+            coarse = _coarse(key)
+            step = key if coarse in self._frames or coarse in self._failed else coarse
+            if key not in self._frames and step not in self._frames and step not in self._failed:
+                due[step] = RenderJob(codes, step.camera, RenderSettings(step.samples, divisors=(1,)))
+        return due
 
     def tick(self) -> None:
         """Once a frame: begin with what panels wanted since the last one."""
-        queue, self._queue = list(self._queue.items()), {}
+        if self._jobs.busy("thumbnails"):
+            self._queue = {}
+            return
+        queue, self._queue = list(self._due().items()), {}
         coarse = [one for one in queue if one[0].camera.width <= _COARSE]
         batch, share = (coarse or queue)[:_BATCH], _COARSE_SHARE if coarse else BACKGROUND_SHARE
-        if self._jobs.busy("thumbnails"):
-            return
         if not batch:
             self._save()
             return

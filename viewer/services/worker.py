@@ -54,11 +54,12 @@ class Worker:
         self,
         wake: Callable[[], None] = lambda: None,
         at_rest: Callable[[], None] = lambda: None,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         """All are called from the worker's thread: ``wake`` whenever there is something to deliver, ``at_rest`` once
-        there has been nothing to do for a while.
+        there has been nothing to do for a while, ``clock`` (s) before and after every step.
         """
-        self.wake, self._at_rest, self._rests = wake, at_rest, False
+        self.wake, self._at_rest, self._clock, self._rests = wake, at_rest, clock, False
         self._running: list[_Running] = []
         self._next: dict[str, Job] = {}
         self._delivery: deque[tuple[_Running, Callable[[], None]]] = deque()
@@ -121,9 +122,9 @@ class Worker:
         if sys.platform == "linux":  # the window stays at its frame rate beside torch on few cores
             os.nice(10)  # of this thread alone
         while (entry := self._pick()) is not None:
-            began = time.perf_counter()
+            began = self._clock()
             self._step(entry)
-            entry.spent += (time.perf_counter() - began) / entry.job.share
+            entry.spent += (self._clock() - began) / entry.job.share
         for left in self._running:
             _close(left.stream)
 
@@ -163,8 +164,8 @@ class Worker:
     def _post(self, entry: _Running, callback: Callable[[], None], over: bool = False) -> None:
         with self._changed:
             self._delivery.append((entry, callback))
-            entry.shown, entry.over = True, entry.over or over
-            if newer := self._next.pop(entry.job.name, None):
+            replaced, entry.shown, entry.over = entry.over, True, entry.over or over
+            if not replaced and (newer := self._next.pop(entry.job.name, None)):  # else it waits for another entry
                 self._begin(newer, entry)
         self.wake()
 

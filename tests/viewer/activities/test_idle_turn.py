@@ -43,6 +43,20 @@ def test_a_result_turns_until_it_is_stopped_and_stays_there(
     assert len(editor.history.past) == edits
 
 
+def test_it_stays_where_it_is_though_an_exact_picture_comes_between_two_frames(
+    idle: IdleTurn, clock: Clock, workspace: Workspace, editor: Editor
+) -> None:
+    """Of slow frames: the view takes their length for a rest."""
+    before, viewport = editor.scene.camera, workspace.viewport
+    for clock.now in (0.0, 3.0):
+        idle.tick()
+    assert viewport.baked_frame is not None and viewport.full_frame is not None
+    azimuth = viewport.baked_frame.camera.azimuth
+    viewport.display(*viewport.full_frame, "scene")
+    idle.stop()
+    assert editor.scene.camera.azimuth == azimuth != before.azimuth
+
+
 def test_an_edit_ends_it(idle: IdleTurn, clock: Clock, editor: Editor) -> None:
     idle.tick()
     turned = orbit.turned(editor.scene.camera, 0.1, 0.0)

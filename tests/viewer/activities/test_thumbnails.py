@@ -1,3 +1,4 @@
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -100,6 +101,24 @@ def test_coarse_thumbnails_come_first(session: Session, workspace: Workspace, mo
         finish(session)
     assert sizes == [0, 32, 64]
     assert rendered == [32, 32, 32, 64, 64, 64]
+
+
+def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, workspace: Workspace, model: Model) -> None:
+    rendered: list[int] = []
+
+    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
+        rendered.append(job.camera.width)
+        return quick_frames(model, job)
+
+    session.jobs.backend = replace(session.jobs.backend, frames=counted)
+    camera = model.camera(0.1, 0.2).resized(64, 64)
+    sizes = {0}
+    while sizes != {64}:  # frames of a window
+        found = [workspace.thumbnails.get(model.codes[index], camera) for index in range(3)]
+        sizes = {frame.image.shape[0] if frame else 0 for frame in found}
+        session.tick()
+        time.sleep(0.01)
+    assert sorted(rendered) == [32, 32, 32, 64, 64, 64]
 
 
 def test_objects_have_their_thumbnails_at_once_the_next_time(session: Session, model: Model, tmp_path: Path) -> None:

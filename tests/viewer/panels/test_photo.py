@@ -331,6 +331,7 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, ba
     drive(act, replace(backend, fit=late_fit))
 
 
+@pytest.mark.usefixtures("lasting_messages")
 def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
         session, editor = window.session, window.workspace.editor

@@ -40,6 +40,7 @@ def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(
     drive(act, replace(backend, fit=endless_fit))
 
 
+@pytest.mark.usefixtures("lasting_messages")
 def test_a_finished_fit_waits_to_be_shown_while_another_object_is_edited(
     drive: Drive, backend: Backend, photo: Path
 ) -> None:

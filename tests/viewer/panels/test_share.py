@@ -76,7 +76,7 @@ def test_the_preview_is_the_first_frame_on_its_background(
         window.context.set_preference(shadow=False)
         editor.set_camera(replace(camera, distance=0.6 * camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
-        preview = window.workspace.exporting.preview
+        exporting, preview = window.workspace.exporting, window.workspace.exporting.preview
         window.wait(lambda: preview.image is not None)
         filling = preview.image
         assert filling[[0, -1], :, 3].max() == 0 < filling[..., 3].mean() - 80  # all of it is in sight
@@ -90,7 +90,7 @@ def test_the_preview_is_the_first_frame_on_its_background(
         choose(window, "##size", "128 px")
         window.click("Share/###save")
         window.type(str(tmp_path / "red.png"))
-        window.wait(lambda: (tmp_path / "red.png").exists())
+        window.wait(lambda: (tmp_path / "red.png").exists() and not exporting.running)
         with Image.open(tmp_path / "red.png") as image:
             assert image.getpixel((0, 0)) == (200, 10, 20)
             assert image.size == (128, 128)
@@ -100,14 +100,14 @@ def test_the_preview_is_the_first_frame_on_its_background(
         choose(window, "##background", "Transparent")
         window.click("Share/###save")
         window.type(str(tmp_path / "clear.png"))
-        window.wait(lambda: (tmp_path / "clear.png").exists())
+        window.wait(lambda: (tmp_path / "clear.png").exists() and not exporting.running)
         with Image.open(tmp_path / "clear.png") as image:
             assert image.mode == "RGBA"
             assert image.getpixel((0, 0))[3] == 0
         choose(window, "##background", "As in the view")
         window.click("Share/###save")
         window.type(str(tmp_path / "view.png"))
-        window.wait(lambda: (tmp_path / "view.png").exists())
+        window.wait(lambda: (tmp_path / "view.png").exists() and not exporting.running)
         with Image.open(tmp_path / "view.png") as image:
             for row, colour in ((0, window.context.palette.background[0]), (127, window.context.palette.background[1])):
                 assert np.abs(np.array(image.getpixel((0, row))) / 255 - colour).max() < 0.02

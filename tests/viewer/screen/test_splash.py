@@ -62,4 +62,5 @@ def test_what_fails_is_shown_until_it_is_closed(opengl: None) -> None:
 
 
 def test_closing_it_ends_the_program(opengl: None) -> None:
-    assert start("import time; time.sleep(3)", close=True) == []
+    while_it_runs = "import threading, time\n    while threading.main_thread().is_alive(): time.sleep(0.01)"
+    assert start(while_it_runs, close=True) == []

@@ -24,6 +24,7 @@ def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyP
     copied: list[tuple[bytes, int, int]] = []
 
     def act(window: Driver) -> None:
+        window.wait(lambda: window.workspace.viewport.sharp)  # no newer picture comes from now on
         monkeypatch.setattr(clipboard.copykitten, "copy_image", lambda *image: copied.append(image))
         window.press(imgui.Key.mod_ctrl, imgui.Key.c)
         ((pixels, width, height),) = copied
