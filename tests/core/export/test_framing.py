@@ -24,7 +24,7 @@ def edges(model: Model, view: View) -> tuple[float, float, float, float]:
 @pytest.mark.parametrize("elevation", [0.0, 0.5, 1.5])
 def test_a_turntable_fills_its_frame_and_never_leaves_it(tiny: Model, elevation: float):  # noqa: F811
     camera = tiny.camera(0.3, elevation).resized(96, 96)
-    views = filling_frame(tiny, turntable(tiny.codes[1], camera, 24))
+    views = filling_frame(tiny, turntable(tiny.codes[1], camera, 8))
     free = np.array([edges(tiny, view) for view in views])
     assert free.min() > 0  # no pixel at an edge: nothing is cut off
     assert free.min() < 2.5 * MARGIN
@@ -34,7 +34,7 @@ def test_a_turntable_fills_its_frame_and_never_leaves_it(tiny: Model, elevation:
 
 def test_every_shape_of_a_morph_stays_in_sight(tiny: Model):  # noqa: F811
     camera = tiny.camera(0.3, 0.3).resized(96, 96)
-    morph = [View(tiny.codes[0].mixed(tiny.codes[3], share, 0.0), camera) for share in np.linspace(0, 1, 25)]
+    morph = [View(tiny.codes[0].mixed(tiny.codes[3], share, 0.0), camera) for share in np.linspace(0, 1, 9)]
     assert min(min(edges(tiny, view)) for view in filling_frame(tiny, morph)) > 0
 
 

@@ -13,7 +13,7 @@ def test_the_performance_panel_describes_the_frame_on_screen(
         window.drag("View/orbit", 40)
         window.wait(lambda: workspace.viewport.frame.final and not session.jobs.busy("view"))
         sizes, seconds = zip(*workspace.viewport.times, strict=True)
-        assert sizes[-1] == workspace.viewport.frame.resolution
+        assert sizes[-1] == workspace.viewport.full_frame[0].resolution
         assert list(seconds) == sorted(seconds)
         assert session.messages.errors == []
         own = window.context.frame_times

@@ -21,6 +21,7 @@ from core.rendering.baked_field import BakedField
 from core.runtime.files import atomic_file
 from tests.conftest import image_size
 from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import Bakery
 from viewer.services.backend import Backend
 
 
@@ -118,11 +119,11 @@ def test_the_preview_is_the_first_frame_on_its_background(
     drive(act, replace(real_backend, load_model=lambda name: block))
 
 
-def test_the_preview_becomes_finer_with_the_baked_copy(drive: Drive, real_backend: Backend) -> None:
-    finer = threading.Event()
+def test_the_preview_becomes_finer_with_the_baked_copy(drive: Drive, backend: Backend) -> None:
+    finer, bakery = threading.Event(), Bakery()
 
     def bake(model: Model, codes: Codes) -> Iterator[BakedField | None]:
-        for baked in real_backend.bake(model, codes):
+        for baked in bakery(model, codes):
             while baked and baked.cells > 64 and not finer.is_set():
                 time.sleep(0.01)
                 yield None
@@ -141,7 +142,7 @@ def test_the_preview_becomes_finer_with_the_baked_copy(drive: Drive, real_backen
         finer.set()
         window.wait(lambda: preview.image.max() == 128)
 
-    drive(act, replace(real_backend, bake=bake, draw=draw))
+    drive(act, replace(backend, bake=bake, draw=draw))
 
 
 def test_what_was_chosen_is_there_at_the_next_launch(drive: Drive, tmp_path: Path) -> None:
