@@ -95,7 +95,9 @@ def cell_distances(cells: Bool[Tensor, "x y z"]) -> UInt8[np.ndarray, "x y z"]:
 
 @torch.no_grad()
 def render_baked(baked: BakedField, camera: Camera) -> Rendered:
-    """The image that OpenGL draws of it, slowly: samples at equal steps from where a ray enters the box, on white."""
+    """The image that OpenGL draws of it, slowly: samples at equal steps from where a ray enters the box, to the last of
+    its light, on white.
+    """
     extent = torch.tensor(baked.extent)
     rays = camera_rays(camera, extent, baked.pixel_offset)
     texels = torch.from_numpy(baked.texels).float().movedim(-1, 0)[None] / 255

@@ -74,15 +74,15 @@ void main() {
         i += 1.0;
     }
     // The little light that a ray ends with counts as taken.
-    float opacity = light > min_light ? 1.0 - light : 1.0;
-    seen *= opacity / max(1.0 - light, 1e-6);
+    float taken = max(1.0 - light, 1e-6), opacity = light > min_light ? 1.0 - light : 1.0;
+    seen *= opacity / taken;
     ADDED
     colour = vec4(clamp(seen, 0.0, opacity), opacity);
 }
 """
 _DETAIL = f"""
     if (opacity > {MIN_OPACITY})
-        seen += opacity * detail(origin + along * (near + pace * middle_of_light / opacity), along);
+        seen += opacity * detail(origin + along * (near + pace * middle_of_light / taken), along);
 """
 
 

@@ -7,10 +7,9 @@ from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
-from viewer.values.view_request import ViewSettings
 
 SHARE = 0.75
-"""of the width or height of what is not covered of the view, whichever binds"""
+"""of the view's width or height, whichever binds"""
 
 
 class Framing:
@@ -20,27 +19,23 @@ class Framing:
         self._jobs, self._editor = jobs, editor
         self._last, self._zoomed = editor.scene, False
         """the scene as it was last, and whether its distance is one of a person's own"""
-        self._framed = editor.scene
-        """the scene as this has left it last"""
         editor.scene_changed.connect(self._look)
 
-    def keep_size(self, view: ViewSettings) -> None:
+    def keep_size(self, panel: tuple[int, int]) -> None:
         """Frame another object; as near as it is where a person has zoomed."""
         if not self._zoomed:
-            self.frame(view)
+            self.frame(panel)
 
-    def frame(self, view: ViewSettings) -> None:
-        """Frame the object of the scene, soon, in what is not covered of a view."""
+    def frame(self, panel: tuple[int, int]) -> None:
+        """Frame the object of the scene, soon, in a view of this size."""
         editor, scene, self._zoomed = self._editor, self._editor.scene, False
-        whole = orbit.fit_to_panel(scene.camera, *view.panel, scene.camera.height).camera
-        seen = replace(whole, height=round(whole.height * (1 - view.covered / view.panel[1])))
+        seen = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera
 
         def found(distance: float) -> None:
             nearest, farthest = orbit.reach(scene.camera, editor.model)
-            untouched = editor.scene is scene or editor.scene is self._framed
-            if untouched and not editor.history.gesture:
+            if editor.scene is scene and not editor.history.gesture:
                 camera = replace(scene.camera, distance=max(nearest, min(farthest, distance)))
-                self._last = self._framed = replace(scene, camera=camera)
+                self._last = replace(scene, camera=camera)
                 editor.join(self._last)
 
         def stream() -> Iterator[float]:

@@ -72,7 +72,8 @@ class IdleTurn:
 
     def stop(self) -> None:
         """Stay where it is, as a part of the edit before."""
-        scene, shown = self._editor.scene, self._shown if self.turning and not self._edited else None
+        turns = self.turning and not self._edited and self._viewport.source == "scene"
+        scene, shown = self._editor.scene, self._shown if turns else None
         self._of = self._began = self._shown = None
         if shown:
             self._editor.join(replace(scene, camera=replace(scene.camera, azimuth=shown.azimuth)))

@@ -71,7 +71,7 @@ class Viewport:
         self.framing = Framing(jobs, editor)
         self.result_shown = Signal[[]]()
         """emitted when what a fit has found is in the view"""
-        editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings))
+        editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
 
     def close(self) -> None:
         """Render no more."""
@@ -99,9 +99,8 @@ class Viewport:
         as_before = replace(self.settings, mode=before.mode, opengl=before.opengl) == before
         if not as_before or (self.baked_frame and not self.settings.baked):
             self._refresh()
-        resized = self.settings.panel != before.panel and not self._editor.history.past
-        if resized or self.settings.covered != before.covered:
-            self.framing.keep_size(self.settings)
+        if self.settings.panel != before.panel and not self._editor.history.past:
+            self.framing.keep_size(self.settings.panel)
 
     def pan_by(self, across: float, down: float) -> None:
         """Move the object in the view."""
@@ -111,12 +110,12 @@ class Viewport:
         """Back to where a model is first seen from."""
         self.change(pan=(0.0, 0.0))
         self._editor.set_camera(orbit.home(self._editor.model))
-        self.framing.frame(self.settings)
+        self.framing.frame(self.settings.panel)
 
     def frame_result(self) -> None:
         """Show all of the object that a fit has found, in the middle."""
         self.change(pan=(0.0, 0.0))
-        self.framing.frame(self.settings)
+        self.framing.frame(self.settings.panel)
         self.result_shown.emit()
 
     @property

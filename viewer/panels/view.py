@@ -37,6 +37,9 @@ _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to tu
 _GEAR = icons_fontawesome_4.ICON_FA_COG
 _LOW = 24.0
 """em: in a lower view there is no room for the hint above the way in"""
+_COVERED = 4
+"""an object that fills three quarters of a view stands above what covers so many parts of it, if it is moved up by half
+of that"""
 _NARROW, _SMALL = 26.0, 11.0
 """em: in a narrower view the mode is among the options"""
 
@@ -52,6 +55,8 @@ class ViewPanel(Panel):
     def __init__(self) -> None:
         self._nudged = 0.0
         self._welcome, self._path = Welcome(), CameraPath()
+        self._covered = 0
+        """px at the view's lower edge, by the way in"""
         self._cached: tuple[Frame, str, Frame] | None = None
         """of which frame and mode, the frame that is shown"""
 
@@ -67,8 +72,10 @@ class ViewPanel(Panel):
             _note(corner + size * 0.5, f"Loading {loading} …" if loading else "No model")
             return
         viewport = context.viewport
-        begins = self._welcome.is_due(context)
-        covered = round(self._welcome.height * scale.y) if begins else 0
+        begins, history = self._welcome.is_due(context), context.editor.history
+        if not history.gesture and not (begins and history.past):  # the object stands still under a hand
+            self._covered = round(self._welcome.covered * scale.y) if begins else 0
+        covered = min(self._covered, pixels[1] // _COVERED)
         viewport.change(panel=pixels, covered=covered, opengl=context.opengl_turns)
         if viewport.frame is None:
             _note(corner + size * 0.5, "Rendering …")

@@ -8,7 +8,7 @@ from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
 BACKGROUND_SHARE = 0.05
-"""of the worker's time: of what nobody looks at yet, beside what somebody waits for; alone it has all of it"""
+"""of the worker's time: of what is not looked at, or is there already but coarse; alone it has all of it"""
 
 
 @dataclass(eq=False)

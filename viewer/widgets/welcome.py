@@ -27,6 +27,8 @@ class Welcome:
 
     def __init__(self) -> None:
         nouns = " or ".join(f"a {singular(category)}" for category in shipped_models())
+        self.covered = 0.0
+        """px, from the card's upper edge to the rectangle's lower one, in the last frame"""
         self._sentence = f"Drop a photo of {nouns}, or open one: it is rebuilt in 3-D."
 
     @staticmethod
@@ -38,12 +40,14 @@ class Welcome:
         return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-        """Into the bottom of a rectangle (px); the photos alone in a low one, and once the object has been turned."""
+        """Into the bottom of a rectangle (px); at its right the photos alone in a low one, and once the object has been
+        turned.
+        """
         em = hello_imgui.em_size()
         small = bool(context.editor.history.past) or size.y < _LOW * em
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
         left = size.x - width - _MARGIN * em if small else (size.x - width) / 2  # beside the badge, when there is one
-        imgui.set_cursor_screen_pos(ImVec2(corner.x + left, self._top(corner, size, em)))
+        imgui.set_cursor_screen_pos(ImVec2(corner.x + left, corner.y + max(0.0, size.y - self.covered)))
         imgui.push_style_color(imgui.Col_.child_bg, (*context.palette.panel, 0.94))
         imgui.push_style_var(imgui.StyleVar_.window_padding, (_PADDING * em, _PADDING * em))
         flags = imgui.ChildFlags_
@@ -54,8 +58,7 @@ class Welcome:
                 self._draw_open(context)
             draw_samples(context, _SAMPLE * em)
         imgui.end_child()
-        self._height = imgui.get_item_rect_size().y
-        self.height = max(self.height, self._height + 2 * _MARGIN * em)
+        self.covered = imgui.get_item_rect_size().y + _MARGIN * em
         imgui.pop_style_var()
         imgui.pop_style_color()
 
@@ -71,14 +74,6 @@ class Welcome:
         imgui.pop_style_var()
         if beside:
             imgui.same_line(0, _GAP * em)
-
-    _height = 0.0
-    """px, in the last frame"""
-    height = 0.0
-    """px, that have been covered at most, with the margins: the object stands still when the card becomes smaller"""
-
-    def _top(self, corner: ImVec2, size: ImVec2, em: float) -> float:
-        return corner.y + max(0.0, size.y - self._height - _MARGIN * em)
 
 
 def draw_samples(context: PanelContext, largest: float = math.inf) -> None:

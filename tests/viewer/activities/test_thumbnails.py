@@ -1,4 +1,3 @@
-import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -7,7 +6,7 @@ import numpy as np
 
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob
-from tests.viewer.driver import finish
+from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import quick_frames
 from viewer.activities.thumbnails import SIZE, Thumbnails
 from viewer.editor import Editor
@@ -112,12 +111,12 @@ def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, worksp
 
     session.jobs.backend = replace(session.jobs.backend, frames=counted)
     camera = model.camera(0.1, 0.2).resized(64, 64)
-    sizes = {0}
-    while sizes != {64}:  # frames of a window
+
+    def fine() -> bool:
         found = [workspace.thumbnails.get(model.codes[index], camera) for index in range(3)]
-        sizes = {frame.image.shape[0] if frame else 0 for frame in found}
-        session.tick()
-        time.sleep(0.01)
+        return {frame.image.shape[0] if frame else 0 for frame in found} == {64}
+
+    deliver(session, fine)  # frames of a window
     assert sorted(rendered) == [32, 32, 32, 64, 64, 64]
 
 

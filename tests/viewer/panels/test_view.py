@@ -11,7 +11,7 @@ from core.detail.frames import render_frame
 from core.export.framing import filling_distance
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import Bakery
+from tests.viewer.stand_ins import Bakery, endless_fit
 from viewer.services.backend import Backend
 from viewer.values import orbit
 from viewer.values.quality import Quality
@@ -297,16 +297,16 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
 
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
-            crop, settings = viewport.request.crop(64), viewport.settings
-            shown = crop.cropped(render_frame(stools, editor.scene.codes, crop.camera)).opacity > 0.2
-            clear = round(len(shown) * (1 - settings.covered / settings.panel[1]))
-            assert not shown[clear:].any()
-            shown = shown[:clear]
+            crop = orbit.fit_to_panel(editor.scene.camera, *viewport.settings.panel, 64)
+            shown = render_frame(stools, editor.scene.codes, crop.camera).opacity > 0.2
             ends = (np.flatnonzero(shown.any(axis))[[0, -1]] / shown.shape[1 - axis] for axis in (0, 1))
             return max(np.abs(2 * both - 1).max() for both in ends)
 
-        assert viewport.settings.covered > 50  # by the card with the samples
         assert filled() == pytest.approx(0.75, abs=0.06)
+        crop, (_, height) = viewport.request.crop(64), viewport.settings.panel
+        shown = crop.cropped(render_frame(stools, editor.scene.codes, crop.camera)).opacity > 0.2
+        assert viewport.settings.covered > 50  # by the card with the samples
+        assert not shown[round(len(shown) * (1 - viewport.settings.covered / height)) :].any()
         window.click(f"Library/**/show {editor.objects.names[2]}")
         assert filled() == pytest.approx(0.75, abs=0.06)
         assert len(editor.history.past) == 1
@@ -320,6 +320,27 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
         assert window.session.messages.errors == []
 
     drive(act, framing, size=(900, 600))
+
+
+def test_the_object_stands_still_under_a_hand_and_a_first_fit_is_seen_from_its_camera(
+    drive: Drive, backend: Backend, photo: Path
+) -> None:
+    def act(window: Driver) -> None:
+        viewport, editor = window.workspace.viewport, window.workspace.editor
+        covered = viewport.settings.covered
+        assert covered > 50
+        window.drag("View/orbit", 60)  # the card is small now
+        assert viewport.settings.covered == covered
+        window.context.drop([str(photo)])
+        window.wait(lambda: viewport.source == "fit")
+        window.ctx.yield_(3)
+        assert viewport.settings.covered == 0
+        assert not viewport.turned
+        window.workspace.fitting.stop()
+        window.wait()
+        assert orbit.same_direction(editor.scene.camera, window.workspace.fitting.view.camera)
+
+    drive(act, replace(backend, fit=endless_fit, distance=lambda *about: 1.1))
 
 
 def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(

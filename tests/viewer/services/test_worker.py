@@ -3,6 +3,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from itertools import count
 
 import pytest
@@ -159,12 +160,11 @@ def test_time_is_shared_fairly_between_long_and_short_steps(clock: Clock) -> Non
             clock.now += seconds
             yield seconds
 
-    worker = Worker(clock=clock)
-    worker.submit(Job("long", lambda: steps(0.1), long.append))
-    worker.submit(Job("short", lambda: steps(0.01), short.append))
-    both.set()
-    wait(worker, lambda: len(long) >= 8)
-    worker.close()
+    with closing(Worker(clock=clock)) as worker:
+        worker.submit(Job("long", lambda: steps(0.1), long.append))
+        worker.submit(Job("short", lambda: steps(0.01), short.append))
+        both.set()
+        wait(worker, lambda: len(long) >= 8)
     assert len(short) > 3 * len(long)
 
 
