@@ -3,6 +3,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob
@@ -84,14 +85,22 @@ def test_thumbnails_are_rendered_when_they_are_requested(
     assert workspace.thumbnails.of_object(editor.objects[names[2]].codes)
 
 
-def test_coarse_thumbnails_come_first(session: Session, workspace: Workspace, model: Model) -> None:
-    rendered: list[int] = []
+@pytest.fixture
+def rendered(session: Session) -> list[int]:
+    """px of the thumbnails, in the order in which they are rendered"""
+    widths: list[int] = []
 
     def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-        rendered.append(job.camera.width)
+        widths.append(job.camera.width)
         return quick_frames(model, job)
 
     session.jobs.backend = replace(session.jobs.backend, frames=counted)
+    return widths
+
+
+def test_coarse_thumbnails_come_first(
+    session: Session, workspace: Workspace, model: Model, rendered: list[int]
+) -> None:
     camera = model.camera(0.1, 0.2).resized(64, 64)
     sizes: list[int] = []
     for _ in range(3):
@@ -102,14 +111,9 @@ def test_coarse_thumbnails_come_first(session: Session, workspace: Workspace, mo
     assert rendered == [32, 32, 32, 64, 64, 64]
 
 
-def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, workspace: Workspace, model: Model) -> None:
-    rendered: list[int] = []
-
-    def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
-        rendered.append(job.camera.width)
-        return quick_frames(model, job)
-
-    session.jobs.backend = replace(session.jobs.backend, frames=counted)
+def test_what_is_wanted_in_every_frame_is_rendered_once(
+    session: Session, workspace: Workspace, model: Model, rendered: list[int]
+) -> None:
     camera = model.camera(0.1, 0.2).resized(64, 64)
 
     def fine() -> bool:
