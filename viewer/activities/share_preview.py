@@ -15,7 +15,8 @@ from viewer.values.share_settings import ShareSettings
 
 _SIZE = 256
 """px"""
-_PACE = "share pace"
+_PACE, _PACE_SHARE = "share pace", 0.15
+"""a job, and its share of the worker's time: an export may be begun before it has ended"""
 
 
 class SharePreview:
@@ -68,7 +69,8 @@ class SharePreview:
         if self.pace is None and not self._jobs.busy(_PACE):
             view = View(state.scene.codes, state.scene.camera)
             measured = self._jobs.backend.pace
-            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, self._unmeasured))
+            ended = self._unmeasured
+            self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, ended, share=_PACE_SHARE))
 
     def seconds(self, settings: ShareSettings) -> float | None:
         """What a video or a picture will take, s; None until that can be told."""
