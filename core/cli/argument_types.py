@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import re
 
 
 def view_numbers(text: str) -> tuple[int, ...]:
@@ -36,6 +37,34 @@ def point(text: str) -> tuple[float, float]:
     except ValueError:
         raise argparse.ArgumentTypeError(f"a point is two numbers X,Y, not {text!r}") from None
     return x, y
+
+
+def edits(text: str) -> tuple[tuple[str, float], ...]:
+    """Names of directions and standard deviations, as ``NAME=X,NAME=X``."""
+    found = []
+    for word in text.split(","):
+        name, _, amount = word.partition("=")
+        try:
+            value = float(amount)
+        except ValueError:
+            value = math.nan
+        if not (name.strip() and math.isfinite(value)):
+            raise argparse.ArgumentTypeError(f"edits are NAME=X, like taller=1.5,darker=-1, not {text!r}")
+        found.append((name.strip(), value))
+    return tuple(found)
+
+
+def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
+    """Parts and sRGB colours (0..1), as ``#rrggbb`` or ``PART=#rrggbb,PART=#rrggbb``."""
+    found = []
+    for word in text.split(","):
+        part, _, colour = word.rpartition("=")
+        match = re.fullmatch("#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})", colour.strip())
+        if not match:
+            raise argparse.ArgumentTypeError(f"a paint is #rrggbb or PART=#rrggbb, not {text!r}")
+        red, green, blue = (int(channel, 16) / 255 for channel in match.groups())
+        found.append((part.strip(), (red, green, blue)))
+    return tuple(found)
 
 
 def degrees(text: str) -> float:

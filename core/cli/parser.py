@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from core.cli.argument_types import box, count, degrees, point, view_numbers
+from core.cli.argument_types import box, count, degrees, edits, paints, point, view_numbers
 from core.cli.bench_parser import add_bench
 from core.cli.options import add_command, add_device, add_model, add_no_photo_detail, add_seed
 from core.fitting.settings import PRESETS
@@ -64,6 +64,20 @@ def _add_object_options(command: argparse.ArgumentParser) -> None:
         "--scene", type=Path, metavar="S.json", help="a saved scene, or an image (png) with an embedded one"
     )
     add_no_photo_detail(command, "colours as the codes alone have them, without what the photo of a fitted scene adds")
+    command.add_argument(
+        "--edit",
+        type=edits,
+        default=(),
+        metavar="NAME=X,…",
+        help="move along directions by their names, in standard deviations: taller=1.5,darker=-1",
+    )
+    command.add_argument(
+        "--paint",
+        type=paints,
+        default=(),
+        metavar="[PART=]#rrggbb,…",
+        help="a colour for the body of a car, the fabric or wood of a chair, or a part; the photo's detail stays",
+    )
 
 
 def _add_scene_options(command: argparse.ArgumentParser) -> None:

@@ -9,6 +9,7 @@ from tqdm import tqdm
 
 from core.cli.progress import run_with_progress
 from core.detail.frames import render_frame, render_reference
+from core.detail.paint import Paint, paint
 from core.export import keyframes as timeline
 from core.export.framing import filling_frame
 from core.export.keyframes import Keyframe, Timeline, View
@@ -19,7 +20,9 @@ from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene, open_scene, save_image
+from core.photos.direction_words import direction_words, moved
 from core.runtime.files import require_writable
+from core.streams import run_to_end
 
 
 def render(chosen: argparse.Namespace) -> None:
@@ -79,6 +82,18 @@ def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     if chosen.scene:
         scene = open_scene(chosen.scene, model)
         codes = replace(scene.codes, detail=None) if chosen.no_photo_detail else scene.codes
-        return model, codes, scene.camera
+        return model, _edited(chosen, model, codes), scene.camera
     codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
-    return model, codes, model.camera(math.radians(60), math.radians(20))
+    return model, _edited(chosen, model, codes), model.camera(math.radians(60), math.radians(20))
+
+
+def _edited(chosen: argparse.Namespace, model: Model, codes: Codes) -> Codes:
+    """The codes after ``--edit`` and ``--paint``."""
+    if chosen.edit:
+        *_, words = direction_words(model)
+        assert words is not None
+        for name, amount in chosen.edit:
+            codes = moved(model, codes, words, name, amount)
+    for part, colour in chosen.paint:
+        codes = run_to_end(paint(model, codes, Paint(colour, part)))
+    return codes

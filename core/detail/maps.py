@@ -1,12 +1,15 @@
 """From a photo and the codes fitted to it to what is added to colours (:class:`core.rendering.detail_maps.DetailMaps`).
 
-The object is rendered once as the photo's camera sees it. Photo less render is the residual; its weight is 1 on what
-both show, seen not too flatly, and fades to 0 towards edges: those of the mask, those where the depth leaps, and around
-places where the outlines of photo and render disagree, which is shape and not paint.
+The object is rendered once as the photo's camera sees it. The photo's colours, in the paint of the current texture
+(:mod:`core.detail.repaint`), replace those of the surface; their weight is 1 on what both show, seen not too flatly,
+and fades to 0 towards edges: those of the mask, those where the depth leaps, and around places where the outlines of
+photo and render disagree, which is shape and not paint.
 """
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -14,12 +17,24 @@ from jaxtyping import Bool, Float, Float32
 from torch import Tensor
 from torch.nn import functional
 
-from core.geometry.rays import camera_rays
+from core.detail.repaint import (
+    Coat,
+    chroma,
+    colour_match,
+    light_share,
+    lightness,
+    moved_paint,
+    repainted,
+    same_hue,
+)
+from core.geometry.camera import Camera
+from core.geometry.rays import Rays, camera_rays
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
-from core.rendering.detail_maps import DetailMaps, PhotoMaps, smooth_step
+from core.rendering.detail_maps import ColourMatch, DetailMaps, PhotoMaps, packed, smooth_step
 from core.rendering.fast import render_steps
+from core.rendering.folded_field import FoldedField
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, Kind
 
@@ -49,43 +64,160 @@ _UNSURE, _SURE = 0.5, 0.7
 FADED = 1.5
 """standard deviations that the codes have moved, when nothing is left"""
 _LEVELS = 6
+UNPAINTED = "wheels", "glass"
+_TEXTURES = 12  # of the model, that tell where paint changes anything
+_PAINTED = 0.6, 0.85  # spread of chroma over textures, over that of the paint: none below, all above
+_BUSY = 3.0  # px, standard deviation of the window in which the photo's contrast is measured
+_ALIKE = 0.3, 0.12  # difference from the paint's colour in the photo: none from the first on, all up to the second
+_VIVID = 0.15, 0.35  # chroma over lightness: no grey has the first, what has the second is no tyre and no pane
+_LIT = 0.15, 0.35  # lightness over the paint's: darker is a gap, whatever its hue
+_CLEAR = 0.15, 0.35  # change of the render of a part without paint: none of it below, all above
+_CALM = 0.15, 0.05  # contrast in that window, likewise
+_UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
+_DARKER = 0.12, 0.3  # lightness by which a photo is darker than the render on a roof: reflections, and glass
+_BLOCK = 8192  # points evaluated at a time
 
 
 def shown_share(model: Model, codes: Codes) -> float:
-    """How much of their detail codes show: of the strength, less for a doubtful camera, fading as codes are edited."""
+    """Return how much of their detail codes show: less for a doubtful camera, fading as the shape is edited.
+
+    A texture repaints the detail and does not fade it.
+    """
     detail = codes.detail
     if detail is None or model.white_from_network or model.is_ablation:
         return 0.0
-    spaces = model.codes.shape_space, model.codes.texture_space
-    pairs = (codes.shape, detail.shape), (codes.texture, detail.texture)
-    away = [float(space.distance(new, old)) for space, (new, old) in zip(spaces, pairs, strict=True)]
+    away = float(model.codes.shape_space.distance(codes.shape, detail.shape))
     sure = min(1.0, max(0.0, (detail.confidence - _UNSURE) / (_SURE - _UNSURE)))
-    return detail.strength * sure * math.prod(max(0.0, 1 - distance / FADED) for distance in away)
+    return detail.strength * sure * max(0.0, 1 - away / FADED)
 
 
 def detail_maps(model: Model, codes: Codes) -> Generator[None, None, DetailMaps | None]:
-    """What the photo of codes adds to colours; None where there is none, or nothing of it is to be seen.
+    """Return what the photos of codes add to colours, in the paint of their texture; None where nothing is added.
 
-    Yields None many times while the source is rendered, the first time; it is kept.
+    Yields None many times while a photo is compared with its render, the first time; the comparison is kept.
     """
     share = shown_share(model, codes)
     if not share:
         return None
     detail = codes.detail
     assert detail is not None
+    photos = yield from compared_photos(model, detail)
+    key = tuple(photos), tuple(codes.texture.tolist())
+    known: tuple[tuple[PhotoMaps, ...], ColourMatch] | None = CACHE.get(Kind.DETAIL, key)
+    if known is None:
+        yield None
+        with torch.inference_mode():
+            known = _painted_maps(model, photos, codes.texture.to(model.device))
+        CACHE.put(Kind.DETAIL, key, known, sum(photo.size for photo in known[0]))
+    return DetailMaps(known[0], share, detail.other_side, known[1])
+
+
+def compared_photos(model: Model, detail: PhotoDetail) -> Generator[None, None, list["ComparedPhoto"]]:
+    """Return the photos beside their renders; yields None many times, the first time."""
     photos = []
     for view in detail.views:
         key = model, view, detail.codes_key
-        known: PhotoMaps | None = CACHE.get(Kind.DETAIL, key)
+        known: ComparedPhoto | None = CACHE.get(Kind.DETAIL, key)
         if known is None:
-            known = yield from make_maps(model, detail, view)
+            known = yield from compare_photo(model, detail, view)
             CACHE.put(Kind.DETAIL, key, known, known.size)
         photos.append(known)
-    return DetailMaps(tuple(photos), share, detail.both_sides)
+    return photos
 
 
-def make_maps(model: Model, detail: PhotoDetail, view: PhotoView) -> Generator[None, None, PhotoMaps]:
-    """The maps of one photo; yields None many times."""
+@dataclass(frozen=True, eq=False)
+class ComparedPhoto:
+    """A photo and the render of the codes that were fitted to it, from its camera. Never written again."""
+
+    camera: Camera  # at the size of the render
+    codes: Codes
+    photo: Float[Tensor, "3 height width"]  # the object's colours, continued beyond its outline
+    render: Float[Tensor, "3 h w"]  # the surface's colours, continued likewise
+    weight: Float[Tensor, "h w"]  # 0..1, how far the photo shows the surface
+    near: Float[Tensor, "h w"]  # 0..1, none far beyond the photo's outline
+    painted: Float[Tensor, "h w"]  # 0..1, how far textures paint the place
+    body: Float[Tensor, "h w"]  # 0..1, no tyre and no pane
+    alike: Float[Tensor, "h w"]  # 0..1, how far it has the colour of the paint
+    paint: Float[Tensor, "3"]  # colour of most of the paint in the photo
+    surface: Float[Tensor, "4 h w"]  # as :attr:`core.rendering.detail_maps.PhotoMaps.surface`
+    texels: "SurfaceTexels"
+    match: ColourMatch  # from the render's colours to the photo's
+
+    def change(self, model: Model, texture: Float[Tensor, "latent"]) -> Float[Tensor, "3 h w"]:
+        """Return how the surface's colours change with a texture."""
+        if torch.equal(texture.to(self.codes.texture.device), self.codes.texture):
+            return torch.zeros_like(self.render)
+        new, old = (
+            self.texels.colours(model, replace(self.codes, texture=one)) for one in (texture, self.codes.texture)
+        )
+        return new - old
+
+    def painted_mean(self, values: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 1 1"]:
+        """Return the mean over the places that most of the paint is on."""
+        places = self.painted * self.body * self.weight * self.alike
+        return (places * values).sum((1, 2), keepdim=True) / places.sum().clamp_min(1e-6)
+
+    def repainted(self, change: Float[Tensor, "3 h w"]) -> Float[Tensor, "3 height width"]:
+        """Return the photo in a paint by which the render changes so much."""
+        offset = self.match.change(self.render.movedim(0, -1)).movedim(-1, 0)
+        clear = smooth_step(change.abs().amax(0), *_CLEAR)  # tyres and panes follow another material, not a tint
+        amount = self.painted * torch.lerp(clear, torch.ones_like(clear), self.body)
+        low = torch.cat((self.render + offset, moved_paint(change, offset), amount[None], self.alike[None]))
+        colour, moved, painted, alike = _enlarged(low, self.photo).split((3, 3, 1, 1))
+        paint, usual = self.paint[:, None, None], self.painted_mean(self.render)
+        even = moved_paint(self.painted_mean(change), paint - usual)
+        return repainted(self.photo, (Coat(colour, moved, painted[0]), Coat(paint, even, alike[0])))
+
+    @property
+    def size(self) -> int:
+        """bytes"""
+        parts = (
+            self.photo,
+            self.render,
+            self.weight,
+            self.near,
+            self.painted,
+            self.alike,
+            self.surface,
+            self.texels.features,
+        )
+        return sum(part.nbytes for part in parts)
+
+
+class SurfaceTexels(NamedTuple):
+    """The pixels of a render that are opaque: what a texture needs to colour their surface."""
+
+    pixel: Bool[Tensor, "h w"]
+    features: Float[Tensor, "pixels width"]
+    direction_bias: Float[Tensor, "pixels width"]
+
+    def colours(self, model: Model, codes: Codes) -> Float[Tensor, "3 h w"]:
+        """Return the colours of the surface in a texture, continued beyond the opaque pixels."""
+        folded, image = FoldedField(model, codes), torch.zeros(3, *self.pixel.shape)
+        blocks = zip(self.features.split(_BLOCK), self.direction_bias.split(_BLOCK), strict=True)
+        image[:, self.pixel] = torch.cat([folded.colour(*block) for block in blocks]).cpu().clamp(0, 1).T
+        return _continued(image, self.pixel)
+
+    def chroma_spread(self, model: Model, codes: Codes, weight: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
+        """Return how much the model's textures change the chroma of places; about 1 where paint is."""
+        valid = model.codes.valid
+        some = [model.codes[index].texture for index in valid[:: max(1, len(valid) // _TEXTURES)][:_TEXTURES]]
+        coarse = self.every(2)
+        shown = torch.stack([coarse.colours(model, replace(codes, texture=one.to(model.device))) for one in some])
+        spread = (shown - shown.mean(1, keepdim=True)).std(0, correction=0).mean(0)
+        usual = spread[(weight > 0.5) & coarse.pixel]
+        return spread / usual.quantile(0.8).clamp_min(1e-6) if len(usual) else torch.zeros_like(spread)
+
+    def every(self, step: int) -> "SurfaceTexels":
+        """Return the pixels of every few rows and columns."""
+        coarse = torch.zeros_like(self.pixel)
+        coarse[::step, ::step] = self.pixel[::step, ::step]
+        kept = coarse[self.pixel]
+        return SurfaceTexels(coarse, self.features[kept], self.direction_bias[kept])
+
+
+def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generator[None, None, ComparedPhoto]:
+    """Render the fitted codes from a photo's camera, and weigh what both show; yields None many times."""
     rgba = view.pixels().astype(np.float32) / 255
     high = SOURCE_SIZE
     camera = view.camera.resized(max(1, round(high * view.camera.width / view.camera.height)), high)
@@ -96,19 +228,110 @@ def make_maps(model: Model, detail: PhotoDetail, view: PhotoView) -> Generator[N
         source = Rendered(source.colour.cpu(), source.depth.cpu(), source.opacity.cpu())
         rays = camera_rays(camera, torch.tensor(model.extent))
         normals = surface_normals(rays.origins, rays.directions, source)
-        mask = _small(rgba[..., 3], source)
+        mask = _resized(torch.from_numpy(rgba[None, ..., 3].copy()), source.opacity)[0]
         kept = smooth_step(_distance(torch.from_numpy(view.kept(camera.width, high)), beyond=True), 0.0, _SHAPE_FADE)
-        fine = _residual(rgba, source, kept * paint_weight(mask, source), kept * near_weight(mask))
-        levels = [fine]
-        while len(levels) < _LEVELS and min(levels[-1].shape[1:]) > 32:
-            levels.append(functional.avg_pool2d(levels[-1][None], 2, ceil_mode=True, count_include_pad=False)[0])
-        small = functional.adaptive_avg_pool2d(fine[None], (high, camera.width))[0]
-        soft = _blurred(torch.cat((small[:3] * small[3:], small[3:])), _MIRROR_BLUR)
-        soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))
+        photo, render = _object_colours(rgba, source), _surface_colours(source)
         surface = torch.cat((normals, source.depth[..., None]), -1).movedim(-1, 0)
         surface = _continued(surface, source.opacity > 0.5)
-        *parts, soft, surface = (part.to(model.device).contiguous() for part in (*levels, soft, surface))
-    return PhotoMaps(camera, tuple(parts), soft, surface)
+        texels, parts = _surface_texels(model, codes, rays, source)
+        yield None
+        small = _resized(photo, source.opacity)
+        weight = kept * paint_weight(mask, source)
+        match = colour_match(render.flatten(1), small.flatten(1), weight.flatten())
+        weight = weight * _without_glass_above(model, small, render, normals, parts)
+        painted = _painted(texels.chroma_spread(model, codes, weight), small, parts, weight)
+    return ComparedPhoto(
+        camera, codes, photo, render, weight, kept * near_weight(mask), *painted, surface, texels, match
+    )
+
+
+def _surface_texels(
+    model: Model, codes: Codes, rays: Rays, source: Rendered
+) -> tuple[SurfaceTexels, dict[str, Float[Tensor, "h w"]]]:
+    """The surface that a render shows, and the probability of each part of the model there."""
+    pixel, folded = source.opacity > _SOLID, FoldedField(model, codes)
+    points = (rays.origins + rays.directions * source.depth[..., None])[pixel].to(folded.device)
+    found = [folded.density(folded.first_layer(part))[1] for part in points.split(_BLOCK)]
+    features = torch.cat(found) if found else torch.zeros(0, model.field.config.width)
+    texels = SurfaceTexels(pixel, features, folded.direction_bias(rays.directions[pixel].to(folded.device)))
+    parts = dict[str, Tensor]()
+    if model.part_head:
+        for name, share in zip(model.part_head.names, model.part_head(features).cpu().T, strict=True):
+            parts[name] = torch.zeros(pixel.shape)
+            parts[name][pixel] = share
+    return texels, parts
+
+
+def _without_glass_above(
+    model: Model,
+    photo: Float[Tensor, "3 h w"],
+    render: Float[Tensor, "3 h w"],
+    normals: Float[Tensor, "h w 3"],
+    parts: dict[str, Float[Tensor, "h w"]],
+) -> Float[Tensor, "h w"]:
+    """0 where the photo shows something darker than a roof or bonnet: a pane beside it, by a small error of shape."""
+    if "glass" not in parts:
+        return torch.ones(normals.shape[:2])
+    up = smooth_step(normals[..., 2], *_UPWARD) * (1 - parts["glass"])
+    return 1 - up * smooth_step(lightness(render) - lightness(photo), *_DARKER)
+
+
+def _painted(
+    spread: Float[Tensor, "h w"],
+    photo: Float[Tensor, "3 h w"],
+    parts: dict[str, Float[Tensor, "h w"]],
+    weight: Float[Tensor, "h w"],
+) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "3"]]:
+    """How far places take paint, 0..1: as the model's textures do, and as its parts do; as their colour is the paint's;
+    that colour.
+
+    The first is less where the photo is busy, as in lamps and a grille. A vivid colour is paint on any part; a white or
+    grey one on the body alone, where the photo is calm.
+    """
+    light = lightness(photo)[None]
+    busy = (_blurred(light**2, _BUSY) - _blurred(light, _BUSY) ** 2).clamp_min(0).sqrt()[0]
+    body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(spread))
+    known = smooth_step(spread - busy / 2, *_PAINTED)
+    certain = body * known * weight > 0.5
+    if not bool(certain.any()):
+        return known, body, torch.zeros_like(known), torch.zeros(3)
+    paint = photo[:, certain].median(1).values[:, None, None]
+    vivid = smooth_step(chroma(paint).abs().amax(0) / (0.3 + 0.7 * lightness(paint)), *_VIVID)
+    coloured = vivid * same_hue(photo, paint) * smooth_step(light_share(photo, paint), *_LIT)
+    apart = (photo - paint).abs().amax(0)
+    plain = body * smooth_step(apart, *_ALIKE) * smooth_step(busy, *_CALM)
+    return known, body, torch.maximum(coloured, plain), paint.flatten()
+
+
+def _painted_maps(
+    model: Model, photos: Sequence[ComparedPhoto], texture: Float[Tensor, "latent"]
+) -> tuple[tuple[PhotoMaps, ...], ColourMatch]:
+    """The maps of all photos in a texture, and the match of that texture's colours to theirs."""
+    maps, colours, shown, weights = [], [], [], []
+    for one in photos:
+        change = one.change(model, texture)
+        photo = one.repainted(change) if change.any() else one.photo
+        weight, near = _enlarged(torch.stack((one.weight, one.near)), photo)
+        fine = torch.cat((photo, packed(weight, near)[None]))
+        maps.append(_photo_maps(one, fine, one.render + change, model.device))
+        colours.append((one.render + change).flatten(1))
+        shown.append(_resized(photo, one.weight).flatten(1))
+        weights.append(one.weight.flatten())
+    return tuple(maps), colour_match(torch.cat(colours, 1), torch.cat(shown, 1), torch.cat(weights))
+
+
+def _photo_maps(
+    one: ComparedPhoto, fine: Float[Tensor, "4 height width"], render: Float[Tensor, "3 h w"], device: torch.device
+) -> PhotoMaps:
+    """The photo at all sizes, and its difference from the render, low-passed, for a soft mirror image."""
+    levels = [fine]
+    while len(levels) < _LEVELS and min(levels[-1].shape[1:]) > 32:
+        levels.append(functional.avg_pool2d(levels[-1][None], 2, ceil_mode=True, count_include_pad=False)[0])
+    small = _resized(fine[:3], one.weight)
+    soft = _blurred(torch.cat(((small - render) * one.weight, one.weight[None])), _MIRROR_BLUR)
+    soft = torch.cat((soft[:3] / soft[3:].clamp_min(1e-3), MIRROR_SHARE * soft[3:]))
+    *parts, soft, surface = (part.to(device).contiguous() for part in (*levels, soft, one.surface))
+    return PhotoMaps(one.camera, tuple(parts), soft, surface)
 
 
 def surface_normals(
@@ -160,32 +383,27 @@ def near_weight(mask: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
     return smooth_step(_distance(mask < 0.5), _REACH, 0.5)
 
 
-def _residual(
-    rgba: Float32[np.ndarray, "height width 4"],
-    source: Rendered,
-    weight: Float[Tensor, "h w"],
-    near: Float[Tensor, "h w"],
-) -> Float[Tensor, "4 height width"]:
-    """Colour of the object in the photo less that of the surface, and the weight, at the photo's size: the render is
-    smooth, and what is finer is the photo's own. Both go on beyond their edges, where a pixel is partly background.
-    """
+def _surface_colours(source: Rendered) -> Float[Tensor, "3 h w"]:
+    """The render without the background's light, continued beyond the outline."""
     light = (1 - source.opacity)[..., None]
     surface = ((source.colour - light) / (1 - light).clamp_min(1e-3)).clamp(0, 1).movedim(-1, 0)
-    surface = _continued(surface, source.opacity > _SOLID)
-    small = torch.cat((surface, torch.stack((weight, near, light[..., 0]))))[None]
-    large = functional.interpolate(small, rgba.shape[:2], mode="bilinear", align_corners=False)[0]
+    return _continued(surface, source.opacity > _SOLID)
+
+
+def _object_colours(rgba: Float32[np.ndarray, "height width 4"], source: Rendered) -> Float[Tensor, "3 height width"]:
+    """The photo without the background's light, continued beyond its outline."""
     opacity = torch.from_numpy(rgba[..., 3:]).movedim(-1, 0)
     photo = torch.from_numpy(rgba[..., :3]).movedim(-1, 0)
+    light = _enlarged((1 - source.opacity)[None], photo)
     # What makes the render's pixel the photo's: at an outline both are partly background. In a finer photo than the
     # render these pixels are a thin line, which would be seen.
-    exact = ((photo - large[5:]) / (1 - large[5:]).clamp_min(0.1)).clamp(0, 1)
-    mixed = (opacity > 0.5) & (large[5:] < 0.9) if len(rgba) <= SOURCE_SIZE else torch.zeros_like(opacity).bool()
+    exact = ((photo - light) / (1 - light).clamp_min(0.1)).clamp(0, 1)
+    mixed = (opacity > 0.5) & (light < 0.9) if len(rgba) <= SOURCE_SIZE else torch.zeros_like(opacity).bool()
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
     solid = opacity[0] > _SOLID
     deep = solid & (_distance(solid) > len(rgba) / _DEEP)  # a photo's outline is noisy
     photo = torch.where(solid, photo, _continued(photo, deep if bool(deep.any()) else solid))
-    photo = torch.where(mixed, exact, photo)
-    return torch.cat(((photo - large[:3]) * large[4:5], large[3:4]))
+    return torch.where(mixed, exact, photo)
 
 
 def _continued(image: Float[Tensor, "channels h w"], known: Bool[Tensor, "h w"]) -> Float[Tensor, "channels h w"]:
@@ -198,10 +416,19 @@ def _continued(image: Float[Tensor, "channels h w"], known: Bool[Tensor, "h w"])
     return image[:, torch.from_numpy(rows).long(), torch.from_numpy(columns).long()]
 
 
-def _small(image: Float32[np.ndarray, "height width"], source: Rendered) -> Float[Tensor, "h w"]:
-    rows, columns = source.opacity.shape
-    large = torch.from_numpy(np.ascontiguousarray(image))
-    return functional.adaptive_avg_pool2d(large[None], (rows, columns))[0]
+def _resized(
+    image: Float[Tensor, "channels height width"], like: Float[Tensor, "h w"]
+) -> Float[Tensor, "channels h w"]:
+    """The means of areas, at the size of another image."""
+    rows, columns = like.shape
+    return functional.adaptive_avg_pool2d(image[None], (rows, columns))[0]
+
+
+def _enlarged(
+    image: Float[Tensor, "channels h w"], like: Float[Tensor, "3 height width"]
+) -> Float[Tensor, "channels height width"]:
+    """Bilinear, at the size of another image."""
+    return functional.interpolate(image[None], like.shape[1:], mode="bilinear", align_corners=False)[0]
 
 
 def _blurred(image: Float[Tensor, "channels h w"], deviation: float) -> Float[Tensor, "channels h w"]:

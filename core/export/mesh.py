@@ -152,8 +152,8 @@ def _with_detail(
         return colours
     with torch.inference_mode():
         device = detail.photos[0].surface.device
-        points, outward = (torch.from_numpy(part).float().to(device) for part in (places, normals))
-        return (colours + detail.at(points, -outward)[0].cpu().numpy()).clip(0, 1)
+        points, outward, own = (torch.from_numpy(part).float().to(device) for part in (places, normals, colours))
+        return (own + detail.at(points, -outward, own)[0]).clamp(0, 1).cpu().numpy()
 
 
 def extract_mesh(

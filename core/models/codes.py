@@ -18,7 +18,7 @@ class Codes:
     shape: Float[Tensor, "*batch shape_latent"]
     texture: Float[Tensor, "*batch texture_latent"]
     detail: PhotoDetail | None = None
-    """of an object that was fitted: what its photo shows and codes cannot say; it goes with the texture"""
+    """Photos of a fitted object. They lie on its surface, so they go with the shape; a texture repaints them."""
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
@@ -36,18 +36,18 @@ class Codes:
     def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
         """These codes at 0, the other's at 1, straight lines between, for shape and texture separately.
 
-        The photo's detail is that of the nearer texture.
+        The photo's detail is that of the nearer shape.
         """
-        detail = self.detail if texture <= 0.5 else other.detail
+        detail = self.detail if shape <= 0.5 else other.detail
         return Codes(
             torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture), detail
         )
 
     def taking(self, part: str, other: "Codes") -> "Codes":
-        """With the shape, or the texture and the detail that goes with it, of others."""
+        """With the shape and the detail that goes with it, or the texture, of others."""
         if part == "shape":
-            return replace(self, shape=other.shape)
-        return replace(self, texture=other.texture, detail=other.detail)
+            return replace(self, shape=other.shape, detail=other.detail)
+        return replace(self, texture=other.texture)
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import io
 import itertools
 import math
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import torch
@@ -22,6 +22,9 @@ MAX_BYTES = 200_000
 """of a photo's file, in scenes, projects and pictures"""
 MAX_PHOTOS = 4
 """of one object whose detail is kept: graphics cards look up 16 images at least, three of each photo"""
+OtherSide = Literal["model", "soft", "mirrored"]
+OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
+"""Sources of colours that only the mirror image shows: the model alone, the photo blurred, the photo."""
 _QUALITIES = (96, 92, 85, 75, 60, 40)
 """of WebP, from the best to what any photo needs at most"""
 
@@ -92,12 +95,13 @@ class PhotoDetail:
     """the probability that the cameras are right, 0..1"""
     strength: float = 1.0
     """how much of it is shown, 0..1"""
-    both_sides: bool = False
-    """What only the mirror image shows is taken as it is, not softened."""
+    other_side: OtherSide = "mirrored"
 
     def __post_init__(self) -> None:
         if not (0 <= self.confidence <= 1 and 0 <= self.strength <= 1):
             raise ValueError(f"confidence and strength are 0 to 1, got {self.confidence} and {self.strength}")
+        if self.other_side not in OTHER_SIDES:
+            raise ValueError(f"the other side is one of {', '.join(OTHER_SIDES)}, got {self.other_side!r}")
         if not 1 <= len(self.views) <= MAX_PHOTOS:
             raise ValueError(f"detail is of 1 to {MAX_PHOTOS} photos, got {len(self.views)}")
         if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
@@ -119,7 +123,7 @@ class PhotoDetail:
     @property
     def key(self) -> tuple:
         """All but the strength, to be compared."""
-        return (*self.views, self.confidence, self.both_sides, *self.codes_key)
+        return (*self.views, self.confidence, self.other_side, *self.codes_key)
 
     def erasing(self, number: int, erased: tuple[Erasure, ...]) -> "PhotoDetail":
         """With just this erased of one of the photos."""
@@ -142,7 +146,7 @@ class PhotoDetail:
             "texture": self.texture.tolist(),
             "confidence": self.confidence,
             "strength": self.strength,
-            "both_sides": self.both_sides,
+            "other_side": self.other_side,
         }
 
 

@@ -17,7 +17,7 @@ from PIL import Image, PngImagePlugin
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
+from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 
@@ -100,11 +100,14 @@ class _Detail(NamedTuple):
     texture: tuple[float, ...]
     confidence: float = 1.0
     strength: float = 1.0
-    both_sides: bool = False
+    other_side: OtherSide | None = None
+    both_sides: bool = False  # of scenes written before there was a third choice
 
     def read(self) -> PhotoDetail:
         views = tuple(view.read() for view in self.views)
-        return PhotoDetail(views, torch.tensor(self.shape), torch.tensor(self.texture), *self[3:])
+        side = self.other_side or ("mirrored" if self.both_sides else "soft")
+        codes = torch.tensor(self.shape), torch.tensor(self.texture)
+        return PhotoDetail(views, *codes, self.confidence, self.strength, side)
 
 
 class _About(NamedTuple):

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from core.models.codes import Codes
 from core.models.model import Model
-from core.photos.surface import surface_points
+from core.rendering.surface import surface_points
 
 Kind = Literal["shape", "texture"]
 Words = dict[Kind, tuple[str, ...]]
@@ -50,6 +50,7 @@ _TEXTURE: dict[str, tuple[str, str, float]] = {
     "top yellow": ("more yellow top", "bluer top", 7.0),
     "contrast": ("more contrast", "plainer", 6.0),
 }
+_TABLES: dict[Kind, dict[str, tuple[str, str, float]]] = {"shape": _SHAPE, "texture": _TEXTURE}
 
 
 def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
@@ -63,17 +64,36 @@ def direction_words(model: Model, count: int = 6) -> Iterator[Words | None]:
         >>> words["texture"]  # doctest: +SKIP
         ('lighter', 'redder', 'greener top')
     """
-    words, tables = Words(), {"shape": _SHAPE, "texture": _TEXTURE}
-    kinds: tuple[Kind, Kind] = ("shape", "texture")
-    for kind in kinds:
+    words = Words()
+    for kind, table in _TABLES.items():
         found = list[dict[str, float]]()
         steps = getattr(model.codes, f"{kind}_space").basis[:count]
         for step in steps:
             less, more = (_measured(model, _moved(model.codes.mean, kind, side * _REACH * step)) for side in (-1, 1))
             found.append({name: more[name] - less[name] for name in more} if less and more else {})
             yield None
-        words[kind] = name_changes(found, tables[kind])
+        words[kind] = name_changes(found, table)
     yield words
+
+
+def moved(model: Model, codes: Codes, words: Words, name: str, amount: float) -> Codes:
+    """Return codes moved along the direction of a name by standard deviations; the opposite word moves backwards.
+
+    Args:
+        words: from :func:`direction_words`.
+
+    Raises ``ValueError`` for a name that no direction has.
+    """
+    known = dict[str, tuple[Kind, int, int]]()
+    for kind, table in _TABLES.items():
+        opposite = {one: other for more, less, _ in table.values() for one, other in ((more, less), (less, more))}
+        for number, word in enumerate(words[kind]):
+            if word:
+                known |= {word: (kind, number, 1), opposite[word]: (kind, number, -1)}
+    if name not in known:
+        raise ValueError(f"no direction is called {name!r}; there are {', '.join(known)}")
+    kind, number, sign = known[name]
+    return _moved(codes, kind, sign * amount * getattr(model.codes, f"{kind}_space").basis[number])
 
 
 def name_changes(changes: list[dict[str, float]], table: Mapping[str, tuple[str, str, float]]) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from core.geometry.camera import camera_rotation
 from core.models.codes import Codes
 from core.models.model import Model
 from core.models.occupied_cells import pack
-from core.photos.surface import surface_points
+from core.rendering.surface import surface_points
 from core.runtime.caches import CACHE, Kind
 from core.runtime.files import VIEW_BANKS, atomic_file, cache_folder
 

@@ -82,7 +82,7 @@ void main() {
 """
 _DETAIL = f"""
     if (opacity > {MIN_OPACITY})
-        seen += opacity * detail(origin + along * (near + pace * middle_of_light / taken), along);
+        seen += opacity * detail(origin + along * (near + pace * middle_of_light / taken), along, seen / opacity);
 """
 
 

@@ -1,15 +1,16 @@
 """What photos add to the colours of a surface: looked up where a point of the surface is in a photo.
 
-A photo's residual (its colour less that of the surface) and the weight of that are a map over the image of the photo's
-camera, beside it the distance and the normal of the surface that the camera saw. A point takes the residual of the
-pixel it projects into, as far as it is the surface that was seen there (a soft depth test) and is seen from the same
-side; from the photo's own camera all of it. What no photo's camera saw takes the low-passed residual of its mirror
-image (-x, y, z), if that was seen. Opacity and depth are only read.
+A photo's colours and their weight are a map over the image of the photo's camera, beside it the distance and the
+normal of the surface that the camera saw. A point takes the colour of the pixel it projects into, as far as it is the
+surface that was seen there (a soft depth test) and is seen from the same side; from the photo's own camera all of it.
+What no photo's camera saw takes the colour of its mirror image (-x, y, z), if that was seen. What is left takes the
+model's colour, matched to those of the photos, so that no edge shows where a photo ends. Opacity and depth are only
+read.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import torch
@@ -18,6 +19,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from core.geometry.camera import Camera, camera_directions
+from core.models.photo_detail import OtherSide
 from core.rendering.reference import Rendered
 
 DEPTH_NEAR, DEPTH_FAR = 0.012, 0.035
@@ -40,6 +42,18 @@ MIN_OPACITY = 0.02
 """of a pixel that takes anything"""
 
 
+class ColourMatch(NamedTuple):
+    """An affine map of each colour channel: from the model's colours to those of the photos."""
+
+    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def change(self, colours: Float[Tensor, "*places 3"]) -> Float[Tensor, "*places 3"]:
+        """Return the matched colours less the colours."""
+        gain, offset = (torch.tensor(part, device=colours.device) for part in self)
+        return colours * (gain - 1) + offset
+
+
 class Shares(NamedTuple):
     """Where the colours of places come from, 0..1; the rest is the model's."""
 
@@ -55,10 +69,9 @@ class PhotoMaps:
     camera: Camera
     """at any size: maps are over its whole image"""
     fine: tuple[Float[Tensor, "4 _ _"], ...]
-    """residual (rgb, sRGB), and its weight; each level has half the pixels across of the one before"""
+    """The photo's colours (sRGB) and :func:`packed` weights; each level has half the pixels across of the last one."""
     mirrored: Float[Tensor, "4 rows columns"]
-    """the same for what only the mirror image shows: low-passed, its weight in the colours and times the share that
-    such places take"""
+    """Soft detail of the mirror image: the photo less the render, low-passed, and the share that places take of it."""
     surface: Float[Tensor, "4 rows columns"]
     """unit normal (world) and distance from the camera (scene units)"""
 
@@ -103,8 +116,8 @@ class DetailMaps:
     photos: tuple[PhotoMaps, ...]
     strength: float = 1.0
     """times all that is added"""
-    both_sides: bool = False
-    """A mirror image is taken as it is: not low-passed, all of it."""
+    other_side: OtherSide = "mirrored"
+    match: ColourMatch = field(default_factory=ColourMatch)  # of the model's colours where no photo reaches
 
     def added(self, rendered: Rendered, camera: Camera) -> tuple[Rendered, Shares]:
         """A render in its camera's image with the photos' detail, and where its colours come from; its opacity and
@@ -116,7 +129,9 @@ class DetailMaps:
         directions = camera_directions(pixels, camera.focal, size) @ rotation
         points = origin + directions * rendered.depth.flatten().index_select(0, index)[:, None]
         opacity = rendered.opacity.flatten().index_select(0, index)
-        found, shares = self.at(points, directions, camera)
+        left = (1 - opacity)[:, None]
+        own = (rendered.colour.flatten(0, 1).index_select(0, index) - left) / opacity[:, None]
+        found, shares = self.at(points, directions, own.clamp(0, 1), camera)
         colour = rendered.colour.flatten(0, 1).index_add(0, index, opacity[:, None] * found).clamp(max=1)
         colour = torch.maximum(colour, 1 - rendered.opacity.flatten()[:, None])  # the background's light is left
         empty = torch.zeros_like(rendered.opacity)
@@ -124,26 +139,36 @@ class DetailMaps:
         return replace(rendered, colour=colour.view_as(rendered.colour)), Shares(*images)
 
     def at(
-        self, points: Float[Tensor, "points 3"], directions: Float[Tensor, "points 3"], camera: Camera | None = None
+        self,
+        points: Float[Tensor, "points 3"],
+        directions: Float[Tensor, "points 3"],
+        colours: Float[Tensor, "points 3"],
+        camera: Camera | None = None,
     ) -> tuple[Float[Tensor, "points 3"], Shares]:
         """What is added to the colours of places on a surface, and where these come from then.
 
         Args:
             directions: unit vectors along which each is seen; against the outward normal for a mesh.
+            colours: the model's, 0..1.
             camera: whose pixels they are; None: as finely as can be.
         """
         fine = [photo.fine[photo.level(camera) if camera else 0] for photo in self.photos]
         colour, direct = self._blended(points, directions, fine, own=True)
-        added, mirrored = direct[:, None] * colour, torch.zeros_like(direct)
-        hidden = (direct < 0.99).nonzero()[:, 0]
-        turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
-        twins, along = (part.index_select(0, hidden) * turn for part in (points, directions))
-        colour, share = self._blended(
-            twins, along, fine if self.both_sides else [photo.mirrored for photo in self.photos]
-        )
-        share = share * (1 - direct.index_select(0, hidden))
-        added.index_add_(0, hidden, share[:, None] * colour)
-        mirrored.index_add_(0, hidden, share)
+        added, mirrored = direct[:, None] * (colour - colours), torch.zeros_like(direct)
+        if self.other_side != "model":
+            hidden = (direct < 0.99).nonzero()[:, 0]
+            turn = torch.tensor([-1.0, 1.0, 1.0], device=points.device)
+            twins, along = (part.index_select(0, hidden) * turn for part in (points, directions))
+            soft = self.other_side == "soft"
+            if soft:
+                colour, share = self._blended(twins, along, [photo.mirrored for photo in self.photos], soft=True)
+            else:
+                colour, share = self._blended(twins, along, fine)
+                colour = colour - colours.index_select(0, hidden)
+            share = share * (1 - direct.index_select(0, hidden))
+            added.index_add_(0, hidden, share[:, None] * colour)
+            mirrored.index_add_(0, hidden, share)
+        added += (1 - direct - mirrored)[:, None] * self.match.change(colours)
         return self.strength * added, Shares(self.strength * direct, self.strength * mirrored)
 
     def _blended(
@@ -152,17 +177,20 @@ class DetailMaps:
         directions: Float[Tensor, "points 3"],
         maps: Sequence[Float[Tensor, "4 _ _"]],
         own: bool = False,
+        soft: bool = False,
     ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points"]]:
         """The mean of what photos show of places, each by its weight, and how far the best of them does (0..1).
 
         Args:
             maps: one of each photo.
             own: whether a photo shows everything that is seen from beside its camera.
+            soft: whether maps hold plain weights, not packed ones.
         """
         colours, shares, weights = list[Tensor](), list[Tensor](), list[Tensor]()
         for photo, map in zip(self.photos, maps, strict=True):
             values, seen, near = photo.look_up(points, directions, map)
-            share = torch.maximum(seen * values[:, 3], near) if own else seen * values[:, 3]
+            weight, reach = (values[:, 3], values[:, 3]) if soft else unpacked(values[:, 3])
+            share = torch.maximum(seen * weight, reach * near) if own else seen * weight
             colours.append(values[:, :3])
             shares.append(share)
             weights.append(share.square() + NEAR_FIRST * near if own else share.square())
@@ -170,6 +198,21 @@ class DetailMaps:
             return colours[0], shares[0]
         weight = torch.stack(weights)[..., None]
         return (weight * torch.stack(colours)).sum(0) / weight.sum(0).clamp_min(1e-6), torch.stack(shares).amax(0)
+
+
+def packed(weight: Float[Tensor, "*any"], reach: Float[Tensor, "*any"]) -> Float[Tensor, "*any"]:
+    """Pack two weights into one channel: ``reach`` is 1 wherever ``weight`` is not 0.
+
+    Args:
+        weight: 0..1, for views from anywhere.
+        reach: 0..1, for views from the photo's own camera.
+    """
+    return (weight + reach) / 2
+
+
+def unpacked(value: Float[Tensor, "*any"]) -> tuple[Float[Tensor, "*any"], Float[Tensor, "*any"]]:
+    """Return weight and reach of :func:`packed`."""
+    return (2 * value - 1).clamp(0, 1), (2 * value).clamp(0, 1)
 
 
 def _sampled(map: Float[Tensor, "channels h w"], place: Float[Tensor, "points 2"]) -> Float[Tensor, "points channels"]:

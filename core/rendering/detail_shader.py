@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from core.geometry.camera import Camera
-from core.models.photo_detail import MAX_PHOTOS
+from core.models.photo_detail import MAX_PHOTOS, OTHER_SIDES
 from core.rendering.detail_maps import (
     BESIDE,
     DEPTH_FAR,
@@ -27,12 +27,12 @@ _PHOTO = """
     if (photos > PHOTO) {
         float near, seen = seen_by_photo(surfacePHOTO, PHOTO, point, along, place, near);
         vec4 value = textureLod(finePHOTO, place, level[PHOTO]);
-        float share = max(seen * value.a, near);
+        float share = max(seen * clamp(2.0 * value.a - 1.0, 0.0, 1.0), near * clamp(2.0 * value.a, 0.0, 1.0));
         own += (share * share + NEAR_FIRST * near) * vec4(value.rgb, 1.0);
         direct = max(direct, share);
         seen = seen_by_photo(surfacePHOTO, PHOTO, point * turn, along * turn, place, near);
-        value = both_sides ? textureLod(finePHOTO, place, level[PHOTO]) : textureLod(mirroredPHOTO, place, 0.0);
-        share = seen * value.a;
+        value = other_side == 2 ? textureLod(finePHOTO, place, level[PHOTO]) : textureLod(mirroredPHOTO, place, 0.0);
+        share = seen * (other_side == 2 ? clamp(2.0 * value.a - 1.0, 0.0, 1.0) : other_side == 1 ? value.a : 0.0);
         twin += share * share * vec4(value.rgb, 1.0);
         mirror = max(mirror, share);
     }"""
@@ -42,7 +42,8 @@ GLSL = f"""
 uniform float strength;
 uniform sampler2D {_SAMPLERS};
 uniform int photos;
-uniform bool both_sides;
+uniform int other_side;  // 0: from the model, 1: soft, 2: mirrored
+uniform vec3 gain, offset;
 uniform vec3 photo_origin[{MAX_PHOTOS}];
 uniform mat3 photo_axes[{MAX_PHOTOS}];  // right, up, backward
 uniform vec2 photo_focal[{MAX_PHOTOS}]; // in widths and heights of the photo
@@ -65,16 +66,17 @@ float seen_by_photo(sampler2D surface, int photo, vec3 point, vec3 along, out ve
     near = inside * smooth_step({NEAR[0]}, {NEAR[1]}, angle) * smooth_step({NEAR_DEPTHS[0]}, {NEAR_DEPTHS[1]}, behind);
     return inside * smooth_step({DEPTH_FAR}, {DEPTH_NEAR}, behind) * max(facing * steep, beside);
 }}
-vec3 detail(vec3 point, vec3 along) {{
+vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec2 place;
     vec3 turn = vec3(-1.0, 1.0, 1.0);
     vec4 own = vec4(0.0), twin = vec4(0.0);
     float direct = 0.0, mirror = 0.0;{_EACH.replace("NEAR_FIRST", str(NEAR_FIRST))}
-    vec3 added = direct * own.rgb / max(own.a, 1e-6);
-    return strength * (added + (1.0 - direct) * mirror * twin.rgb / max(twin.a, 1e-6));
+    vec3 matched = model * (gain - 1.0) + offset;
+    vec3 seen = twin.rgb / max(twin.a, 1e-6) - (other_side == 2 ? model : vec3(0.0));
+    return strength * mix(mix(matched, seen, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
 }}
 """
-"""``detail(point, along)``: what is added to the colour of a place seen along a unit vector"""
+"""``detail(point, along, model)``: the change of the model's colour at a place seen along a unit vector"""
 
 
 class DetailTextures:
@@ -133,7 +135,9 @@ def uniforms(maps: DetailMaps, camera: Camera) -> dict[str, Any]:
         levels.append(float(photo.level(camera)))
     return {
         "photos": len(maps.photos),
-        "both_sides": maps.both_sides,
+        "other_side": OTHER_SIDES.index(maps.other_side),
+        "gain": maps.match.gain,
+        "offset": maps.match.offset,
         "photo_origin": origins,
         "photo_axes": axes,
         "photo_focal": focals,

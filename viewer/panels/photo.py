@@ -88,10 +88,10 @@ class PhotoPanel(Panel):
         if (detail := codes.detail) is None:
             return
         _draw_strength(context, detail)
-        changed, both = imgui.checkbox("Copy to the other side###both sides", detail.both_sides)
+        changed, both = imgui.checkbox("Copy to the other side###both sides", detail.other_side == "mirrored")
         tooltip(_BOTH_SIDES_HELP)
         if changed:
-            context.editor.set_detail(replace(detail, both_sides=both))
+            context.editor.set_detail(replace(detail, other_side="mirrored" if both else "soft"))
         flow("Erase…     ")
         self._erasing = imgui.checkbox("Erase…###erase detail", self._erasing)[1]
         tooltip("Wipe away what does not belong to the object, such as a reflection")

@@ -129,9 +129,8 @@ def _scores(
     plain = psnr(rendered.colour.clamp(0, 1).cpu(), image)
     if maps is None:
         return plain, plain, plain
-    unmirrored = tuple(replace(one, mirrored=torch.zeros_like(one.mirrored)) for one in maps.photos)
     full, direct = (
-        psnr(one.added(rendered, camera)[0].colour.cpu(), image) for one in (maps, replace(maps, photos=unmirrored))
+        psnr(one.added(rendered, camera)[0].colour.cpu(), image) for one in (maps, replace(maps, other_side="model"))
     )
     return plain, direct, full
 

@@ -26,7 +26,7 @@ from core.models.codes import Codes
 from core.models.library import load_model, shipped_models
 from core.models.model import Model
 from core.photos.photo import photo_from_array
-from core.photos.surface import surface_points
+from core.rendering.surface import surface_points
 
 COMPARED = ("normal", "paper")
 """presets"""

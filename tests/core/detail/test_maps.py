@@ -14,10 +14,10 @@ from core.geometry.rays import Rays, camera_rays
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
-from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
+from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.rendering import progressive
 from core.rendering.baked_field import render_baked
-from core.rendering.detail_maps import DetailMaps, PhotoMaps
+from core.rendering.detail_maps import DetailMaps, PhotoMaps, packed
 from core.rendering.fast import clear_cache
 from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import RenderJob, RenderSettings
@@ -26,6 +26,7 @@ from core.streams import run_to_end
 from tests.conftest import no_opengl
 
 SIZE = 192
+SIDES: tuple[OtherSide, ...] = "mirrored", "soft", "model"
 
 
 def striped(model: Model, camera: Camera, confidence: float = 1.0) -> Codes:
@@ -78,16 +79,15 @@ def test_what_is_erased_is_as_the_model_has_it(tiny: Model, codes: Codes, camera
     assert np.abs(erased - plain).max() <= 2
 
 
-def test_the_other_side_is_as_sharp_once_it_is_copied(tiny: Model, codes: Codes) -> None:
+def test_the_other_side_is_mirrored_soft_or_the_models(tiny: Model, codes: Codes) -> None:
     assert codes.detail is not None
     behind = tiny.camera(np.pi - 1.1, 0.3).resized(SIZE, SIZE)
-    soft, sharp = (
-        render_frame(tiny, replace(codes, detail=one), behind)
-        for one in (codes.detail, replace(codes.detail, both_sides=True))
-    )
-    assert soft.sources is not None and sharp.sources is not None
-    assert sharp.sources[..., 1].sum() > 1.05 * soft.sources[..., 1].sum() > 0
-    assert (sharp.image != soft.image).any()
+    frames = [
+        render_frame(tiny, replace(codes, detail=replace(codes.detail, other_side=side)), behind) for side in SIDES
+    ]
+    mirrored, soft, own = (frame.sources[..., 1].sum() for frame in frames if frame.sources is not None)
+    assert mirrored > 1.05 * soft > own == 0
+    assert (frames[0].image != frames[1].image).any()
 
 
 def test_frames_tell_where_colours_are_from(tiny: Model, codes: Codes, camera: Camera) -> None:
@@ -128,16 +128,14 @@ def test_a_doubtful_camera_shows_none(tiny: Model, codes: Codes, confidence: flo
     assert (run_to_end(detail_maps(tiny, doubtful)) is None) == (share == 0)
 
 
-@pytest.mark.parametrize("part", ["shape", "texture"])
-def test_edits_fade_it(tiny: Model, codes: Codes, part: str) -> None:
-    space = tiny.codes.shape_space if part == "shape" else tiny.codes.texture_space
+def test_edits_of_the_shape_fade_it(tiny: Model, codes: Codes) -> None:
+    space = tiny.codes.shape_space
     way = space.one_deviation(torch.tensor([1.0, 0.5]))
     unit = way / float(space.distance(way, torch.zeros(2)))
-    shares = []
-    for distance in (0.0, FADED / 2, FADED, 2 * FADED):
-        edited = getattr(codes, part) + distance * unit
-        moved = replace(codes, shape=edited) if part == "shape" else replace(codes, texture=edited)
-        shares.append(shown_share(tiny, moved))
+    shares = [
+        shown_share(tiny, replace(codes, shape=codes.shape + distance * unit))
+        for distance in (0.0, FADED / 2, FADED, 2 * FADED)
+    ]
     assert shares == pytest.approx([1.0, 0.5, 0.0, 0.0], abs=1e-4)
 
 
@@ -203,10 +201,10 @@ def test_no_step_shows_where_it_fades_out() -> None:
     rays, seen = ball(source)
     normals = surface_normals(rays.origins, rays.directions, seen)
     weight = paint_weight(seen.opacity, seen)
-    fine = torch.cat((0.16 * torch.ones(3, *weight.shape), weight[None]))
-    soft = torch.cat((fine[:3], 0.6 * fine[3:]))
+    fine = torch.cat((torch.full((3, *weight.shape), 0.66), packed(weight, torch.ones_like(weight))[None]))
+    soft = torch.cat((fine[:3] - 0.5, 0.6 * weight[None]))
     surface = torch.cat((normals, seen.depth[..., None]), -1).movedim(-1, 0)
-    maps = DetailMaps((PhotoMaps(source, (fine,), soft, surface),))
+    maps = DetailMaps((PhotoMaps(source, (fine,), soft, surface),), other_side="soft")
     for turn in (0.0, 0.5, 1.2, 2.0):
         view = Camera(0.4 + turn, 0.5, 2.0, 600.0, 512, 512)
         rays, plain = ball(view)

@@ -39,7 +39,7 @@ def test_the_noisiest_photo_is_small() -> None:
 
 def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
     codes = replace(
-        model.codes.mean, detail=replace(some_detail(model).erasing(0, (SCRATCH,)), strength=0.4, both_sides=True)
+        model.codes.mean, detail=replace(some_detail(model).erasing(0, (SCRATCH,)), strength=0.4, other_side="model")
     )
     scene = Scene(model.fingerprint, codes, CAMERA)
     scene.save(tmp_path / "s.json")
@@ -71,13 +71,14 @@ def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, chan
     assert "\n" not in str(raised.value)
 
 
-def test_it_goes_with_the_texture(model: Model) -> None:
+def test_it_goes_with_the_shape(model: Model) -> None:
     plain, fitted = model.codes[0], replace(model.codes[1], detail=some_detail(model))
-    assert plain.taking("texture", fitted).detail is fitted.detail
-    assert plain.taking("shape", fitted).detail is None
-    assert fitted.taking("texture", plain).detail is None
-    assert fitted.mixed(plain, 1.0, 0.4).detail is fitted.detail
-    assert fitted.mixed(plain, 0.0, 1.0).detail is None
+    assert plain.taking("shape", fitted).detail is fitted.detail
+    assert plain.taking("texture", fitted).detail is None
+    assert fitted.taking("shape", plain).detail is None
+    assert fitted.taking("texture", plain).detail is fitted.detail
+    assert fitted.mixed(plain, 0.4, 1.0).detail is fitted.detail
+    assert fitted.mixed(plain, 1.0, 0.0).detail is None
     assert isinstance(fitted.mixed(plain, 0.0, 1.0), Codes)
 
 

@@ -14,7 +14,6 @@ import torch
 from core.geometry.camera import camera_rotation
 from core.models.codes import CodeBook, Codes
 from core.models.model import Model
-from core.photos.surface import surface_points
 from core.photos.view_bank import (
     SIDE,
     ViewBank,
@@ -25,6 +24,7 @@ from core.photos.view_bank import (
     view_bank,
 )
 from core.rendering.reference import render_exact
+from core.rendering.surface import surface_points
 from core.runtime.caches import CACHE, Kind
 from core.runtime.files import cache_folder
 from tests.conftest import make_view_bank, random_model

@@ -1,7 +1,7 @@
 import torch
 
 from core.models.model import Model
-from core.photos.surface import surface_points
+from core.rendering.surface import surface_points
 from tests.core.tiny import EXTENT
 
 

@@ -1,0 +1,192 @@
+"""The texture code that gives a part of an object a picked colour: the body of a car, fabric or wood of a chair.
+
+Points on the surface are to have the new colour where the part is, in the light that they are in, and their own colour
+elsewhere. The search begins at the trained texture that comes nearest and goes on along the gradient.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.detail.maps import UNPAINTED, compared_photos, shown_share
+from core.detail.repaint import lightness, replaced_share
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.folded_field import FoldedField
+from core.rendering.surface import surface_points
+from core.runtime.layers import pad_rows
+
+Rgb = tuple[float, float, float]
+MATERIALS = {"fabric": "seat", "wood": "legs"}  # of chairs, each by the part that has it for certain
+_POINTS = 1500  # of the surface: more change the colour found by less than 1/255
+_TEXTURES = 500  # trained textures that the search may begin at
+_STEPS, _RATE = 80, 0.06  # of Adam, in standard deviations of the trained textures
+_PRIOR = 2e-5  # weight of the squared coordinates against squared errors of colours
+_DARKEST, _LIGHTEST = 0.3, 1.2  # light on a point, over the mean of its part
+_ANOTHER = 0.25  # difference of colours from which on a part takes an even paint; below, its pattern stays
+
+
+@dataclass(frozen=True)
+class Paint:
+    """A colour for a part. Raises ``ValueError`` for a colour out of range."""
+
+    colour: Rgb  # sRGB, 0..1
+    part: str = ""  # a part's name or one of :data:`MATERIALS`; '' is the body, or the fabric
+
+    def __post_init__(self) -> None:
+        if len(self.colour) != 3 or not all(0 <= channel <= 1 for channel in self.colour):
+            raise ValueError(f"a paint has three channels from 0 to 1, got {self.colour}")
+
+
+def paint(model: Model, codes: Codes, wanted: Paint) -> Generator[None, None, Codes]:
+    """Return the codes in a paint, seen as in images with photo detail; the paint they have changes nothing.
+
+    Yields None many times. Raises ``ValueError`` for a part that the model does not know.
+    """
+    surface = yield from _surface(model, codes, wanted.part)
+    colour, now = torch.tensor(wanted.colour), surface.now
+    for _ in range(20):  # what the render has to have, so that images have the colour: a contraction
+        target = torch.tensor(wanted.colour) - surface.offset(colour)
+        colour = target.clamp(0, 1)
+    if float((colour - now).abs().max()) < 0.5 / 255:
+        return codes
+    light = (lightness(surface.colours.T) / lightness(now).clamp_min(0.05)).clamp(_DARKEST, _LIGHTEST)
+    even = ((colour - now).norm() / _ANOTHER).clamp_max(1)
+    painted = torch.lerp(surface.colours + (colour - now), colour * light[:, None].sqrt(), even)
+    goal = torch.lerp(surface.colours, painted.clamp(0, 1), surface.share[:, None])
+    start = yield from _nearest_texture(model, codes, surface, goal)
+    return replace(codes, texture=(yield from _refined(model, surface, goal, start)))
+
+
+def paint_colour(model: Model, codes: Codes, part: str = "") -> Generator[None, None, Rgb]:
+    """Return the mean colour of a part in images, sRGB 0..1; yields None many times."""
+    surface = yield from _surface(model, codes, part)
+    red, green, blue = (surface.now + surface.offset(surface.now)).clamp(0, 1).tolist()
+    return red, green, blue
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """Points on an object's surface."""
+
+    model: Model
+    features: Float[Tensor, "points width"]
+    direction_bias: Float[Tensor, "points width"]
+    colours: Float[Tensor, "points 3"]  # in the current texture
+    share: Float[Tensor, "points"]  # 0..1, whether the part is there
+    fitted: Float[Tensor, "3"]  # mean colour of the part in the texture that was fitted to the photos
+    matched: Float[Tensor, "3"]  # by how much photos differ from that
+
+    def coloured(self, texture: Float[Tensor, "latent"]) -> Float[Tensor, "points 3"]:
+        """Return the colours in a texture; differentiable."""
+        field = self.model.field
+        return field.colour(self.features, self.direction_bias, field.texture_bias(texture))
+
+    @property
+    def now(self) -> Float[Tensor, "3"]:
+        """The part's mean colour in the current texture."""
+        return _mean(self.colours, self.share)
+
+    def offset(self, colour: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
+        """Return images less render where the part has this colour, as :func:`core.detail.repaint.repainted` has it."""
+        return (1 - replaced_share(colour - self.fitted)) * self.matched
+
+
+def _surface(model: Model, codes: Codes, part: str) -> Generator[None, None, _Surface]:
+    """The surface of an object and where a part is on it."""
+    points, _ = surface_points(model, codes)
+    yield None
+    if not len(points):
+        raise ValueError("the object has no surface that takes paint")
+    points = points[torch.linspace(0, len(points) - 1, min(_POINTS, len(points))).long()]
+    with torch.no_grad():
+        features = model.field.density(points, model.field.shape_bias(codes.shape))[1]
+        towards = model.field.direction_bias(-torch.nn.functional.normalize(points, dim=-1))
+        surface = _Surface(model, features, towards, points, points[:, 0], torch.zeros(3), torch.zeros(3))
+        colours = surface.coloured(codes.texture).clamp(0, 1)
+        share = _part_share(model, codes, points, colours, part)
+        surface = replace(surface, colours=colours, share=share, fitted=_mean(colours, share))
+    if not shown_share(model, codes):
+        return surface
+    assert codes.detail is not None
+    photos = yield from compared_photos(model, codes.detail)
+    with torch.no_grad():
+        fitted = _mean(surface.coloured(codes.detail.texture).clamp(0, 1), share)
+        matched = torch.stack([photo.match.change(fitted) for photo in photos]).mean(0)
+    return replace(surface, fitted=fitted, matched=matched)
+
+
+def _mean(colours: Float[Tensor, "points 3"], weight: Float[Tensor, "points"]) -> Float[Tensor, "3"]:
+    """Weighted mean of the lighter half: undersides and gaps are in the dark."""
+    light = lightness(colours.T)
+    order = light.argsort(descending=True)
+    lit = order[weight[order].cumsum(0) <= weight.sum() / 2]
+    lit = lit if len(lit) else order[:1]
+    return (weight[lit, None] * colours[lit]).sum(0) / weight[lit].sum().clamp_min(1e-6)
+
+
+def _part_share(
+    model: Model, codes: Codes, points: Float[Tensor, "points 3"], colours: Float[Tensor, "points 3"], part: str
+) -> Float[Tensor, "points"]:
+    """Whether a part is at points, 0..1; a material is wherever the colour is nearer to its own than to the other's."""
+    head = model.part_head
+    if head is None:
+        if part:
+            raise ValueError(f"this model knows no parts, so none is called {part}")
+        return torch.ones_like(points[:, 0])
+    folded = FoldedField(model, codes)
+    features = folded.density(folded.first_layer(pad_rows(points)))[1][: len(points)]
+    shares = dict(zip(head.names, head(features).T, strict=True))
+    materials = MATERIALS if set(MATERIALS.values()) <= shares.keys() else {}
+    known = [*materials, *(name for name in shares if name not in UNPAINTED)]
+    part = part or known[0]
+    if part in shares:
+        return shares[part]
+    if part not in materials:
+        raise ValueError(f"a {model.noun or 'object'} has {', '.join(known)}, and nothing called {part}")
+    own, other = (
+        _mean(colours, shares[seed]) for seed in (materials[part], *(materials[m] for m in materials if m != part))
+    )
+    nearer = (colours - other).norm(dim=-1) - (colours - own).norm(dim=-1)
+    if float((own - other).norm()) < _ANOTHER / 2:  # one colour all over: parts tell materials apart
+        return 1 - shares["legs"] if part == "fabric" else shares["legs"]
+    return (0.5 + 2 * nearer / (own - other).norm()).clamp(0, 1)
+
+
+def _nearest_texture(
+    model: Model, codes: Codes, surface: _Surface, goal: Float[Tensor, "points 3"]
+) -> Generator[None, None, Float[Tensor, "latent"]]:
+    """The current texture, or the trained one that comes nearest to the goal."""
+    valid = model.codes.valid
+    some = valid[:: max(1, len(valid) // _TEXTURES)]
+    best, least = codes.texture, torch.inf
+    for texture in [codes.texture, *(model.codes[index].texture for index in some)]:
+        with torch.no_grad():
+            error = float((surface.coloured(texture) - goal).square().mean())
+        if error < least:
+            best, least = texture, error
+        yield None
+    return best
+
+
+def _refined(
+    model: Model, surface: _Surface, goal: Float[Tensor, "points 3"], start: Float[Tensor, "latent"]
+) -> Generator[None, None, Float[Tensor, "latent"]]:
+    """The best texture of a descent from another one."""
+    space = model.codes.texture_space
+    coordinates, best, least = space.coordinates(start).clone().requires_grad_(), start, torch.inf
+    optimiser = torch.optim.Adam([coordinates], _RATE)
+    for _ in range(_STEPS):
+        with torch.enable_grad():
+            texture = space.code(coordinates)
+            loss = (surface.coloured(texture) - goal).square().mean() + _PRIOR * coordinates.square().sum()
+            optimiser.zero_grad()
+            loss.backward()
+        if float(loss.detach()) < least:
+            best, least = texture.detach().clone(), float(loss.detach())
+        optimiser.step()
+        yield None
+    return best

@@ -1,0 +1,70 @@
+"""On a tiny model: its textures are a few colours, and a paint is one between them."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from core.detail.frames import render_frame
+from core.detail.paint import Paint, paint, paint_colour
+from core.models.codes import Codes
+from core.models.library import load_model
+from core.models.model import Model
+from core.streams import run_to_end
+
+
+@pytest.fixture(scope="module")
+def cars() -> Model:
+    return load_model("cars")
+
+
+def colour(model: Model, codes: Codes, part: str = "") -> torch.Tensor:
+    return torch.tensor(run_to_end(paint_colour(model, codes, part)))
+
+
+def test_the_paint_that_it_has_changes_nothing(tiny: Model) -> None:
+    codes = tiny.codes[0]
+    assert run_to_end(paint(tiny, codes, Paint(run_to_end(paint_colour(tiny, codes))))) == codes
+
+
+def test_another_objects_paint_is_reached_and_the_shape_stays(tiny: Model) -> None:
+    codes, goal = tiny.codes[0], run_to_end(paint_colour(tiny, replace(tiny.codes[0], texture=tiny.codes[3].texture)))
+    found = run_to_end(paint(tiny, codes, Paint(goal)))
+    before, after = (float((colour(tiny, one) - torch.tensor(goal)).abs().max()) for one in (codes, found))
+    assert after < min(0.03, before)
+    assert torch.equal(found.shape, codes.shape)
+
+
+def test_a_cars_body_is_painted_and_its_glass_and_wheels_are_not(cars: Model) -> None:
+    codes = cars.codes[cars.codes.valid[0]]
+    red = Paint((0.75, 0.19, 0.16))
+    painted = run_to_end(paint(cars, codes, red))
+    assert (colour(cars, painted) - torch.tensor(red.colour)).abs().max() < 0.08
+    for part in ("wheels", "glass"):
+        assert (colour(cars, painted, part) - colour(cars, codes, part)).abs().max() < 0.12
+    assert (render_frame(cars, painted, cars.camera(1.0, 0.3)).image != 255).any()
+
+
+@pytest.mark.parametrize("material, other", [("fabric", "wood"), ("wood", "fabric")])
+def test_of_a_chair_one_material_is_painted(material: str, other: str) -> None:
+    chairs = load_model("chairs")
+    codes = _two_coloured(chairs)
+    painted = run_to_end(paint(chairs, codes, Paint((0.2, 0.35, 0.65), material)))
+    seed, kept = ({"fabric": "seat", "wood": "legs"}[one] for one in (material, other))
+    moved, stayed = ((colour(chairs, painted, one) - colour(chairs, codes, one)).abs().max() for one in (seed, kept))
+    assert moved > 3 * stayed
+
+
+def _two_coloured(chairs: Model) -> Codes:
+    """The trained chair whose seat and legs differ most in colour, of some."""
+    some = [chairs.codes[index] for index in chairs.codes.valid[::100]]
+    return max(some, key=lambda one: float((colour(chairs, one, "seat") - colour(chairs, one, "legs")).norm()))
+
+
+def test_bad_input_is_refused_in_one_line(tiny: Model, cars: Model) -> None:
+    with pytest.raises(ValueError, match="three channels"):
+        Paint((0.1, 0.2, 1.5))
+    with pytest.raises(ValueError, match="a car has body, and nothing called seat"):
+        run_to_end(paint(cars, cars.codes[0], Paint((0.1, 0.2, 0.3), "seat")))
+    with pytest.raises(ValueError, match="knows no parts"):
+        run_to_end(paint(tiny, tiny.codes[0], Paint((0.1, 0.2, 0.3), "seat")))

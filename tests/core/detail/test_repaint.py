@@ -1,0 +1,93 @@
+"""On patches of one colour: what is paint takes the new one, what is not stays as the photo has it."""
+
+import pytest
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.detail.repaint import (
+    Coat,
+    colour_match,
+    light_share,
+    lightness,
+    moved_paint,
+    repainted,
+    replaced_share,
+    same_hue,
+)
+from core.rendering.detail_maps import ColourMatch
+
+WHITE, RED, BLACK, GOLD = (0.85, 0.86, 0.88), (0.75, 0.19, 0.16), (0.05, 0.05, 0.06), (0.62, 0.45, 0.15)
+
+
+def patch(*colours: tuple[float, float, float]) -> Float[Tensor, "3 places"]:
+    return torch.tensor(colours).T
+
+
+def painted(photo: Tensor, before: Tensor, after: Tensor, match: ColourMatch | None = None) -> Tensor:
+    offset = (match or ColourMatch()).change(before.T).T
+    return repainted(photo, [Coat(before + offset, moved_paint(after - before, offset), torch.ones(photo.shape[1]))])
+
+
+def test_the_paint_that_is_there_changes_no_bit() -> None:
+    photo = torch.rand(3, 500, generator=torch.Generator().manual_seed(0))
+    before = torch.rand(3, 500, generator=torch.Generator().manual_seed(1))
+    match = ColourMatch((1.2, 1.1, 0.9), (0.02, -0.1, 0.05))
+    assert torch.equal(painted(photo, before, before, match), photo)
+
+
+def test_paint_becomes_the_new_one_in_the_light_that_it_is_in() -> None:
+    shade = 0.6
+    photo = torch.cat((patch(WHITE), shade * patch(WHITE)), 1)
+    new = painted(photo, patch(WHITE, WHITE), patch(RED, RED))
+    assert new[:, 0].tolist() == pytest.approx(RED, abs=1e-3)
+    assert (new[:, 1] / shade).tolist() == pytest.approx(RED, abs=1e-3)
+
+
+@pytest.mark.parametrize("kept, paint", [(GOLD, WHITE), ((0.1, 0.15, 0.4), WHITE), ((0.95, 0.95, 0.95), BLACK)])
+def test_lettering_keeps_its_colour(kept: tuple[float, float, float], paint: tuple[float, float, float]) -> None:
+    new = painted(patch(kept), patch(paint), patch(RED))
+    assert (new - patch(kept)).abs().max() < 0.12
+
+
+def test_what_takes_no_paint_stays() -> None:
+    photo, change = patch(WHITE), patch(RED) - patch(WHITE)
+    assert torch.equal(repainted(photo, [Coat(photo, change, torch.zeros(1))]), photo)
+
+
+def test_a_second_coat_covers_what_the_first_one_leaves() -> None:
+    photo, change, all_of_it = patch(WHITE, RED), torch.full((3, 1), -0.1), torch.ones(2)
+    both = repainted(photo, [Coat(patch(WHITE), change, all_of_it), Coat(patch(RED), -change, all_of_it)])
+    assert (both - photo)[0].tolist() == pytest.approx([-0.1, 0.1], abs=0.02)
+
+
+def test_a_photo_lighter_than_its_render_does_not_lighten_another_paint() -> None:
+    match = ColourMatch(offset=(0.1, 0.1, 0.1))
+    new = painted(patch(WHITE) + 0.1, patch(WHITE), patch(RED), match)
+    assert new[:, 0].tolist() == pytest.approx(RED, abs=1e-3)
+
+
+def test_shares_at_the_extremes() -> None:
+    greys = torch.linspace(0, 1, 11).repeat(3, 1)
+    for paint in (0.0, 1e-9, 1.0):
+        for measure in (light_share, same_hue):
+            share = measure(greys, torch.full_like(greys, paint))
+            assert bool(torch.isfinite(share).all()) and float(share.min()) >= 0 and float(share.max()) < 1.61
+    assert float(lightness(torch.ones(3, 1))) == pytest.approx(1.0)
+    assert replaced_share(torch.tensor([[0.0, 0, 0], [0.25, 0, 0], [-1, 0, 0]])).tolist() == [0.0, 0.5, 1.0]
+
+
+def test_a_match_finds_gain_and_offset_beside_lettering() -> None:
+    generator = torch.Generator().manual_seed(2)
+    colours = torch.rand(3, 4000, generator=generator)
+    photo = 1.2 * colours - 0.1
+    photo[:, :200] = 0.0
+    match = colour_match(colours, photo, torch.ones(4000))
+    assert match.gain == pytest.approx((1.2,) * 3, abs=0.1)
+    found = colours[:, 200:] + match.change(colours[:, 200:].T).T
+    assert (found - photo[:, 200:]).abs().mean() < 0.03
+
+
+def test_without_weight_colours_match_as_they_are() -> None:
+    match = colour_match(torch.rand(3, 10), torch.rand(3, 10), torch.zeros(10))
+    assert match.gain == pytest.approx((1.0,) * 3) and match.offset == pytest.approx((0.0,) * 3)
