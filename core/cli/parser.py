@@ -37,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
     _add_render(commands)
     _add_turntable(commands)
     _add_mesh(commands)
+    _add_page(commands)
     _add_fit(commands)
     _add_dataset(commands)
     _add_train(commands)
@@ -150,6 +151,13 @@ def _add_mesh(commands: argparse._SubParsersAction) -> None:
         "--metres", type=float, metavar="M", help="the longest side; it stands on the ground (else in scene units)"
     )
     command.add_argument("--out", type=Path, required=True, metavar="X.glb|.ply|.obj|.stl|.3mf")
+
+
+def _add_page(commands: argparse._SubParsersAction) -> None:
+    command = add_command(commands, "page", "render.page", "write a web page in which an object turns, in one file")
+    _add_scene_options(command)
+    command.add_argument("--name", metavar="TEXT", help="the object's name (else that of the scene's file)")
+    command.add_argument("--out", type=Path, required=True, metavar="X.html")
 
 
 def _add_fit(commands: argparse._SubParsersAction) -> None:

@@ -1,4 +1,4 @@
-"""``render``, ``turntable`` and ``mesh``: an object as an image, a video and a mesh."""
+"""``render``, ``turntable``, ``mesh`` and ``page``: an object as an image, a video, a mesh and a web page."""
 
 import argparse
 import math
@@ -23,6 +23,8 @@ from core.models.scene import Scene, open_scene, save_image
 from core.photos.direction_words import direction_words, moved
 from core.runtime.files import require_writable
 from core.streams import run_to_end
+
+_PAGE_VIEWS = 12  # around the object, all of which the page's first distance has room for
 
 
 def render(chosen: argparse.Namespace) -> None:
@@ -67,6 +69,18 @@ def mesh(chosen: argparse.Namespace) -> None:
     with tqdm(total=1.0, bar_format="{percentage:3.0f} %|{bar}| {elapsed}", leave=False, disable=None) as bar:
         for share in shares:
             bar.update(share - bar.n)
+
+
+def page(chosen: argparse.Namespace) -> None:
+    """``page``: an object in one .html file."""
+    from core.export.page import write_page
+
+    model, codes, camera = _load_view(chosen)
+    if chosen.distance is None:
+        (_, camera), *_ = filling_frame(model, timeline.turntable(codes, camera, _PAGE_VIEWS))
+    name = chosen.name or (chosen.scene.stem if chosen.scene else model.noun.capitalize())
+    for _ in write_page(model, codes, camera, chosen.out, name):
+        pass
 
 
 def _load_view(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:

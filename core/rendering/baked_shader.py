@@ -5,6 +5,7 @@ software OpenGL, which evaluates what it then throws away, an empty pixel costs 
 """
 
 import math
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -18,7 +19,7 @@ from core.rendering.detail_maps import MIN_OPACITY
 from core.rendering.detail_shader import GLSL, DetailTextures, uniforms
 from core.rendering.occupancy import CELLS, splat
 
-_VERTEX = """
+VERTEX = """
 #version 330
 uniform vec2 tiles;  // columns, rows
 in vec4 tile;        // column, row; nearest and farthest distance of what is behind it
@@ -29,7 +30,7 @@ void main() {
     gl_Position = vec4(2.0 * corner / tiles - 1.0, 0.0, 1.0);
 }
 """
-_FRAGMENT = """
+FRAGMENT = """
 #version 330
 uniform sampler3D texels;     // rgb and logit; the axes are z, y, x
 uniform usampler3D distance;  // cells to the nearest occupied one
@@ -120,14 +121,9 @@ class BakedShader:
     def _program(self, detailed: bool) -> moderngl.Program:
         """With what photos add to colours, or without: in software OpenGL, a third of a picture's time."""
         if detailed not in self._programs:
-            source = _FRAGMENT.replace("DECLARED", GLSL * detailed).replace("ADDED", _DETAIL * detailed)
-            program = self._context.program(vertex_shader=_VERTEX, fragment_shader=source)
-            units = enumerate(("texels", "distance", *self._detail.names * detailed))
-            constants = ("blocks", CELLS), ("min_light", MIN_LIGHT), *((name, unit) for unit, name in units)
-            for name, value in constants:
-                program[name] = value
-            least, most = LOGITS
-            program["logits"] = tuple(part / math.log(2) for part in (least, most - least))
+            program = self._context.program(vertex_shader=VERTEX, fragment_shader=fragment_source(detailed))
+            for unit, name in enumerate(("texels", "distance", *self._detail.names * detailed)):
+                program[name] = unit
             self._programs[detailed] = program
         return self._programs[detailed]
 
@@ -152,10 +148,10 @@ class BakedShader:
         # The columns of a pose are right, down and forward.
         for column, (name, sign) in enumerate((("right", 1), ("up", -1), ("backward", -1))):
             program[name] = tuple(sign * rotation[:, column])
-        program["origin"], program["extent"], program["tiles"] = tuple(origin), baked.extent, grid
-        program["first"], program["sides"] = baked.first, baked.texels.shape[:3]
-        program["middle"], program["focal"], program["cells"] = middle, camera.focal, baked.cells
-        program["pace"], program["thickness"] = baked.step, baked.density_scale * baked.step
+        program["origin"], program["tiles"] = tuple(origin), grid
+        program["middle"], program["focal"] = middle, camera.focal
+        for name, value in field_uniforms(baked).items():
+            program[name] = value
         self._texels.use(0)
         self._distance.use(1)
         if baked.detail:
@@ -178,6 +174,27 @@ class BakedShader:
         for part in (self._texels, self._distance, *self._programs.values()):
             if part is not None:
                 part.release()
+
+
+def field_uniforms(baked: BakedField) -> dict[str, Any]:
+    """Return the values of the fragment shader that no camera changes."""
+    least, most = LOGITS
+    return {
+        "extent": baked.extent,
+        "first": baked.first,
+        "sides": baked.texels.shape[:3],
+        "cells": baked.cells,
+        "pace": baked.step,
+        "thickness": baked.density_scale * baked.step,
+        "blocks": CELLS,
+        "min_light": MIN_LIGHT,
+        "logits": tuple(part / math.log(2) for part in (least, most - least)),
+    }
+
+
+def fragment_source(detailed: bool) -> str:
+    """Return the fragment shader, with what photos add to colours or without."""
+    return FRAGMENT.replace("DECLARED", GLSL * detailed).replace("ADDED", _DETAIL * detailed)
 
 
 def _occupied_centres(baked: BakedField) -> Float32[torch.Tensor, "occupied 3"]:

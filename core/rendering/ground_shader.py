@@ -6,7 +6,7 @@ import numpy as np
 from core.geometry.camera import Camera
 from core.rendering.ground_shadow import GroundShadow
 
-_VERTEX = """
+VERTEX = """
 #version 330
 uniform vec3 origin, right, up, backward;
 uniform vec2 reach, middle, size;  // of the map, scene units; px
@@ -20,7 +20,7 @@ void main() {
     gl_Position = vec4(2.0 * (seen + middle * before) / size - before, 0.0, before);
 }
 """
-_FRAGMENT = """
+FRAGMENT = """
 #version 330
 uniform sampler2D darkness;
 in vec2 place;
@@ -34,7 +34,7 @@ class GroundShader:
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
-        self._program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        self._program = context.program(vertex_shader=VERTEX, fragment_shader=FRAGMENT)
         self._plane = context.vertex_array(self._program, [])
         self._map: moderngl.Texture | None = None
         self._shadow: GroundShadow | None = None

@@ -1,0 +1,162 @@
+"""A page to send: one .html in which the object turns under the finger, in any browser and without a network.
+
+The page holds the baked field, the photos' maps and the shaders that draw both here, in the WebGL 2 dialect; a picture
+stands in for them until they are loaded, and where there is no WebGL.
+"""
+
+import base64
+import html
+import io
+import json
+import zlib
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from PIL import Image
+from torch import Tensor
+
+from core.detail.frames import bake, render_frame
+from core.export.frames import draw_still, over
+from core.geometry.camera import Camera
+from core.geometry.pixels import to_bytes
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering import baked_shader, detail_shader, ground_shader
+from core.rendering.baked_field import BakedField
+from core.rendering.detail_maps import DetailMaps, PhotoMaps
+from core.rendering.ground_shadow import GroundShadow
+from core.runtime.files import atomic_file
+
+MAX_BYTES = 2_000_000  # of a page: small enough for every mail and messenger
+SUFFIX = ".html"
+_POSTER = 512  # px
+_QUALITIES = (92, 85, 75, 60, 40)  # of the photos' WebP, from the best to what any page needs at most
+_VECTOR, _DISTANCE = 127.0, 8192.0  # whole numbers per unit: of normals and residuals, of distances in scene units
+_DIALECT = """#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+precision highp sampler3D;
+precision highp usampler3D;
+"""
+
+
+def write_page(model: Model, codes: Codes, camera: Camera, path: Path, name: str) -> Iterator[None]:
+    """Write the page of an object; yields None many times, and nothing is left at ``path`` unless it is whole.
+
+    Raises ``ValueError`` for another ending than .html, or a path that cannot be written.
+
+    Args:
+        camera: where the page begins; its image is a square.
+        name: of the object, shown below it and in the browser's title.
+    """
+    if path.suffix.lower() != SUFFIX:
+        raise ValueError(f"{path.name}: a page is called *{SUFFIX}")
+    with atomic_file(path) as unfinished:
+        baked: BakedField | None = None
+        for finer in bake(model, codes):
+            baked = finer or baked
+            yield None
+        assert baked is not None
+        camera = camera.resized(_POSTER, _POSTER)
+        poster = _poster(model, codes, camera, baked)
+        unfinished.write_text(page(baked, camera, poster, name), encoding="utf-8")
+
+
+def page(baked: BakedField, camera: Camera, poster: UInt8[np.ndarray, "height width 4"], name: str) -> str:
+    """Return the text of a page: the best photos that it has room for."""
+    template = Template(resources.files("core.export").joinpath("page.html").read_text(encoding="utf-8"))
+    for quality in _QUALITIES:
+        scene = json.dumps(_scene(baked, camera, quality), separators=(",", ":")).replace("<", "\\u003c")
+        text = template.substitute(poster=_image(poster, quality), scene=scene, name=html.escape(name))
+        if len(text.encode()) <= MAX_BYTES:
+            break
+    return text
+
+
+def _poster(model: Model, codes: Codes, camera: Camera, baked: BakedField) -> UInt8[np.ndarray, "height width 4"]:
+    """The page's first picture, on nothing; by the network where the machine has no OpenGL."""
+    drawn = draw_still(baked, camera, camera.width, shadow=True)
+    return over(render_frame(model, codes, camera), None) if drawn is None else drawn
+
+
+def _scene(baked: BakedField, camera: Camera, quality: int) -> dict[str, Any]:
+    """Everything that the page's script needs, as JSON."""
+    view = {name: getattr(camera, name) for name in ("azimuth", "elevation", "distance")}
+    shaders = {
+        "object": (baked_shader.VERTEX, baked_shader.fragment_source(baked.detail is not None)),
+        "ground": (ground_shader.VERTEX, ground_shader.FRAGMENT),
+    }
+    return {
+        "camera": {**view, "focal": camera.focal / camera.height},
+        "field": {
+            "uniforms": baked_shader.field_uniforms(baked),
+            "texels": _packed(np.moveaxis(baked.texels, -1, 0)),  # by channel, which packs better
+            "distance": _packed(baked.distance),
+        },
+        "detail": baked.detail and _detail(baked.detail, camera, quality),
+        "shadow": baked.shadow and _shadow(baked.shadow),
+        "shaders": {
+            name: dict(zip(("vertex", "fragment"), map(_in_webgl, pair), strict=True)) for name, pair in shaders.items()
+        },
+    }
+
+
+def _detail(maps: DetailMaps, camera: Camera, quality: int) -> dict[str, Any]:
+    uniforms = detail_shader.uniforms(maps, camera)
+    del uniforms["level"]  # of the page's camera
+    return {
+        "uniforms": {**uniforms, "strength": maps.strength},
+        "photos": [_photo(photo, maps.other_side == "soft", quality) for photo in maps.photos],
+    }
+
+
+def _photo(photo: PhotoMaps, soft: bool, quality: int) -> dict[str, Any]:
+    fine = photo.fine[0].cpu()
+    _, height, width = fine.shape
+    # What no view takes is of one colour, which packs to nothing.
+    colours = torch.where(fine[3] > 0, fine[:3], 0.5)
+    mirrored = photo.mirrored if soft else photo.mirrored[:, :1, :1]
+    return {
+        "width": width,
+        "height": height,
+        "levels": len(photo.fine),
+        "fineness": photo.camera.focal * height / photo.camera.height / photo.camera.distance,
+        "image": _image(to_bytes(colours.movedim(0, -1)), quality),
+        "weight": _packed(to_bytes(fine[3])),
+        "mirrored": _planes(mirrored, (_VECTOR,) * 4),
+        "surface": _planes(photo.surface, (_VECTOR, _VECTOR, _VECTOR, _DISTANCE)),
+    }
+
+
+def _shadow(shadow: GroundShadow) -> dict[str, Any]:
+    uniforms = {"reach": shadow.reach, "height": shadow.height}
+    return {"size": shadow.darkness.shape, "darkness": _packed(shadow.darkness), "uniforms": uniforms}
+
+
+def _planes(map: Float[Tensor, "channels height width"], scales: tuple[float, ...]) -> dict[str, Any]:
+    """Channels as whole numbers, each less its neighbour on the left: smooth maps pack to a tenth."""
+    steps = (map.cpu() * torch.tensor(scales)[:, None, None]).round().to(torch.int16).numpy()
+    data = np.diff(steps, axis=-1, prepend=np.int16(0)).astype("<i2")
+    return {"width": map.shape[2], "height": map.shape[1], "scales": scales, "data": _packed(data)}
+
+
+def _packed(array: np.ndarray) -> str:
+    return base64.b64encode(zlib.compress(np.ascontiguousarray(array).tobytes(), 9)).decode()
+
+
+def _image(pixels: UInt8[np.ndarray, "height width channels"], quality: int) -> str:
+    """A WebP image as a data URL."""
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, "WEBP", quality=quality, method=4)
+    return f"data:image/webp;base64,{base64.b64encode(file.getvalue()).decode()}"
+
+
+def _in_webgl(source: str) -> str:
+    return source.replace("#version 330\n", _DIALECT).strip()

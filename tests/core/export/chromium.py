@@ -1,0 +1,119 @@
+"""A headless Chromium, spoken to over pipes in its DevTools protocol; nothing but the browser is needed."""
+
+import base64
+import io
+import itertools
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+_NAMES = "chromium", "chromium-browser", "google-chrome"
+_FLAGS = (
+    *("--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-component-update"),
+    *("--disable-sync", "--disable-quic", "--hide-scrollbars", "--remote-debugging-pipe"),
+    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"),
+)
+_START = """
+import fcntl, os, sys
+reading, writing = (fcntl.fcntl(int(number), fcntl.F_DUPFD, 10) for number in sys.argv[1:3])
+os.dup2(reading, 3), os.dup2(writing, 4)
+os.execvp(sys.argv[3], sys.argv[3:])
+"""  # the protocol's pipes are the numbers 3 and 4
+
+
+class Chromium:
+    """One tab. Use as a context manager. Raises ``FileNotFoundError`` where the machine has no Chromium."""
+
+    def __init__(self) -> None:
+        found = next(filter(None, map(shutil.which, _NAMES)), None)
+        if found is None:
+            raise FileNotFoundError(f"no {_NAMES[0]} on this machine")
+        self._profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        read_here, write_there = os.pipe()
+        read_there, write_here = os.pipe()
+        words = [found, *_FLAGS, f"--user-data-dir={self._profile.name}", "about:blank"]
+        command = [sys.executable, "-c", _START, str(read_there), str(write_there), *words]
+        self._process = subprocess.Popen(
+            command, pass_fds=(read_there, write_there), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        os.close(read_there)
+        os.close(write_there)
+        self._answers, self._orders = os.fdopen(read_here, "rb"), os.fdopen(write_here, "wb")
+        self._numbers, self._rest, self._session = itertools.count(1), b"", ""
+        self.events: list[dict[str, Any]] = []
+
+    def __enter__(self) -> "Chromium":
+        target = self.send("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.send(f"{domain}.enable")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._answers.close()
+        self._orders.close()
+        self._profile.cleanup()
+
+    def send(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """Execute a command and return its result; events that come before it are kept."""
+        number = next(self._numbers)
+        order = {"id": number, "method": method, "params": parameters}
+        self._orders.write(json.dumps(order | ({"sessionId": self._session} if self._session else {})).encode() + b"\0")
+        self._orders.flush()
+        while True:
+            message = self._receive()
+            if message.get("id") == number:
+                assert "error" not in message, (method, message["error"])
+                return message["result"]
+            self.events.append(message)
+
+    def evaluate(self, script: str) -> Any:
+        """Return the value of a script, or of what it promises."""
+        found = self.send("Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True)
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    def open(self, path: Path, width: int, height: int) -> None:
+        """Load a page of this program, and wait until it can be turned."""
+        self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        self.send("Page.navigate", url=path.as_uri())
+        wait = "const again = () => document.body?.dataset.ready ? ready() : setTimeout(again, 50); again();"
+        self.evaluate(f"new Promise((ready) => {{ {wait} }})")
+
+    def picture(self, script: str) -> UInt8[np.ndarray, "height width 4"]:
+        """Return the canvas right after a script."""
+        address = self.evaluate(f"{script}; document.querySelector('canvas').toDataURL()")
+        with Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))) as image:
+            return np.array(image.convert("RGBA"))
+
+    def requests(self) -> list[str]:
+        """Every address that was asked for."""
+        asked = [one["params"]["request"]["url"] for one in self.events if one["method"] == "Network.requestWillBeSent"]
+        return [url for url in asked if not url.startswith(("data:", "blob:"))]
+
+    def complaints(self) -> list[dict[str, Any]]:
+        """Errors and whatever else was written to the console."""
+        kinds = "Runtime.exceptionThrown", "Runtime.consoleAPICalled", "Log.entryAdded"
+        return [one["params"] for one in self.events if one["method"] in kinds]
+
+    def _receive(self) -> dict[str, Any]:
+        while b"\0" not in self._rest:
+            found = os.read(self._answers.fileno(), 1 << 16)
+            assert found, "Chromium has ended"
+            self._rest += found
+        message, _, self._rest = self._rest.partition(b"\0")
+        return json.loads(message)
