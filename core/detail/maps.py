@@ -72,6 +72,7 @@ _ALIKE = 0.3, 0.12  # difference from the paint's colour in the photo: none from
 _VIVID = 0.15, 0.35  # chroma over lightness: no grey has the first, what has the second is no tyre and no pane
 _LIT = 0.15, 0.35  # lightness over the paint's: darker is a gap, whatever its hue
 _CLEAR = 0.15, 0.35  # change of the render of a part without paint: none of it below, all above
+_EQUAL = 0.18, 0.08  # likewise where the model has glass
 _CALM = 0.15, 0.05  # contrast in that window, likewise
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # lightness by which a photo is darker than the render on a roof: reflections, and glass
@@ -239,7 +240,9 @@ def compare_photo(model: Model, detail: PhotoDetail, view: PhotoView) -> Generat
         weight = kept * paint_weight(mask, source)
         match = colour_match(render.flatten(1), small.flatten(1), weight.flatten())
         weight = weight * _without_glass_above(model, small, render, normals, parts)
-        painted = _painted(texels.chroma_spread(model, codes, weight), small, parts, weight)
+        bare = not parts.keys().isdisjoint(UNPAINTED)
+        spread = texels.chroma_spread(model, codes, weight) if bare else None
+        painted = _painted(spread, small, render, parts, weight)
     return ComparedPhoto(
         camera, codes, photo, render, weight, kept * near_weight(mask), *painted, surface, texels, match
     )
@@ -277,21 +280,21 @@ def _without_glass_above(
 
 
 def _painted(
-    spread: Float[Tensor, "h w"],
+    spread: Float[Tensor, "h w"] | None,
     photo: Float[Tensor, "3 h w"],
+    render: Float[Tensor, "3 h w"],
     parts: dict[str, Float[Tensor, "h w"]],
     weight: Float[Tensor, "h w"],
 ) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "h w"], Float[Tensor, "3"]]:
     """How far places take paint, 0..1: as the model's textures do, and as its parts do; as their colour is the paint's;
     that colour.
 
-    The first is less where the photo is busy, as in lamps and a grille. A vivid colour is paint on any part; a white or
-    grey one on the body alone, where the photo is calm.
+    The first is less where the photo is busier than the render, as in lamps and a grille. A vivid colour is paint on
+    any part; a white or grey one on the body where the photo is calm, and on the frames of windows.
     """
-    light = lightness(photo)[None]
-    busy = (_blurred(light**2, _BUSY) - _blurred(light, _BUSY) ** 2).clamp_min(0).sqrt()[0]
-    body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(spread))
-    known = smooth_step(spread - busy / 2, *_PAINTED)
+    busy = (_contrast(photo) - _contrast(render)).clamp_min(0)
+    body = 1 - sum((parts[name] for name in UNPAINTED if name in parts), torch.zeros_like(busy))
+    known = body if spread is None else smooth_step(spread - busy / 2, *_PAINTED)  # all of a chair takes paint
     certain = body * known * weight > 0.5
     if not bool(certain.any()):
         return known, body, torch.zeros_like(known), torch.zeros(3)
@@ -300,7 +303,15 @@ def _painted(
     coloured = vivid * same_hue(photo, paint) * smooth_step(light_share(photo, paint), *_LIT)
     apart = (photo - paint).abs().amax(0)
     plain = body * smooth_step(apart, *_ALIKE) * smooth_step(busy, *_CALM)
+    if "glass" in parts:
+        plain = torch.maximum(plain, parts["glass"] * smooth_step(apart, *_EQUAL))
     return known, body, torch.maximum(coloured, plain), paint.flatten()
+
+
+def _contrast(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
+    """The standard deviation of lightness around each pixel."""
+    light = lightness(image)[None]
+    return (_blurred(light**2, _BUSY) - _blurred(light, _BUSY) ** 2).clamp_min(0).sqrt()[0]
 
 
 def _painted_maps(

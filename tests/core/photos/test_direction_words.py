@@ -1,7 +1,9 @@
 import pytest
+import torch
 
 from core.models.library import load_model
-from core.photos.direction_words import Words, direction_words, name_changes
+from core.models.model import Model
+from core.photos.direction_words import Words, direction_words, moved, name_changes
 
 _TABLE = {"height": ("taller", "lower", 0.1), "width": ("wider", "narrower", 0.1)}
 
@@ -42,3 +44,14 @@ def lightness_rises(name: str, words: Words) -> bool | None:
         for side in (-1.5, 1.5)
     )
     return light > dark
+
+
+def test_codes_move_by_words_and_their_opposites(tiny: Model) -> None:
+    codes, words = tiny.codes[0], Words(shape=("", "taller"), texture=("bluer",))
+    step = tiny.codes.shape_space.basis[1]
+    higher, lower = (moved(tiny, codes, words, name, 1.5) for name in ("taller", "lower"))
+    assert torch.allclose(higher.shape, codes.shape + 1.5 * step) and torch.equal(higher.texture, codes.texture)
+    assert torch.allclose(lower.shape, codes.shape - 1.5 * step)
+    assert not torch.equal(moved(tiny, codes, words, "more yellow", 1.0).texture, codes.texture)
+    with pytest.raises(ValueError, match="no direction is called 'roof'; there are taller, lower, bluer, more yellow"):
+        moved(tiny, codes, words, "roof", 1.0)

@@ -1,0 +1,87 @@
+"""The directions of shape under a pixel: by how much each changes what is there, and which way it moves it.
+
+A few rays around the pixel are differentiated along the first directions of the shape. Where a direction moves the
+image, its change is minus the image's slope times the motion; the motion is the least-squares solution over the rays
+and channels (B. Lucas and T. Kanade, "An iterative image registration technique", IJCAI 1981).
+"""
+
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from core.geometry.camera import Camera
+from core.geometry.rays import rays_at_pixels
+from core.models.codes import Codes
+from core.models.model import Model
+from core.rendering.jacobian import BiasJacobians, render_with_jacobian
+
+_ACROSS = 9  # rays along each side of the square around the pixel
+_REACH = 0.05  # of the image's height, from the pixel to the sides of that square
+_SAMPLES, _KEPT = 96, 24  # of a ray, and how many of them are differentiated
+_RIDGE = 1e-4  # squared slope per px that counts as none: a plain surface seems to move nowhere
+
+
+class Pull(NamedTuple):
+    """What a direction of the shape does under a pixel."""
+
+    direction: int  # index into :attr:`core.models.codes.CodeSpace.basis`
+    effect: float  # root mean square change of colours and opacity (0..1) per standard deviation
+    motion: tuple[float, float]  # px per standard deviation, right and down
+
+    def amount(self, drag: tuple[float, float]) -> float:
+        """Return the standard deviations that move the surface by a drag (px right, px down), as far as it can.
+
+        Example:
+            >>> Pull(0, 0.3, (0.0, -20.0)).amount((5.0, -10.0))
+            0.5
+        """
+        square = sum(part**2 for part in self.motion)
+        return sum(a * b for a, b in zip(self.motion, drag, strict=True)) / square if square > 1e-6 else 0.0
+
+
+@torch.no_grad()
+def pulls_at(model: Model, codes: Codes, camera: Camera, point: tuple[float, float], count: int = 6) -> list[Pull]:
+    """Return the first directions of the shape, the one with the largest effect around an image point first.
+
+    Args:
+        point: px from the image's top left corner.
+        count: directions compared.
+
+    Empty where the point shows no object.
+    """
+    basis = model.codes.shape_space.basis[:count].to(model.device)
+    step = 2 * _REACH * camera.height / (_ACROSS - 1)
+    along = (torch.arange(_ACROSS, device=model.device) - (_ACROSS - 1) / 2) * step
+    down, right = torch.meshgrid(along, along, indexing="ij")
+    pixels = torch.stack((right, down), -1).flatten(0, 1) + torch.tensor(point, device=model.device)
+    rays = rays_at_pixels(pixels - model.pixel_offset, camera, model.extent_tensor)[None, None]
+    shape, texture = (code.to(model.device)[None] for code in (codes.shape, codes.texture))
+    dtype = model.field.density_layer.weight.dtype
+    moves = BiasJacobians(
+        model.field.shape_bias_jacobian(shape, basis).to(dtype),
+        model.field.texture_bias_jacobian(texture, torch.zeros(0, texture.shape[1], device=model.device)).to(dtype),
+    )
+    found = render_with_jacobian(model, rays, _SAMPLES, _KEPT, *model.field.biases(shape, texture), moves)
+    if float(found.channels[..., 3].max()) < 0.5:
+        return []
+    changes = found.codes[0, 0].unflatten(0, (_ACROSS, _ACROSS))
+    effects = changes.square().mean((0, 1, 2)).sqrt().tolist()
+    motions = image_motion(found.channels[0, 0].unflatten(0, (_ACROSS, _ACROSS)), changes, step).tolist()
+    pulls = [Pull(index, effect, (x, y)) for index, (effect, (x, y)) in enumerate(zip(effects, motions, strict=True))]
+    return sorted(pulls, key=lambda pull: -pull.effect)
+
+
+def image_motion(
+    image: Float[Tensor, "h w channels"], changes: Float[Tensor, "h w channels numbers"], step: float
+) -> Float[Tensor, "numbers 2"]:
+    """Return the motions (px right, px down) that explain changes of an image best.
+
+    Args:
+        step: px between neighbours.
+    """
+    down, right = torch.gradient(image, spacing=step, dim=(0, 1))
+    slopes = torch.stack((right, down), -1).flatten(0, 2)
+    normal = slopes.T @ slopes + _RIDGE * torch.eye(2, device=slopes.device)
+    return torch.linalg.solve(normal, -slopes.T @ changes.flatten(0, 2)).T

@@ -1,0 +1,53 @@
+"""Directions under a pixel against renders of moved codes, and motions of an image that is moved by hand."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from core.geometry.camera import Camera
+from core.models.model import Model
+from core.rendering.grab import Pull, image_motion, pulls_at
+from core.rendering.reference import render_exact
+
+
+@pytest.fixture(scope="module")
+def camera(tiny: Model) -> Camera:
+    return tiny.camera(1.1, 0.3).resized(96, 96)
+
+
+def test_effects_are_those_of_moved_codes(tiny: Model, camera: Camera) -> None:
+    codes, space, point = tiny.codes[0], tiny.codes.shape_space, (48.0, 44.0)
+    pulls = pulls_at(tiny, codes, camera, point)
+    effects = {pull.direction: pull.effect for pull in pulls}
+    assert [pull.effect for pull in pulls] == sorted(effects.values(), reverse=True)
+    around = slice(44 - 5, 44 + 5), slice(48 - 5, 48 + 5)
+    step, shown = 0.02, {}
+    for direction, way in enumerate(space.basis[:6]):
+        sides = [render_exact(tiny, replace(codes, shape=codes.shape + side * step * way), camera) for side in (-1, 1)]
+        less, more = (torch.cat((one.colour, one.opacity[..., None]), -1)[around] for one in sides)
+        shown[direction] = float(((more - less) / (2 * step)).square().mean().sqrt())
+    assert max(effects, key=lambda one: effects[one]) == max(shown, key=lambda one: shown[one])
+    for direction, effect in shown.items():
+        assert effects[direction] == pytest.approx(effect, rel=0.35, abs=0.01)
+
+
+def test_nothing_is_grabbed_beside_the_object(tiny: Model, camera: Camera) -> None:
+    assert pulls_at(tiny, tiny.codes[0], camera, (2.0, 2.0)) == []
+
+
+def test_a_moved_image_tells_its_motion() -> None:
+    y, x = torch.meshgrid(torch.arange(9.0), torch.arange(9.0), indexing="ij")
+    image = torch.stack((0.1 * x, 0.05 * y * y, 0.03 * x * y), -1)
+    slopes = torch.stack((torch.gradient(image, dim=1)[0], torch.gradient(image, dim=0)[0]), -1)
+    motions = torch.tensor([[2.0, -1.0], [0.0, 3.0]])
+    found = image_motion(image, -(slopes @ motions.T), 1.0)
+    torch.testing.assert_close(found, motions, rtol=1e-3, atol=1e-3)
+    assert image_motion(torch.zeros(9, 9, 3), torch.ones(9, 9, 3, 2), 1.0).abs().max() == 0
+
+
+def test_a_drag_along_the_motion_moves_and_one_across_does_not() -> None:
+    pull = Pull(2, 0.4, (10.0, -20.0))
+    assert pull.amount((10.0, -20.0)) == pytest.approx(1.0)
+    assert pull.amount((20.0, 10.0)) == pytest.approx(0.0)
+    assert Pull(2, 0.4, (0.0, 0.0)).amount((5.0, 5.0)) == 0.0
