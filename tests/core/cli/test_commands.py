@@ -23,6 +23,7 @@ from core.lab.datasets.srn import read_dataset, write_manifest, write_object
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
+from core.photos.direction_words import direction_words
 from core.photos.photo import Photo
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model
@@ -104,6 +105,26 @@ def test_mesh_writes_the_object():
     assert b"baseColorTexture" in Path("a.glb").read_bytes()
 
 
+def test_objects_are_edited_by_words_and_painted():
+    tiny_model().save(Path("m.safetensors"))
+    about = "--model m.safetensors --object 1 --size 48"
+    run(f"render {about} --out a.png")
+    name = named_direction()
+    run(f"render {about} --edit {name}=1.5 --out edited.png")
+    run(f"render {about} --paint #c03028 --out painted.png")
+    plain, edited, painted = map(pixels, ("a.png", "edited.png", "painted.png"))
+    assert (plain != edited).any() and (plain != painted).any()
+    run("page --model m.safetensors --object 1 --paint #c03028 --name Stool --out a.html")
+    assert "<title>Stool</title>" in Path("a.html").read_text()
+
+
+def named_direction() -> str:
+    """One of the names that the tiny model's directions have."""
+    *_, words = direction_words(tiny_model())
+    assert words is not None
+    return next(word for word in (*words["texture"], *words["shape"]) if word and " " not in word)
+
+
 def test_convert_writes_a_model_file(shared: Path, capsys: pytest.CaptureFixture[str]):
     source = shared / "upstream/srncars500"
     shutil.copy(source / "models.pth", "models.pth")
@@ -158,6 +179,9 @@ def test_evaluate_names_and_skips_what_is_all_white_and_keeps_what_it_has(capsys
 @pytest.mark.parametrize(
     ("words", "says"),
     [
+        ("render --model {file} --edit taller --out a.png", "edits are NAME=X"),
+        ("render --model {file} --edit roof=1 --out a.png", "no direction is called 'roof'"),
+        ("render --model {file} --paint red --out a.png", "a paint is #rrggbb"),
         ("render --out a.png --model boats", "boats"),
         ("render --out a.png --model {file} --object 9", "0 to 5"),
         ("render --out a.png --model {file} --elevation 120", "90 degrees"),
