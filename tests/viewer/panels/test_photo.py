@@ -370,7 +370,7 @@ def test_the_photo_s_detail_is_copied_to_the_other_side_and_erased(drive: Drive,
         before = editor.state
         window.click("Photo/###both sides")
         copied = editor.scene.codes.detail
-        assert copied is not None and copied.other_side == "mirrored"
+        assert copied is not None and copied.other_side == "soft"
         window.click("Photo/###erase detail")
         window.drag("Photo/erase from photo", 40)
         erased = editor.scene.codes.detail
@@ -406,7 +406,7 @@ def test_a_window_killed_after_an_erasure_has_it_again(tmp_path: Path, opengl: N
 def _erased(path: Path) -> bool:
     (session,) = Project.load(path).sessions
     detail = session.history.now.scene.codes.detail
-    return detail is not None and detail.other_side == "mirrored" and len(detail.views[0].erased) == 1
+    return detail is not None and detail.other_side == "soft" and len(detail.views[0].erased) == 1
 
 
 def _wait_for(what: Callable[[], bool], longest: float = 240.0) -> None:
