@@ -1,11 +1,13 @@
 """Shapes and types of core are checked at run time, and what core and viewer tests share is made here."""
 
 import atexit
+import copy
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -131,6 +133,13 @@ def random_model(seed: int = 0, white_from_network: bool = False) -> Model:
     book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
     about = {"metres": 0.9, "white_from_network": white_from_network}
     return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **about)
+
+
+def with_contrast(model: Model, contrast: float = 20.0) -> Model:
+    """The model, its density sharpened."""
+    field = copy.copy(model.field)
+    field.config = replace(field.config, contrast=contrast)
+    return replace(model, field=field)
 
 
 @pytest.fixture

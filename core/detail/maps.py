@@ -413,7 +413,7 @@ def _object_colours(rgba: Float32[np.ndarray, "height width 4"], source: Rendere
     photo = ((photo - (1 - opacity)) / opacity.clamp_min(1e-3)).clamp(0, 1)
     solid = opacity[0] > _SOLID
     deep = solid & (_distance(solid) > len(rgba) / _DEEP)  # a photo's outline is noisy
-    photo = torch.where(solid, photo, _continued(photo, deep if bool(deep.any()) else solid))
+    photo = _continued(photo, deep if bool(deep.any()) else solid)
     return torch.where(mixed, exact, photo)
 
 

@@ -38,6 +38,7 @@ uniform vec3 origin, right, up, backward, extent, first, sides;
 uniform vec2 middle;          // of the picture, px from the first pixel drawn
 uniform vec2 logits;          // least, range; over the logarithm of 2, as all exponents here
 uniform float focal, pace, cells, blocks, thickness, min_light;
+uniform vec2 contrast;       // softplus times this multiplies density, at most by the gain
 flat in vec2 reach;
 out vec4 colour;
 DECLARED
@@ -68,6 +69,7 @@ void main() {
         i = empty > 0.0 ? max(i, ceil(min(leave.x, min(leave.y, leave.z)))) : i;
         vec4 texel = textureLod(texels, (texel_base + i * texel_delta).zyx, 0.0);
         float softplus = log2(1.0 + exp2(logits.x + logits.y * texel.a));
+        softplus *= min(softplus * contrast.x, contrast.y);
         float left = i < count ? light * exp2(-thickness * softplus) : light;
         seen += (light - left) * texel.rgb;
         middle_of_light += (light - left) * (i + 0.5);
@@ -85,6 +87,8 @@ _DETAIL = f"""
     if (opacity > {MIN_OPACITY})
         seen += opacity * detail(origin + along * (near + pace * middle_of_light / taken), along, seen / opacity);
 """
+
+_NO_CONTRAST = 1e9, 1.0  # the factor reaches the gain of 1 wherever there is anything
 
 
 class BakedShader:
@@ -179,13 +183,17 @@ class BakedShader:
 def field_uniforms(baked: BakedField) -> dict[str, Any]:
     """Return the values of the fragment shader that no camera changes."""
     least, most = LOGITS
+    config, contrast = baked.config, _NO_CONTRAST
+    if config.contrast:
+        contrast = math.log(2) * config.density_scale / config.contrast, config.contrast_gain
     return {
         "extent": baked.extent,
         "first": baked.first,
         "sides": baked.texels.shape[:3],
         "cells": baked.cells,
         "pace": baked.step,
-        "thickness": baked.density_scale * baked.step,
+        "thickness": config.density_scale * baked.step,
+        "contrast": contrast,
         "blocks": CELLS,
         "min_light": MIN_LIGHT,
         "logits": tuple(part / math.log(2) for part in (least, most - least)),
