@@ -73,6 +73,7 @@ _VIVID = 0.15, 0.35  # chroma over lightness: no grey has the first, what has th
 _LIT = 0.15, 0.35  # lightness over the paint's: darker is a gap, whatever its hue
 _CLEAR = 0.15, 0.35  # change of the render of a part without paint: none of it below, all above
 _EQUAL = 0.18, 0.08  # likewise where the model has glass
+_BESIDE = 4.0  # px, standard deviation: a window's frame is so near the body
 _CALM = 0.15, 0.05  # contrast in that window, likewise
 _UPWARD = 0.6, 0.85  # cosine of the normal with the vertical
 _DARKER = 0.12, 0.3  # lightness by which a photo is darker than the render on a roof: reflections, and glass
@@ -304,8 +305,9 @@ def _painted(
     apart = (photo - paint).abs().amax(0)
     plain = body * smooth_step(apart, *_ALIKE) * smooth_step(busy, *_CALM)
     if "glass" in parts:
-        plain = torch.maximum(plain, parts["glass"] * smooth_step(apart, *_EQUAL))
-    return known, body, torch.maximum(coloured, plain), paint.flatten()
+        beside = smooth_step(_blurred(body[None], _BESIDE)[0], 0.02, 0.2)  # no highlight amid a pane
+        plain = torch.maximum(plain, beside * parts["glass"] * smooth_step(apart, *_EQUAL))
+    return known, body, _blurred(torch.maximum(coloured, plain)[None], 1.0)[0], paint.flatten()
 
 
 def _contrast(image: Float[Tensor, "3 h w"]) -> Float[Tensor, "h w"]:
