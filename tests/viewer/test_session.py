@@ -174,7 +174,7 @@ def test_a_scene_of_the_other_shipped_model_opens_that(
     assert other.fingerprint != model.fingerprint
     models = {"chairs": model, "cars": other}
     session = Session(worker, replace(backend, load_model=lambda name: models[name]), seed=0)
-    scene = Scene(other.fingerprint, other.codes[2], other.camera(0.3, 0.2))
+    scene = Scene(other.codes[2], other.camera(0.3, 0.2))
     scene.save(tmp_path / "a.json")
     save_image(np.zeros((8, 8, 3), np.uint8), tmp_path / "b.png", scene)
     session.open_model("chairs")

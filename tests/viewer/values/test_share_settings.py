@@ -10,7 +10,7 @@ from viewer.values.share_settings import ShareSettings
 
 @pytest.fixture
 def scene(model: Model) -> Scene:
-    return Scene(model.fingerprint, model.codes[0], model.camera(0.3, 0.2))
+    return Scene(model.codes[0], model.camera(0.3, 0.2))
 
 
 @pytest.mark.parametrize(
