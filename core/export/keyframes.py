@@ -8,7 +8,7 @@ from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
@@ -20,7 +20,7 @@ from core.models.codes import Codes
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline, CubicHermiteSpline
 
-    _Path = BSpline | CubicHermiteSpline
+    _Path: TypeAlias = BSpline | CubicHermiteSpline
 
 MIN_GAP = 0.04
 """s between two keys at the least: one frame"""
@@ -222,8 +222,10 @@ class _Run:
 
     @cached_property
     def _path(self) -> "_Path | None":
-        times, codes = zip(*self.knots, strict=True)
-        return None if len(codes) == 1 else _path(np.array(times), np.stack([*map(_codes_row, codes)]), self.smooth)
+        if len(self.knots) == 1:
+            return None
+        times, rows = [knot[0] for knot in self.knots], [_codes_row(knot[1]) for knot in self.knots]
+        return _path(np.array(times), np.stack(rows), self.smooth)
 
 
 def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots numbers"], smooth: bool) -> "_Path":
@@ -258,5 +260,5 @@ def _codes_row(codes: Codes) -> Float64[np.ndarray, "numbers"]:
 def _comparable_row(view: View, with_codes: bool) -> Float64[np.ndarray, "numbers"]:
     """A view as numbers that are close where its renders are: the azimuth as a point on the circle."""
     row = _camera_row(view.camera)
-    codes = _codes_row(view.codes) if with_codes else []
-    return np.concatenate([[math.cos(row[0]), math.sin(row[0])], row[1:], codes])
+    place = np.array([math.cos(row[0]), math.sin(row[0]), *row[1:]])
+    return np.concatenate([place, _codes_row(view.codes)]) if with_codes else place

@@ -12,6 +12,7 @@ from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.photo import Crop, prepare_photo
 from core.photos.segmentation import CutOut, Hints, cut_out
+from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.messages import error_text
 from viewer.services.worker import Job
@@ -44,9 +45,9 @@ class Segmentation:
 class Segmenting:
     """At most one photo at a time. The newest segmentation wins, and every one that is begun is shown."""
 
-    def __init__(self, jobs: Jobs, model: Model, fit: Callable[..., bool]) -> None:
+    def __init__(self, jobs: Jobs, editor: Editor, fit: Callable[..., bool]) -> None:
         """``fit`` takes photo sources, and returns whether the fit of these has begun."""
-        self._jobs, self._model, self._fit = jobs, model, fit
+        self._jobs, self._editor, self._fit = jobs, editor, fit
         self.close()
 
     def close(self) -> None:
@@ -66,9 +67,14 @@ class Segmenting:
         """why there is none"""
         self._image: Image.Image | None = None
 
-    def open(self, sources: tuple[PhotoSource, ...], index: int) -> None:
-        """Begin with one of the photos of an object, and with what was pointed out in it before."""
+    def open(self, sources: tuple[PhotoSource, ...], index: int, model: str = "") -> None:
+        """Begin with one of the photos of an object, and with what was pointed out in it before.
+
+        Args:
+            model: fingerprint of the model to fit; empty: that of the photo's category.
+        """
         self.close()
+        self._insists, self._model = model, self._jobs.models[model or self._editor.scene.codes.model]
         source = sources[index]
         self.active, self.sources, self.index = True, sources, index
         self.hints, self.crop = source.hints or Hints(), source.crop or Crop()
@@ -124,21 +130,21 @@ class Segmenting:
     def fit(self) -> None:
         """Fit the photos, this one as it was segmented; stays open while another fit runs."""
         source = self.sources[self.index]._replace(hints=self.hints or None, crop=self.crop)
-        if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :]):
+        if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._insists):
             self.close()
 
     def _start(self) -> None:
-        image, hints, crop, known = self._image, self.hints, self.crop, self.result
+        image, hints, crop, known, model = self._image, self.hints, self.crop, self.result, self._model
         if image is None:
             return
 
         def stream() -> Iterator[Segmentation | None]:
             result = known if known and known.hints == hints else _segment(image, hints)
             waiting: Segmentation | None = result
-            for _ in self._jobs.backend.view_bank(self._model):  # crop needs it, and it may take seconds
+            for _ in self._jobs.backend.view_bank(model):  # crop needs it, and it may take seconds
                 yield waiting
                 waiting = None
-            yield _cropped(result, self._model, crop)
+            yield _cropped(result, model, crop)
 
         def keep(result: Segmentation) -> None:
             self.result, self.problem = result, ""

@@ -190,7 +190,7 @@ class Viewport:
         def baked(found: BakedField) -> None:
             self.baked = found
 
-        bake, model = self._jobs.backend.bake, self._editor.model
+        bake, model = self._jobs.backend.bake, self._jobs.models.of(codes)
         ended = self._jobs.reporting("Cannot bake the object")
         self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=_BAKE_SHARE))
 
@@ -258,7 +258,7 @@ class Viewport:
             if self.following:
                 self.display(frame, crop, "fit")
 
-        frames, model = self._jobs.backend.frames, self._editor.model
+        frames, model = self._jobs.backend.frames, self._jobs.models.of(job.codes)
         ended = self._jobs.reporting("Cannot show the search")
         self._jobs.submit(Job("fit view", lambda: frames(model, job), rendered, ended, urgent=True))
 
@@ -299,7 +299,7 @@ class Viewport:
             if urgent and frame.final and not self.sharp:
                 self._last_render = time.monotonic()
 
-        frames, model = self._jobs.backend.frames, self._editor.model
+        frames, model = self._jobs.backend.frames, self._jobs.models.of(job.codes)
         ended = self._jobs.reporting("Cannot render the object")
         share = 1.0 if urgent else _SHARPENING_SHARE
         self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent, share))

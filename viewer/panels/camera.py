@@ -31,7 +31,7 @@ class CameraPanel(Panel):
             if number:
                 flow(label, 7.4)
             action_button(context, action, label, width=7.4)
-        editor, camera = context.editor, context.editor.scene.camera
+        editor, camera = context.session.editor, context.session.editor.scene.camera
         azimuth, elevation = math.degrees(camera.azimuth), math.degrees(camera.elevation)
         turned = _number(context, "azimuth", azimuth, 1.0, (-360.0, 360.0), "%.1f°", "Around the object; front is 90°")
         if turned is not None:

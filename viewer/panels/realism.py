@@ -38,14 +38,14 @@ class RealismPanel(Panel):
         if imgui.begin_table("kinds", 2, imgui.TableFlags_.sizing_stretch_same):
             for part in PARTS:
                 imgui.table_next_column()
-                imgui.begin_disabled(part in context.editor.locked)
+                imgui.begin_disabled(part in context.session.editor.locked)
                 self._draw_meter(context, part)
                 imgui.end_disabled()
                 self._draw_nearest(context, part)
             imgui.end_table()
 
     def _draw_meter(self, context: PanelContext, part: Part) -> None:
-        editor, distance = context.editor, context.editor.distance(part)
+        editor, distance = context.session.editor, context.session.editor.distance(part)
         far, colour = _verdict(context, distance)
         imgui.text(part.capitalize())
         flow(far)
@@ -59,7 +59,7 @@ class RealismPanel(Panel):
         tooltip(_HELP.format(part=part))
 
     def _draw_nearest(self, context: PanelContext, part: Part) -> None:
-        nearest = context.editor.nearest(part)
+        nearest = context.session.editor.nearest(part)
         if nearest is None:
             return
         name, distance = nearest

@@ -44,7 +44,7 @@ class SegmentingDialog:
 
     def draw(self, context: PanelContext) -> None:
         """To be called once a frame."""
-        segmenting, viewport = context.segmenting, imgui.get_main_viewport()
+        segmenting, viewport = context.session.segmenting, imgui.get_main_viewport()
         if segmenting.active and not imgui.is_popup_open(_TITLE):
             imgui.open_popup(_TITLE)
             self._zoom = 1.0

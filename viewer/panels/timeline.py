@@ -37,7 +37,7 @@ class TimelinePanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, the line, the keys."""
-        player = context.player
+        player = context.session.player
         self._draw_buttons(context, player)
         _draw_line(context, player)
         self._draw_check(player)
@@ -152,7 +152,7 @@ def _draw_key(
         if imgui.menu_item_simple("Remove"):
             player.remove_key(index)
         imgui.end_popup()
-    thumbnail = context.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
+    thumbnail = context.session.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
     object_tiles.paint_frame(context, thumbnail, corner, side)
     chosen = player.key == index
     object_tiles.outline(

@@ -15,6 +15,8 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
+from core.models.codes import Codes
+from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView, decompressed
 from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
@@ -33,6 +35,10 @@ class Parts:
     """files, the mask as opacity: PNG, and what photos add to colours as it is kept"""
     timelines: list[Any] = field(default_factory=list)
     """as JSON"""
+    models: OpenModels | None = None
+    """where the models of codes are found that are read"""
+    model: str = ""
+    """fingerprint of the model of codes that do not name any"""
     left: int = _MAX_PHOTOS
     """bytes that the pixels of photos may take still, when they are read"""
     _known: dict[int, tuple[object, int]] = field(default_factory=dict)
@@ -134,6 +140,17 @@ def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
     return FittedPhoto.of(source, _decode_photo(about["photo"], parts))
 
 
+def _decode_codes(about: Any, parts: Parts) -> Codes:
+    """Codes of an open model: of one that extends theirs where that is open. Raises ``ValueError`` where none is."""
+    codes: Codes = typed(Codes, about, lambda kind: None if kind is Codes else _reader(kind, parts), "codes")
+    assert parts.models is not None, "no models"
+    model = parts.models[codes.model or parts.model]
+    sizes = model.field.config.shape_latent, model.field.config.texture_latent
+    if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
+        raise ValueError(f"it is no object of its model of {model.category or 'unnamed things'}")
+    return replace(codes, model=model.fingerprint)
+
+
 def _decode_timeline(number: Any, parts: Parts) -> Timeline:
     """The same one for the same number, once it has been decoded."""
     found = _part(parts.timelines, number)
@@ -156,6 +173,7 @@ _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
     PhotoView: _decode_view,
     FittedPhoto: _decode_fitted_photo,
     Timeline: _decode_timeline,
+    Codes: _decode_codes,
 }
 
 

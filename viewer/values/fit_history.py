@@ -36,8 +36,6 @@ class PhotoSource(NamedTuple):
     hints: Hints | None = None
     """where the object is, where a person pointed it out"""
     crop: Crop | None = None
-    category: str = ""
-    """that a person says it shows; empty: the classifier decides"""
 
     @property
     def name(self) -> str:
@@ -93,6 +91,8 @@ class FitHistory:
     """the step that is shown; None: the newest"""
     photo_index: int = 0
     """the photo that is shown"""
+    model: str = ""
+    """fingerprint of the model that is fitted; empty until the first photo's category is known"""
     frame: Frame | None = None
     """the newest render of that step, from the photo's camera"""
     difference: UInt8[np.ndarray, "height width 3"] | None = None
@@ -148,19 +148,6 @@ class FitRequest(NamedTuple):
     resume_from: Hypothesis | None = None
     restored: bool = False
     """of a run that ended in it, maybe after its result had joined the objects"""
-
-
-class Waiting(NamedTuple):
-    """Photos of one object that are still to be fitted."""
-
-    sources: tuple[PhotoSource, ...]
-    category: str = ""
-    """whose model has to open for it; empty: that of the open model"""
-
-    @property
-    def name(self) -> str:
-        """Of the first photo's file."""
-        return self.sources[0].name
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:

@@ -8,7 +8,7 @@ from core.export.keyframes import Timeline, View, turntable
 from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.video import WHITE, VideoSettings
-from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient
 
@@ -114,19 +114,19 @@ class ShareSettings:
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
-    def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
+    def views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
         """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same; a
         turntable that fills its frame is seen from no nearer than the model's images are, however near the view is.
         """
-        shots = self.unframed_views(model, scene, timeline)
-        return filling_frame(model, shots, zoom_out=self.kind != "video") if self.fill else shots
+        shots = self.unframed_views(models, scene, timeline)
+        return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
 
-    def unframed_views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
+    def unframed_views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
         """The views before they fill the frame, which takes a while and makes little difference to how long they take
         to render.
         """
         if self.kind == "turntable":
-            nearest = model.distance if self.fill else 0.0
+            nearest = models.of(scene.codes).distance if self.fill else 0.0
             camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))
             shots = turntable(scene.codes, camera, self.frames)
         elif self.kind == "video":

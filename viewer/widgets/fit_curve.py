@@ -18,7 +18,7 @@ class FitCurve:
 
     def draw(self, context: PanelContext) -> None:
         """The plot, and where it was dragged the step that is shown."""
-        fitting = context.fitting
+        fitting = context.session.fitting
         if fitting.history.steps:
             self._draw_plot(context, fitting, _HEIGHT * hello_imgui.em_size())
             _draw_step(fitting)

@@ -31,7 +31,7 @@ def run(folder: Path) -> None:
         driver = Driver(app, ctx, folder)
         app.context.session.open_model("chairs")
         driver.wait()
-        editor = driver.workspace.editor
+        editor = driver.session.editor
         editor.add_and_show(fitted(model), editor.scene.camera)
         driver.show("Photo")
         driver.click("Photo/###both sides")

@@ -24,10 +24,10 @@ from viewer.widgets.user_objects import COLOURS
 
 def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         before = editor.state
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not session.fitting.running)
         window.wait()
         assert editor.scene.codes == model.codes[3]
         window.click("Photo/###share")  # what one does next is there
@@ -52,9 +52,9 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         return whole[int(box.min.y) + 40 : int(box.max.y) - 5, int(box.min.x) + 5 : int(box.max.x) - 5]
 
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.context.drop([str(photo)])
-        window.wait(lambda: workspace.fitting.history.difference is not None and not workspace.fitting.running)
+        window.wait(lambda: session.fitting.history.difference is not None and not session.fitting.running)
         window.wait()
         found = editor.scene.camera
         window.click("View/###reset_view")
@@ -89,8 +89,8 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
 
 def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: not fitting.running)
         window.wait()
@@ -124,8 +124,8 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
 
 def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: not fitting.running)
         window.click("Photo/Details")
@@ -163,14 +163,14 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
 
 def test_a_doubtful_fit_is_seen_from_its_other_viewpoint(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not session.fitting.running)
         window.wait()
         found, past = editor.state, len(editor.history.past)
         window.click("Photo/###viewpoint 2")
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
-        assert workspace.fitting.view.from_runner_up
+        assert session.fitting.view.from_runner_up
         assert editor.scene.camera.width == found.scene.camera.width
         assert editor.scene.codes == found.scene.codes
         assert len(editor.history.past) == past + 1
@@ -185,7 +185,7 @@ def test_photo_and_viewpoint_are_those_of_the_chosen_object(drive: Drive, photo:
     other.write_bytes(photo.read_bytes())
 
     def act(window: Driver) -> None:
-        fitting, editor = window.workspace.fitting, window.workspace.editor
+        fitting, editor = window.session.fitting, window.session.editor
         window.fit(photo)
         window.fit(other)
         window.click("Photo/###viewpoint 2")
@@ -210,13 +210,12 @@ def test_photo_and_viewpoint_are_those_of_the_chosen_object(drive: Drive, photo:
 
 def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace = window.workspace
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not session.fitting.running)
         window.wait()
-        camera = workspace.editor.scene.camera
+        camera = session.editor.scene.camera
         window.click("Photo/###viewpoint 2")  # it keeps its place, disabled
-        assert workspace.editor.scene.camera == camera
+        assert session.editor.scene.camera == camera
 
     def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, runner_up=None, margin=None) for step in quick_fit(model, job))
@@ -226,8 +225,8 @@ def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backe
 
 def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.show("Photo")
         window.click("Photo/###fit_image")
         window.type(str(photo))
@@ -252,8 +251,8 @@ def test_several_photos_are_fitted_together_with_known_poses(
         (tmp_path / name).write_bytes(photo.read_bytes())
 
     def act(window: Driver) -> None:
-        session, workspace = window.session, window.workspace
-        fitting = workspace.fitting
+        session = window.session
+        fitting = session.fitting
         window.context.drop([str(photo), str(tmp_path / "block b.png"), str(tmp_path / "block b.txt")])
         window.wait(lambda: bool(fitting.history.steps) and not fitting.running)
         assert [source.pose is not None for source in fitting.history.sources] == [False, True]
@@ -315,8 +314,8 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, ba
         yield from quick_fit(model, job)
 
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: fitting.history.photo is not None)
         window.click("Photo/###stop fit")
@@ -334,7 +333,7 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, ba
 @pytest.mark.usefixtures("lasting_messages")
 def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
-        session, editor = window.session, window.workspace.editor
+        session, editor = window.session, window.session.editor
         before = editor.history
         window.context.drop([str(photo)])
         window.wait(lambda: bool(session.messages.errors))
@@ -347,7 +346,7 @@ def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backe
 
 def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         assert not window.exists("Photo/##photo detail")
         editor.add_and_show(fitted(model), editor.scene.camera)
         window.show("Photo")
@@ -364,7 +363,7 @@ def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, 
 
 def test_the_photo_s_detail_is_copied_to_the_other_side_and_erased(drive: Drive, model: Model, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         editor.add_and_show(fitted(model), editor.scene.camera)
         window.show("Photo")
         before = editor.state
