@@ -15,8 +15,7 @@ from viewer.screen.window import NoDisplayError, config_folder
 from viewer.services.memory import keep_little_free_memory, return_free_memory
 from viewer.services.single_instance import SingleInstance, Start, begin
 
-_LONGEST = 900.0
-"""s that an image of the window may wait for its fit"""
+_LONGEST = 900.0  # s that an image of the window may wait for its fit
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

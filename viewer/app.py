@@ -27,12 +27,10 @@ from viewer.values.quality import QUALITIES
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 8.0, 20.0
 """Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody
 touches anything meanwhile."""
-_TOUCHED = 0.7
-"""s for which a touch counts."""
+_TOUCHED = 0.7  # s for which a touch counts
 _INSPECTOR, _LIBRARY = (345.0, 0.3, 540.0), (195.0, 0.18, 330.0)
 """px of a 96 ppi screen at the least (text of twice the size fits), share of the window's width, px at the most"""
-_STRIP, _DRAWER = 66.0, 250.0
-"""px of a 96 ppi screen: height of the strip and of the drawer"""
+_STRIP, _DRAWER = 66.0, 250.0  # px of a 96 ppi screen: height of the strip and of the drawer
 
 
 class App:
@@ -77,8 +75,7 @@ class App:
         self._frame_started = 0.0
         self._themed: bool | None = None
         self._failed: dict[str, str] = {}
-        self._reported: dict[str, str] = {}
-        """by what failed in the last frame, why"""
+        self._reported: dict[str, str] = {}  # by what failed in the last frame, why
         if headless:
             self.context.attended = False
             window.make_headless(self.params, self._finish_frame)

@@ -13,10 +13,8 @@ from viewer.services.messages import Button, MessageKind
 from viewer.session import Session
 from viewer.values.project import SUFFIX, Project
 
-_EVERY = 5.0
-"""s between two writings at the least"""
-_EARLIER = 10
-"""sessions that were replaced, kept"""
+_EVERY = 5.0  # s between two writings at the least
+_EARLIER = 10  # sessions that were replaced, kept
 
 
 class Autosave:
@@ -38,8 +36,7 @@ class Autosave:
         self._kept_file = folder / f"session{SUFFIX}"
         self._earlier = folder / "earlier"
         self._own_file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}{SUFFIX}"
-        self._written: tuple[object, ...] = ()
-        """what the file holds"""
+        self._written: tuple[object, ...] = ()  # what the file holds
         self._when = clock()
         found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
         self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))

@@ -43,27 +43,20 @@ class PanelContext:
     share_open: bool = False
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
-    fast_opengl: bool = False
-    """measured at start: a baked object is drawn in no more than a frame's time"""
-    attended: bool = True
-    """somebody may look at the window; nothing moves by itself in one that nobody sees"""
+    fast_opengl: bool = False  # measured at start: a baked object is drawn in no more than a frame's time
+    attended: bool = True  # somebody may look at the window; nothing moves by itself in one that nobody sees
     images: Images | None = None
-    bold: imgui.ImFont | None = None
-    """the font of headings"""
-    focus: str = "Mix"
-    """the panel to bring to the front"""
-    dragged: str = ""
-    """the object that is dragged to a slot"""
-    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
-    """two corners of the view on screen"""
+    bold: imgui.ImFont | None = None  # the font of headings
+    focus: str = "Mix"  # the panel to bring to the front
+    dragged: str = ""  # the object that is dragged to a slot
+    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
     frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))
     """s of the window thread's own processor time, of the last frames"""
     overlay: np.ndarray | None = None
     """RGBA, square: what a panel shows over the object in the next frame, as the scene's camera sees it"""
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
-    autosave: Autosave | None = None
-    """None where nothing is kept"""
+    autosave: Autosave | None = None  # None where nothing is kept
     clipboard: Clipboard = field(default_factory=Clipboard)
     file_manager: Callable[[Path], None] = show_in_folder
 
@@ -211,12 +204,9 @@ class Panel:
     """A dockable window, one subject each."""
 
     title: str
-    dock: str
-    """View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)"""
-    folded = False
-    """not shown until it is chosen in the menu Panels"""
-    bare = False
-    """its subject needs no words: it has no tab, unless another panel is beside it"""
+    dock: str  # View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)
+    folded = False  # not shown until it is chosen in the menu Panels
+    bare = False  # its subject needs no words: it has no tab, unless another panel is beside it
 
     def draw(self, context: PanelContext) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""

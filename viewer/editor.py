@@ -37,10 +37,8 @@ class Editor:
         mix = self._first_mix(first)
         scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
         self.history = History(State(scene, mix, directions=directions))
-        self.scene_changed = Signal[[]]()
-        """emitted after every change of the scene, undo included"""
-        self.object_chosen = Signal[[]]()
-        """emitted after that when another object was chosen"""
+        self.scene_changed = Signal[[]]()  # emitted after every change of the scene, undo included
+        self.object_chosen = Signal[[]]()  # emitted after that when another object was chosen
         self._generator = generator
         self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
         """for each part the code that was looked up last, and the answer"""

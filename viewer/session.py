@@ -62,18 +62,15 @@ class Session:
         self.jobs = Jobs(worker, backend, self.messages, self.models)
         self.photo_thumbnails = PhotoThumbnails(self.jobs)
         self.fit_options = FitOptions()
-        self.archive = Signal[Project]()
-        """emitted with what is about to be replaced, or cannot be continued with"""
-        self.project_path: Path | None = None
-        """where the project was saved, or opened from"""
+        self.archive = Signal[Project]()  # emitted with what is about to be replaced, or cannot be continued with
+        self.project_path: Path | None = None  # where the project was saved, or opened from
         self._user_objects = UserObjects(folder and folder / "mine")
         self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
         self._words: dict[str, Words] = {}
         """by fingerprint, of the principal directions of models for which they were asked"""
-        self._banks: dict[str, float] = {}
-        """by fingerprint, which share (0..1) of a model's view bank is made"""
+        self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         self._begin(self.models.open(first), ViewSettings())
@@ -84,14 +81,12 @@ class Session:
         directions = tuple(one for model in self.models for one in self._user_objects.directions(model))
         self._kept_directions = directions
         self.editor = Editor(self.models, first, self._generator, directions)
-        self._initially_there = frozenset[str]()
-        """names of objects that were there from the beginning"""
+        self._initially_there = frozenset[str]()  # names of objects that were there from the beginning
         for model in self.models:
             self._add_user_objects(model)
         self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
         """photos whose object is to be pointed out after the one that is"""
-        self._prompting: tuple[PhotoSource, ...] = ()
-        """whose object is being pointed out, as it was not found"""
+        self._prompting: tuple[PhotoSource, ...] = ()  # whose object is being pointed out, as it was not found
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._kept_thumbnails)
         self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)

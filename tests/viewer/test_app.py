@@ -52,7 +52,7 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
     def second(window: Driver) -> None:
         assert window.context.preferences == kept[0]
         assert not (kept[0].dark or kept[0].newcomer)
-        assert session.viewport.settings.quality == QUALITIES[2]
+        assert window.session.viewport.settings.quality == QUALITIES[2]
 
     kept: list[Preferences] = []
     drive(first, folder=folder)
@@ -99,12 +99,12 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     def first(window: Driver) -> None:
         window.click("Library/**/show object 3")
         window.context.drop([str(photo)])
-        window.wait(lambda: len(session.fitting.history.steps) > 3)
+        window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         window.context.autosave.every = 0.0
         window.wait(lambda: any(folder.glob("session-*")))
         (written,) = folder.glob("session-*")
         (folder / "session-999999999.codenerf").write_bytes(written.read_bytes())  # of a run that is no more
-        made.append(session.editor.history)
+        made.append(window.session.editor.history)
 
     def second(window: Driver) -> None:
         window.click("Messages/###restore 0")
@@ -127,22 +127,18 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
 
 
-def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, backend: Backend, photo: Path, tmp_path: Path) -> None:
-    folder, name = tmp_path / "config", "cars"  # not the model that is open at first
+def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        window.click(f"##MainMenuBar/##MenuBar/###model {name}")
-        window.wait(lambda: window.session.model_name == name and window.context.ready)
-        window.click("Library/**/show object 3")
+        window.click("Library/**/show car 3")
         made.append(window.session.editor.history)
         window.context.drop([str(photo)])
         window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         window.press(imgui.Key.mod_ctrl, imgui.Key.q)
 
     def second(window: Driver) -> None:
-        assert window.app.last_model == name
-        window.session.open_model(name)
-        window.wait(lambda: window.session.model_name == name and not window.session.fitting.running)
+        window.wait(lambda: not window.session.fitting.running)
         window.wait()
         editor = window.session.editor
         assert window.session.messages.errors == []
@@ -151,9 +147,9 @@ def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, backend: Backen
 
     made: list[History] = []
     with pytest.raises(RuntimeError, match="exited before"):  # as the toolkit says where a test ends the program
-        drive(first, replace(backend, fit=endless_fit), folder=folder)
+        drive(first, replace(both, fit=endless_fit), folder=folder)
     assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
-    drive(second, folder=folder)
+    drive(second, both, folder=folder)
 
 
 def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,7 +229,7 @@ def test_a_photo_whose_name_is_no_text_is_rebuilt_shown_and_removed(drive: Drive
 def test_closing_while_a_fit_runs_ends_at_once(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
         window.context.drop([str(photo)])
-        window.wait(lambda: len(session.fitting.history.steps) > 3)
+        window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         ended.append(time.monotonic())
 
     ended: list[float] = []
@@ -391,7 +387,7 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(drive: Drive) -> 
 def test_bad_files_are_reported_and_change_nothing(
     drive: Drive, bad_files: dict[str, Path], tmp_path: Path, model: Model
 ) -> None:
-    Scene("another", model.codes[0], model.camera(0, 0)).save(tmp_path / "other.json")
+    Scene(replace(model.codes[0], model="another"), model.camera(0, 0)).save(tmp_path / "other.json")
     (tmp_path / "torn.json").write_text('{"model": ')
 
     def act(window: Driver) -> None:

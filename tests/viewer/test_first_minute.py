@@ -37,7 +37,7 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: P
         window.drag("View/orbit", 60)  # 1
         assert window.exists("View/**/sample cushion")  # to turn makes nothing: the samples stay
         context.drop([str(shared / "photos" / "police.jpg")])  # 2
-        wait("the model of cars", lambda: session.model_name == "cars" and session.fitting.running)
+        wait("photo", lambda: session.fitting.history.photo is not None)
         wait("fit", lambda: not session.fitting.running)
         assert context.session.editor.objects.own == ["police"]
         window.click("Photo/###mix with")  # 3

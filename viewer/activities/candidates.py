@@ -20,20 +20,16 @@ from viewer.values.project import SavedTile
 
 _MAX_STEP = 45.0
 """degrees: one step turns no camera so far, so what is farther is another hypothesis of the same origin"""
-_SIZE, _SAMPLES = 32, 16
-"""px, and along a ray"""
-_CLOSER = 1.5
-"""Photos are cropped with room around the object, for which a tile has none."""
+_SIZE, _SAMPLES = 32, 16  # px, and along a ray
+_CLOSER = 1.5  # Photos are cropped with room around the object, for which a tile has none
 
 
 @dataclass(frozen=True, eq=False)
 class Tile:
     """A hypothesis as the window shows it."""
 
-    number: int
-    """in the order of appearance"""
-    hypothesis: Hypothesis
-    """as it was in the last step that had it"""
+    number: int  # in the order of appearance
+    hypothesis: Hypothesis  # as it was in the last step that had it
     eliminated_at: float | None = None
     """seconds of the fit after which the search had dropped it; None while it is active"""
     frame: Frame | None = None

@@ -23,20 +23,13 @@ class Exporting:
     def __init__(self, jobs: Jobs, editor: Editor, grid: Grid) -> None:
         self._jobs, self._editor, self._grid = jobs, editor, grid
         self.preview = SharePreview(jobs, editor)
-        self.path: Path | None = None
-        """the file under way"""
-        self.kind = ""
-        """one of :data:`~viewer.values.share_settings.KINDS`, or grid: what is under way, or was last"""
-        self.saved: Path | None = None
-        """the last file that was written"""
-        self.progress = 0.0
-        """of the one under way, 0..1"""
-        self._began = 0.0
-        """s on the monotonic clock"""
-        self._expected: float | None = None
-        """s, of the one under way, by what its parts took"""
-        self._slower = 1.0
-        """how many times as long as expected the last one took: other work goes on beside it"""
+        self.path: Path | None = None  # the file under way
+        self.kind = ""  # one of :data:`~viewer.values.share_settings.KINDS`, or grid: what is under way, or was last
+        self.saved: Path | None = None  # the last file that was written
+        self.progress = 0.0  # of the one under way, 0..1
+        self._began = 0.0  # s on the monotonic clock
+        self._expected: float | None = None  # s, of the one under way, by what its parts took
+        self._slower = 1.0  # how many times as long as expected the last one took: other work goes on beside it
 
     @property
     def running(self) -> bool:

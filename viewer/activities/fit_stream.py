@@ -14,16 +14,14 @@ from viewer.values.fit_history import FitRequest, FittedPhoto
 
 WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
 """Presets to choose from; the paper's own recipe is a baseline for the command line."""
-_RESUMED_SHARE = 3
-"""A fit that is resumed has one of so many steps of the preset: there is no search."""
+_RESUMED_SHARE = 3  # A fit that is resumed has one of so many steps of the preset: there is no search
 
 
 class ChosenModel(NamedTuple):
     """The model for a photo, by what that shows."""
 
     model: Model
-    warning: str
-    """empty unless the photo does not seem to show an object of the model's category"""
+    warning: str  # empty unless the photo does not seem to show an object of the model's category
 
 
 @dataclass(eq=False)

@@ -20,10 +20,8 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory
 
-_RENDER_EVERY = 0.3
-"""s between two renders of the fit, which take their time from it"""
-_RENDER_STEPS = 4
-"""steps between two renders at the least, for machines on which they are slow"""
+_RENDER_EVERY = 0.3  # s between two renders of the fit, which take their time from it
+_RENDER_STEPS = 4  # steps between two renders at the least, for machines on which they are slow
 _FINISHED = RenderSettings(divisors=(1,))
 
 
@@ -33,8 +31,7 @@ class FitView:
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self.history = FitHistory()
-        self.from_runner_up = False
-        """shown from the runner-up's camera"""
+        self.from_runner_up = False  # shown from the runner-up's camera
         self._rendered_at, self._steps_since = 0.0, 0
         """s on the monotonic clock, and steps, since the last render"""
 

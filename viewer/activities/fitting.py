@@ -22,8 +22,7 @@ from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Ready, match_poses
 from viewer.values.objects import EditableObject
 
-_FITS = 8
-"""which are kept"""
+_FITS = 8  # which are kept
 
 
 class Fitting:
@@ -34,18 +33,14 @@ class Fitting:
         self.candidates = Candidates(jobs)
         self.view = FitView(jobs, editor, viewport)
         self.results = FitResults(editor, viewport)
-        self.request: FitRequest | None = None
-        """what is under way"""
-        self.queue: tuple[FitRequest, ...] = ()
-        """those that wait"""
+        self.request: FitRequest | None = None  # what is under way
+        self.queue: tuple[FitRequest, ...] = ()  # those that wait
         self.no_background = Signal[tuple[PhotoSource, ...], int]()
         """emitted with photos, and which of them has an object that was not found automatically"""
-        self._a = editor.state.mix.a
-        """in the last frame"""
+        self._a = editor.state.mix.a  # in the last frame
         self._shown_fit, self._fits = "", dict[str, FitHistory]()
         """the object whose fit is shown, and the last fits of this run by the names of their objects"""
-        self._before = self.history, self.candidates.tiles
-        """what was there before the last fit began"""
+        self._before = self.history, self.candidates.tiles  # what was there before the last fit began
 
     @property
     def history(self) -> FitHistory:

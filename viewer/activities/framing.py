@@ -8,8 +8,7 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-SHARE = 0.75
-"""of the view's width or height, whichever binds"""
+SHARE = 0.75  # of the view's width or height, whichever binds
 
 
 class Framing:

@@ -16,8 +16,7 @@ from viewer.services.jobs import Jobs
 from viewer.values.history import Pair
 from viewer.values.objects import ObjectLibrary
 
-MAX_OBJECTS = 8
-"""64 pairs are as many as a panel can show"""
+MAX_OBJECTS = 8  # 64 pairs are as many as a panel can show
 
 
 class Grid:

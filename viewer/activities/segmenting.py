@@ -18,12 +18,9 @@ from viewer.services.messages import error_text
 from viewer.services.worker import Job
 from viewer.values.fit_history import PhotoSource
 
-_SHOWN = 640
-"""px: the longer side of what is shown"""
-_SMALL = 160
-"""px: that of the other masks"""
-_DIMMED = 0.25
-"""what is left of the background's light"""
+_SHOWN = 640  # px: the longer side of what is shown
+_SMALL = 160  # px: that of the other masks
+_DIMMED = 0.25  # what is left of the background's light
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +29,10 @@ class Segmentation:
 
     hints: Hints
     found: CutOut
-    shown: UInt8[np.ndarray, "height width 3"]
-    """the photo with its background darkened"""
-    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()
-    """the next masks, shown small in the same way"""
-    cropped: UInt8[np.ndarray, "size size 3"] | None = None
-    """as it will be fitted; None until that is known"""
-    crop: Crop | None = None
-    """where the object is in that"""
+    shown: UInt8[np.ndarray, "height width 3"]  # the photo with its background darkened
+    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # the next masks, shown small in the same way
+    cropped: UInt8[np.ndarray, "size size 3"] | None = None  # as it will be fitted; None until that is known
+    crop: Crop | None = None  # where the object is in that
 
 
 class Segmenting:
@@ -56,15 +49,11 @@ class Segmenting:
         self.active = False
         self.sources: tuple[PhotoSource, ...] = ()
         self.index = 0
-        self.plain: np.ndarray | None = None
-        """the photo as it is, on white; None until it has been read"""
+        self.plain: np.ndarray | None = None  # the photo as it is, on white; None until it has been read
         self.hints, self.crop = Hints(), Crop()
-        self.past: tuple[Hints, ...] = ()
-        """what :meth:`undo` goes back to"""
-        self.result: Segmentation | None = None
-        """the newest; None where there is none"""
-        self.problem = ""
-        """why there is none"""
+        self.past: tuple[Hints, ...] = ()  # what :meth:`undo` goes back to
+        self.result: Segmentation | None = None  # the newest; None where there is none
+        self.problem = ""  # why there is none
         self._image: Image.Image | None = None
 
     def open(self, sources: tuple[PhotoSource, ...], index: int, model: str = "") -> None:

@@ -19,18 +19,12 @@ from viewer.services.kept_thumbnails import KeptThumbnails, Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-SIZE = 64
-"""px, of most thumbnails"""
-_SAMPLES = 40
-"""intervals along the longest side of the scene's box"""
-_MAX_KEPT = 1000
-"""thumbnails: of 64 px they take 28 kB each"""
-_COARSE, _COARSE_SAMPLES = 32, 24
-"""px and intervals of what is shown until a thumbnail is there"""
-_BATCH = 6
-"""thumbnails rendered before the queue is read again"""
-_COARSE_SHARE = 0.3
-"""of the worker's time, where there is nothing to see yet"""
+SIZE = 64  # px, of most thumbnails
+_SAMPLES = 40  # intervals along the longest side of the scene's box
+_MAX_KEPT = 1000  # thumbnails: of 64 px they take 28 kB each
+_COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of what is shown until a thumbnail is there
+_BATCH = 6  # thumbnails rendered before the queue is read again
+_COARSE_SHARE = 0.3  # of the worker's time, where there is nothing to see yet
 
 
 class _Key(NamedTuple):
@@ -80,13 +74,10 @@ class Thumbnails:
         self._jobs, self._kept = jobs, kept or KeptThumbnails()
         self._on_disk = dict[str, dict[str, Pixels]]()
         """pictures that were kept, by the fingerprint of their model and by name"""
-        self._wanted = dict[_Key, str]()
-        """names of pictures to keep: of objects from the first view"""
+        self._wanted = dict[_Key, str]()  # names of pictures to keep: of objects from the first view
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()
-        self._queue: dict[_Key, Codes] = {}
-        """what panels want, and what that shows"""
-        self._failed: set[_Key] = set()
-        """which are not tried again"""
+        self._queue: dict[_Key, Codes] = {}  # what panels want, and what that shows
+        self._failed: set[_Key] = set()  # which are not tried again
 
     @property
     def count(self) -> int:

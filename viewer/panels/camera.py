@@ -10,8 +10,7 @@ from viewer.values import orbit
 from viewer.widgets.controls import action_button, end_gesture, flow, tooltip
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
-_NUMBER = 9
-"""em, a number to drag"""
+_NUMBER = 9  # em, a number to drag
 
 
 class CameraPanel(Panel):

@@ -12,15 +12,11 @@ from viewer.values.frusta import OverviewCamera, box, frustum, ring
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
-_FADING = 2.0
-"""s of the fit that an eliminated one takes to fade"""
+_FADING = 2.0  # s of the fit that an eliminated one takes to fade
 _FADED = 0.75
-_PLAIN = (0.75, 0.77, 0.8)
-"""behind the ranks of all but the best"""
-_DRAG = 0.01
-"""rad a px"""
-_INSET = 0.45
-"""of the panel's width"""
+_PLAIN = (0.75, 0.77, 0.8)  # behind the ranks of all but the best
+_DRAG = 0.01  # rad a px
+_INSET = 0.45  # of the panel's width
 
 
 class CandidatesPanel(Panel):

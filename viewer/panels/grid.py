@@ -12,12 +12,10 @@ from viewer.values.history import Pair
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, draw_progress, tooltip
 
-_SIZE, _SAMPLES = 96, 64
-"""px of a pair's thumbnail, and intervals along the box"""
+_SIZE, _SAMPLES = 96, 64  # px of a pair's thumbnail, and intervals along the box
 _ADD = icons_fontawesome_4.ICON_FA_PLUS
 _INVITATION = "Every shape in every texture. Or drop objects on the square; a click on it adds A and B."
-_FILL = 3
-"""objects that fill an empty grid"""
+_FILL = 3  # objects that fill an empty grid
 
 
 class GridPanel(Panel):

@@ -11,8 +11,7 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 from viewer.widgets.text import caption
 
-_WORD = 4.0
-"""em, of the panel's name at the left"""
+_WORD = 4.0  # em, of the panel's name at the left
 
 
 class HistoryPanel(Panel):
@@ -23,12 +22,10 @@ class HistoryPanel(Panel):
     bare = True
 
     def __init__(self) -> None:
-        self._shown = -1
-        """the state that was last scrolled to"""
+        self._shown = -1  # the state that was last scrolled to
         self._history: History | None = None
         self._states: tuple[State, ...] = ()
-        self._edits: tuple[tuple[int, str], ...] = ()
-        """of that history"""
+        self._edits: tuple[tuple[int, str], ...] = ()  # of that history
 
     def draw(self, context: PanelContext) -> None:
         """The row, which scrolls to what is shown."""

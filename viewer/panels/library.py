@@ -30,10 +30,8 @@ class LibraryPanel(Panel):
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
-        self._unfolded = set[str]()
-        """the objects whose variants are shown"""
-        self._filter = _ALL
-        """which objects are listed: all, one's own, or those of a model, by its fingerprint"""
+        self._unfolded = set[str]()  # the objects whose variants are shown
+        self._filter = _ALL  # which objects are listed: all, one's own, or those of a model, by its fingerprint
 
     def draw(self, context: PanelContext) -> None:
         """The button, one's own objects, those of the models; those out of sight are not rendered."""

@@ -10,8 +10,7 @@ from viewer.context import PanelContext
 from viewer.values.printable import printable
 from viewer.widgets.controls import draw_progress, tooltip
 
-_EXPORT = 19
-"""em: the bar of the file under way, and its button"""
+_EXPORT = 19  # em: the bar of the file under way, and its button
 
 
 def draw(context: PanelContext) -> None:
@@ -37,9 +36,8 @@ def _menu(context: PanelContext, title: str, entries: tuple[str | Callable[[Pane
 
 def _draw_item(context: PanelContext, name: str) -> None:
     action = ACTIONS[name]
-    checked = action.checked is not None and action.checked(context)
     keys = action.keys.partition(",")[0]
-    if imgui.menu_item(f"{action.words}###{name}", keys, checked, action.enabled(context))[0]:
+    if imgui.menu_item(f"{action.words}###{name}", keys, action.checked(context), action.enabled(context))[0]:
         action.run(context)
     tooltip(action.tooltip[:1].upper() + action.tooltip[1:])
 

@@ -12,10 +12,8 @@ from viewer.widgets.controls import button, end_gesture, labelled_slider, toolti
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _OPEN, _LOCKED = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
-_LEAST, _MOST, _BELOW = 9.0, 22.0, 7.0
-"""em: the side of the pad, and what stands below it"""
-_PREVIEWS = 5
-"""along each side of the pad; each is the mix that the dot over its middle means"""
+_LEAST, _MOST, _BELOW = 9.0, 22.0, 7.0  # em: the side of the pad, and what stands below it
+_PREVIEWS = 5  # along each side of the pad; each is the mix that the dot over its middle means
 _PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55
 """px and intervals of a preview, and how much is seen of those that are in no corner"""
 

@@ -12,8 +12,7 @@ from viewer.context import Panel, PanelContext
 from viewer.widgets.controls import tooltip
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg
-_NARROW = 34
-"""em: less has no room for both tables side by side"""
+_NARROW = 34  # em: less has no room for both tables side by side
 
 
 class PerformancePanel(Panel):

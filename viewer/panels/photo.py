@@ -40,10 +40,8 @@ _DETAIL_HELP = """How much of the photo's own detail the object shows, such as l
 It fades as the object is edited. A doubtful camera shows none."""
 _BOTH_SIDES_HELP = """What the photo does not see takes the mirror image of what it sees, as sharp as that.
  Else softly, as light is not symmetric. Lettering is mirrored, too."""
-_AGREE = 0.5
-"""of how far renders explain their photos"""
-_BELOW = 8
-"""lines of controls below the comparison"""
+_AGREE = 0.5  # of how far renders explain their photos
+_BELOW = 8  # lines of controls below the comparison
 
 
 class PhotoPanel(Panel):
@@ -54,8 +52,7 @@ class PhotoPanel(Panel):
 
     def __init__(self) -> None:
         self._comparison, self._curve, self._eraser = Comparison(), FitCurve(), Eraser()
-        self._erasing = False
-        """the photo is shown to be erased from"""
+        self._erasing = False  # the photo is shown to be erased from
 
     def draw(self, context: PanelContext) -> None:
         """Buttons, the comparison, and what few look at: how the search goes, and how the next one is made."""

@@ -44,10 +44,8 @@ _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192,
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
 _FORMATS = "glb opens in most programs and holds the camera; it and obj name parts; stl and 3mf are for printers, in mm"
-_SIDE, _LABEL, _WIDTH = 16, 6.5, 13
-"""em: the preview, the labels, what stands beside them"""
-_CHECKS = 16
-"""px, a square of the pattern that shows through where the background is transparent"""
+_SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: the preview, the labels, what stands beside them
+_CHECKS = 16  # px, a square of the pattern that shows through where the background is transparent
 
 
 class ShareDialog:

@@ -19,16 +19,11 @@ from viewer.widgets.text import push_small
 
 _DICE, _PIN = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_THUMBTACK
 _SHOWN = FILTER | {PARTS: "All"}
-_PARTS_WIDTH = 7
-"""em"""
-_FIRST = 6
-"""sliders shown at first"""
-_REACH = 3.0
-"""standard deviations to either side"""
-_STEPS = (-2, 0, 2)
-"""standard deviations at which a strip shows the object"""
-_INFLUENCE = 96
-"""px"""
+_PARTS_WIDTH = 7  # em
+_FIRST = 6  # sliders shown at first
+_REACH = 3.0  # standard deviations to either side
+_STEPS = (-2, 0, 2)  # standard deviations at which a strip shows the object
+_INFLUENCE = 96  # px
 _HELP = "Ctrl+click to type, right click for 0"
 _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
 
@@ -41,22 +36,17 @@ class SlidersPanel(Panel):
 
     def __init__(self) -> None:
         self._all = False
-        self._parts: tuple[Part, ...] = PARTS
-        """what is shown"""
+        self._parts: tuple[Part, ...] = PARTS  # what is shown
         self._strips = True
         self._new, self._menu = NewDirection(), DirectionMenu()
-        self._model: Model | None = None
-        """whose thumbnails and principal directions these are"""
+        self._model: Model | None = None  # whose thumbnails and principal directions these are
         self._principal: dict[Part, tuple[Direction, ...]] = {}
         self._named: tuple[Direction, ...] = ()
-        self._basis: Codes | None = None
-        """what the strips lead away from: the object before the drag began"""
-        self._targets: dict[tuple[str, int], tuple[Codes, Camera]] = {}
-        """what every place shows"""
+        self._basis: Codes | None = None  # what the strips lead away from: the object before the drag began
+        self._targets: dict[tuple[str, int], tuple[Codes, Camera]] = {}  # what every place shows
         self._influence: tuple[tuple[Part, ...], Frame, Frame, CodeInfluence] | None = None
         """of the slider under the mouse: what it changes, at less, at more, and between them"""
-        self._last: dict[tuple[str, int], Frame] = {}
-        """the last thumbnail of every place, until there is a newer one"""
+        self._last: dict[tuple[str, int], Frame] = {}  # the last thumbnail of every place, until there is a newer one
 
     @property
     def influence(self) -> tuple[tuple[Part, ...], CodeInfluence] | None:

@@ -17,10 +17,8 @@ _SWITCHES = (
     ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
 )
 """label, name in the timeline, tooltip"""
-_LENGTH = 4.5
-"""em"""
-_LOOPS = 1.5
-"""The step from the end to the start, in the longest of the others, that still passes for one of them."""
+_LENGTH = 4.5  # em
+_LOOPS = 1.5  # The step from the end to the start, in the longest of the others, that still passes for one of them
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
 
@@ -32,8 +30,7 @@ class TimelinePanel(Panel):
     folded = True
 
     def __init__(self) -> None:
-        self._loop_error: tuple[object, float] = None, 0.0
-        """of which timeline, and how large its jump is"""
+        self._loop_error: tuple[object, float] = None, 0.0  # of which timeline, and how large its jump is
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, the line, the keys."""

@@ -18,10 +18,8 @@ from viewer.widgets.controls import action_button, button, choose, end_gesture, 
 from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
-_KEY_TURN = 0.12
-"""rad a key press"""
-_REST = 0.6
-"""s without wheel or keys after which the next nudge is a new edit"""
+_KEY_TURN = 0.12  # rad a key press
+_REST = 0.6  # s without wheel or keys after which the next nudge is a new edit
 _FINE = 0.2
 _MODES = {mode: mode.capitalize() for mode in MODES}
 _BUTTONS = {
@@ -31,17 +29,14 @@ _BUTTONS = {
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }
 """actions, and the icons of their buttons"""
-_MODE = 7.0
-"""em"""
+_MODE = 7.0  # em
 _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _GEAR = icons_fontawesome_4.ICON_FA_COG
-_LOW = 24.0
-"""em: in a lower view there is no room for the hint above the way in"""
+_LOW = 24.0  # em: in a lower view there is no room for the hint above the way in
 _COVERED = 4
 """an object that fills three quarters of a view stands above what covers so many parts of it, if it is moved up by half
 of that"""
-_NARROW, _SMALL = 26.0, 11.0
-"""em: in a narrower view the mode is among the options"""
+_NARROW, _SMALL = 26.0, 11.0  # em: in a narrower view the mode is among the options
 
 
 class ViewPanel(Panel):
@@ -54,10 +49,8 @@ class ViewPanel(Panel):
     def __init__(self) -> None:
         self._nudged = 0.0
         self._welcome, self._path = Welcome(), CameraPath()
-        self._covered = 0
-        """px at the view's lower edge, by the way in"""
-        self._cached: tuple[Frame, str, Frame] | None = None
-        """of which frame and mode, the frame that is shown"""
+        self._covered = 0  # px at the view's lower edge, by the way in
+        self._cached: tuple[Frame, str, Frame] | None = None  # of which frame and mode, the frame that is shown
 
     def draw(self, context: PanelContext) -> None:
         """The frame, and over it the badge and a few buttons."""

@@ -35,8 +35,7 @@ class UserObjects:
     def __init__(self, folder: Path | None = None) -> None:
         """``folder`` None keeps nothing."""
         self._folder = folder
-        self._stored: dict[str, _Stored] = {}
-        """by name, those of the models that were opened"""
+        self._stored: dict[str, _Stored] = {}  # by name, those of the models that were opened
 
     def open(self, model: Model) -> tuple[EditableObject, ...]:
         """The objects of a model, the oldest first. What cannot be read, or is of another model, is left alone."""

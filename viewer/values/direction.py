@@ -15,8 +15,7 @@ class Direction:
     """A way that changes shape, texture, or both by equally many standard deviations of the trained codes."""
 
     name: str
-    step: Codes
-    """one standard deviation; zero in a code that it leaves as it is"""
+    step: Codes  # one standard deviation; zero in a code that it leaves as it is
 
     @classmethod
     def principal(cls, book: CodeBook, part: Part, index: int) -> "Direction":

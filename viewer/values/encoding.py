@@ -33,14 +33,10 @@ class Parts:
     tensors: list[Tensor] = field(default_factory=list)
     photos: list[bytes] = field(default_factory=list)
     """files, the mask as opacity: PNG, and what photos add to colours as it is kept"""
-    timelines: list[Any] = field(default_factory=list)
-    """as JSON"""
-    models: OpenModels | None = None
-    """where the models of codes are found that are read"""
-    model: str = ""
-    """fingerprint of the model of codes that do not name any"""
-    left: int = _MAX_PHOTOS
-    """bytes that the pixels of photos may take still, when they are read"""
+    timelines: list[Any] = field(default_factory=list)  # as JSON
+    models: OpenModels | None = None  # where the models of codes are found that are read
+    model: str = ""  # fingerprint of the model of codes that do not name any
+    left: int = _MAX_PHOTOS  # bytes that the pixels of photos may take still, when they are read
     _known: dict[int, tuple[object, int]] = field(default_factory=dict)
     """by their identity, the values that are in already, kept alive, and their numbers"""
 

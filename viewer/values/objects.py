@@ -17,12 +17,10 @@ class EditableObject:
 
     name: str
     codes: Codes
-    fitted: bool = False
-    """to a photo"""
+    fitted: bool = False  # to a photo
     confidence: float | None = None
     """the probability that the camera of that photo is right, 0..1; None where that is not known"""
-    photo: str = ""
-    """digest of that photo's pixels; empty where that is not known"""
+    photo: str = ""  # digest of that photo's pixels; empty where that is not known
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
@@ -37,8 +35,7 @@ class ObjectLibrary:
         self._added: dict[str, EditableObject] = {}
         self.removed: frozenset[str] = frozenset()
         """which are in no list any more; they stay, as undo may come back to them"""
-        self.version = 0
-        """counts the changes"""
+        self.version = 0  # counts the changes
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
         """by the fingerprint of their model: one object of each form, and its variants, different forms first"""
         for model in models:

@@ -23,8 +23,7 @@ from viewer.values.objects import EditableObject, unique_name
 
 SUFFIX = ".codenerf"
 _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
-_MAX_BYTES = 100_000_000
-"""of what is unpacked; a project of a day's work has some millions"""
+_MAX_BYTES = 100_000_000  # of what is unpacked; a project of a day's work has some millions
 
 
 class SavedTile(NamedTuple):
@@ -40,22 +39,14 @@ class Project:
     """Everything that a session can go on with."""
 
     history: History
-    objects: tuple[EditableObject, ...] = ()
-    """those that are no model's own, the oldest first"""
-    removed: tuple[str, ...] = ()
-    """those of them that are in no list any more"""
-    grid: tuple[str, ...] = ()
-    """objects in the grid"""
-    fit: FitHistory = field(default_factory=FitHistory)
-    """the last one that is over"""
-    tiles: tuple[SavedTile, ...] = ()
-    """its candidates"""
-    pending: tuple[FitRequest, ...] = ()
-    """the fit under way, and those that wait"""
-    models: tuple[str, ...] = ()
-    """names and paths of the models that were open"""
-    path: Path | None = None
-    """where a person saved it last, if it is kept from launch to launch"""
+    objects: tuple[EditableObject, ...] = ()  # those that are no model's own, the oldest first
+    removed: tuple[str, ...] = ()  # those of them that are in no list any more
+    grid: tuple[str, ...] = ()  # objects in the grid
+    fit: FitHistory = field(default_factory=FitHistory)  # the last one that is over
+    tiles: tuple[SavedTile, ...] = ()  # its candidates
+    pending: tuple[FitRequest, ...] = ()  # the fit under way, and those that wait
+    models: tuple[str, ...] = ()  # names and paths of the models that were open
+    path: Path | None = None  # where a person saved it last, if it is kept from launch to launch
 
     @property
     def is_empty(self) -> bool:
@@ -138,8 +129,7 @@ class _About(NamedTuple):
     project: dict | None = None
     model: str = ""
     sessions: tuple[dict, ...] = ()
-    path: Path | None = None
-    """the last three of the first format: a session for each model, one of which was open"""
+    path: Path | None = None  # the last three of the first format: a session for each model, one of which was open
 
 
 def _decoded(about: dict, parts: Parts) -> Project:

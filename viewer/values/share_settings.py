@@ -22,41 +22,26 @@ BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "
 class ShareSettings:
     """How a file is written. Raises ``ValueError`` for a choice that there is not."""
 
-    kind: str = "turntable"
-    """one of :data:`KINDS`"""
+    kind: str = "turntable"  # one of :data:`KINDS`
     video: str = ".mp4"
     picture: str = ".png"
-    mesh: str = ".glb"
-    """endings of names"""
-    size: int = 512
-    """px, width and height"""
-    rate: int = 24
-    """frames per second"""
-    quality: int = 85
-    """1 to 100"""
-    frames: int = 72
-    """of one turn"""
-    fill: bool = True
-    """the object fills the frame; else it is as large as in the view"""
-    background: str = "view"
-    """one of :data:`BACKGROUNDS`"""
+    mesh: str = ".glb"  # endings of names
+    size: int = 512  # px, width and height
+    rate: int = 24  # frames per second
+    quality: int = 85  # 1 to 100
+    frames: int = 72  # of one turn
+    fill: bool = True  # the object fills the frame; else it is as large as in the view
+    background: str = "view"  # one of :data:`BACKGROUNDS`
     red: int = 255
     green: int = 255
-    blue: int = 255
-    """0..255, the colour of that background"""
-    shadow: bool = False
-    """on the ground: as in the view"""
+    blue: int = 255  # 0..255, the colour of that background
+    shadow: bool = False  # on the ground: as in the view
     view_background: Gradient | None = None
-    exact: bool = False
-    """every pixel of a picture or a video by the network; else drawn from a baked copy"""
-    cells: int = 0
-    """of a mesh along the object; 0: as many as its detail needs"""
-    texture: int = 1024
-    """px, of the image with the colours of a mesh; 0: its vertices have them"""
-    triangles: int = 0
-    """of a mesh at the most; 0: as many as its detail needs"""
-    metres: float = 0.0
-    """the longest side of a mesh; 0: as usual for the model's objects"""
+    exact: bool = False  # every pixel of a picture or a video by the network; else drawn from a baked copy
+    cells: int = 0  # of a mesh along the object; 0: as many as its detail needs
+    texture: int = 1024  # px, of the image with the colours of a mesh; 0: its vertices have them
+    triangles: int = 0  # of a mesh at the most; 0: as many as its detail needs
+    metres: float = 0.0  # the longest side of a mesh; 0: as usual for the model's objects
 
     def __post_init__(self) -> None:
         choices = (

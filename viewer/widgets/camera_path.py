@@ -10,12 +10,9 @@ from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values.orbit_map import HORIZON, moved_to, place
 from viewer.widgets.controls import end_gesture, tooltip
 
-_RADIUS = 4.5
-"""em"""
-_DOT = 0.4
-"""em, radius of a keyframe"""
-_SAMPLES = 96
-"""points of the way"""
+_RADIUS = 4.5  # em
+_DOT = 0.4  # em, radius of a keyframe
+_SAMPLES = 96  # points of the way
 _MAP_HELP = "From where the object is seen: the middle is above it, the circle the horizon, the bottom its front"
 
 
@@ -23,8 +20,7 @@ class CameraPath:
     """A dot for every keyframe, to be dragged, and one for the camera of the view."""
 
     def __init__(self) -> None:
-        self._way: tuple[Timeline, list[tuple[float, float]]] | None = None
-        """of which timeline, and its places"""
+        self._way: tuple[Timeline, list[tuple[float, float]]] | None = None  # of which timeline, and its places
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """In the lower right corner of the view, if that is large enough."""

@@ -17,8 +17,7 @@ class Comparison:
 
     def __init__(self) -> None:
         self._mode = _MODES[0]
-        self._share = 0.5
-        """0 shows the render alone, 1 the photo alone"""
+        self._share = 0.5  # 0 shows the render alone, 1 the photo alone
 
     def draw_choice(self) -> None:
         """A line of modes."""

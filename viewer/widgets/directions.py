@@ -21,10 +21,8 @@ class NewDirection:
     def __init__(self) -> None:
         self._field = NameField()
         self._asks = False
-        self._principal: Direction | None = None
-        """what is named; None: the way from A to B"""
-        self._parts: tuple[Part, ...] = PARTS
-        """what changes on the way from A to B"""
+        self._principal: Direction | None = None  # what is named; None: the way from A to B
+        self._parts: tuple[Part, ...] = PARTS  # what changes on the way from A to B
 
     def ask(self, principal: Direction | None = None) -> None:
         """Ask for the name of a principal direction, or of the way from A to B."""

@@ -9,14 +9,10 @@ from viewer.context import PanelContext
 from viewer.screen.theme import packed
 from viewer.widgets.controls import tooltip
 
-_RADIUS = 0.04
-"""of a stroke, a share of the photo's longer side"""
-_LEAST = 0.01
-"""share of it that the mouse moves at least between two points"""
-_SHOWN = 384
-"""px of the longer side, of what is shown"""
-_GONE = np.array([255, 120, 120])
-"""over what is erased"""
+_RADIUS = 0.04  # of a stroke, a share of the photo's longer side
+_LEAST = 0.01  # share of it that the mouse moves at least between two points
+_SHOWN = 384  # px of the longer side, of what is shown
+_GONE = np.array([255, 120, 120])  # over what is erased
 
 
 class Eraser:

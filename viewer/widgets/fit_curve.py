@@ -9,8 +9,7 @@ from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, end_gesture, tooltip
 
 _SCRUB_HELP = "Drag to see any step of the search, here and in the view; undo brings you back"
-_HEIGHT = 5.5
-"""em"""
+_HEIGHT = 5.5  # em
 
 
 class FitCurve:

@@ -10,12 +10,9 @@ from viewer.screen.theme import Colour, on, packed
 from viewer.services.messages import Button, MessageKind
 from viewer.values.part import Part
 
-THUMBNAIL = 4.5
-"""em, of most thumbnails: 72 px at the usual size of text"""
-_DIMMED = 0.55
-"""how much of what is stale is hidden"""
-DRAGGED = "object"
-"""the kind of payload that is dragged to a slot"""
+THUMBNAIL = 4.5  # em, of most thumbnails: 72 px at the usual size of text
+_DIMMED = 0.55  # how much of what is stale is hidden
+DRAGGED = "object"  # the kind of payload that is dragged to a slot
 ICONS: dict[Part, str] = {
     "shape": icons_fontawesome_4.ICON_FA_CUBE,
     "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,

@@ -46,8 +46,7 @@ class UserObjectMenu:
 
     def __init__(self) -> None:
         self._field = NameField()
-        self._renamed: tuple[str, str] | None = None
-        """an object, and its new name"""
+        self._renamed: tuple[str, str] | None = None  # an object, and its new name
 
     def draw(self, context: PanelContext, name: str) -> None:
         """In the menu of an object that is not the model's own."""

@@ -9,8 +9,7 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
 _CLOCK = icons_fontawesome_4.ICON_FA_CLOCK
-_DIMMED = 0.45
-"""how much of the photo is hidden"""
+_DIMMED = 0.45  # how much of the photo is hidden
 
 
 def draw(context: PanelContext, waits: FitRequest, corner: ImVec2, size: ImVec2) -> None:

@@ -9,14 +9,10 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption
 
-_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6
-"""em, of the card, around it and within it"""
-_SMALL, _SAMPLE = 11.0, 3.0
-"""em: the card once the object has been turned, and the thumbnail of a photo to try"""
-_LOW = 18.0
-"""em: in a lower view the whole card would hide the object"""
-_GAP, _LEAST = 0.6, 7.0
-"""em, between photos, and of the button beside them"""
+_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6  # em, of the card, around it and within it
+_SMALL, _SAMPLE = 11.0, 3.0  # em: the card once the object has been turned, and the thumbnail of a photo to try
+_LOW = 18.0  # em: in a lower view the whole card would hide the object
+_GAP, _LEAST = 0.6, 7.0  # em, between photos, and of the button beside them
 _OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
 
 
@@ -24,8 +20,7 @@ class Welcome:
     """A card at the bottom of the view."""
 
     def __init__(self) -> None:
-        self.covered = 0.0
-        """px, from the card's upper edge to the rectangle's lower one, in the last frame"""
+        self.covered = 0.0  # px, from the card's upper edge to the rectangle's lower one, in the last frame
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from PIL import Image
 
-from core.models.codes import Codes
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -17,7 +16,7 @@ def test_a_grid_is_filled_clicked_and_exported(drive: Drive, model: Model, tmp_p
         session, editor = window.session, window.session.editor
         window.show("Grid")
         window.click("Grid/###fill")
-        assert session.grid.names == tuple(editor.objects.families)[:3]
+        assert session.grid.names == tuple(editor.objects.families[editor.model.fingerprint])[:3]
         window.click("Grid/###clear grid")
         window.click("Grid/###add")
         window.choose("object 3", "Add to the grid")
@@ -25,7 +24,7 @@ def test_a_grid_is_filled_clicked_and_exported(drive: Drive, model: Model, tmp_p
         assert session.grid.names == ("object 0", "object 2", "object 3", "object 5")
         window.wait()
         window.click("Grid/pair 3 2")
-        assert editor.scene.codes == Codes(model.codes[3].shape, model.codes[2].texture)
+        assert editor.scene.codes == model.codes[3].taking("texture", model.codes[2])
         assert len(editor.history.past) == 1
         window.click("Grid/texture of object 2")
         assert session.grid.names == ("object 0", "object 3", "object 5")
@@ -48,6 +47,7 @@ def test_a_webp_turntable_under_way_is_no_grid(drive: Drive, tmp_path: Path, bac
             yield 1
 
     def act(window: Driver) -> None:
+        session = window.session
         session.grid.add("object 1")
         session.exporting.share(tmp_path / "turn.webp", ShareSettings())
         window.wait(lambda: session.exporting.progress > 0)

@@ -1,6 +1,8 @@
 from dataclasses import replace
 from pathlib import Path
 
+from imgui_bundle import imgui
+
 from core.models.codes import Entry
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver

@@ -14,10 +14,13 @@ from imgui_bundle import imgui
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo
+from core.photos.segmentation import CutOut
+from tests.conftest import open_models, random_model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import broken_fit, endless_fit, quick_fit, quick_photo
 from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
+from viewer.values.fit_history import PhotoSource
 from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
@@ -211,11 +214,11 @@ def test_photo_and_viewpoint_are_those_of_the_chosen_object(drive: Drive, photo:
 def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
         window.context.drop([str(photo)])
-        window.wait(lambda: not session.fitting.running)
+        window.wait(lambda: not window.session.fitting.running)
         window.wait()
-        camera = session.editor.scene.camera
+        camera = window.session.editor.scene.camera
         window.click("Photo/###viewpoint 2")  # it keeps its place, disabled
-        assert session.editor.scene.camera == camera
+        assert window.session.editor.scene.camera == camera
 
     def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, runner_up=None, margin=None) for step in quick_fit(model, job))
@@ -242,7 +245,7 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, pho
 
 
 def test_several_photos_are_fitted_together_with_known_poses(
-    drive: Drive, photo: Path, model: Model, tmp_path: Path
+    drive: Drive, backend: Backend, photo: Path, model: Model, tmp_path: Path
 ) -> None:
     camera = model.camera(2.0, 0.5)
     for name in ("block b.txt", "other.txt"):
@@ -278,11 +281,11 @@ def test_several_photos_are_fitted_together_with_known_poses(
         assert len(session.messages.errors) == 1
         assert not fitting.running
 
-    def posed(path: Path, model: Model, pose: Path | None = None, *more: object) -> Photo:
-        found = quick_photo(path, model)
-        return replace(found, camera=camera.resized(32, 32)) if pose else found
+    def posed(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+        found = quick_photo(cut, model, source)
+        return replace(found, camera=camera.resized(32, 32)) if source.pose else found
 
-    drive(act, Backend(lambda name: model, posed, quick_frames, quick_fit, guess_category=no_guess))
+    drive(act, replace(backend, frame_photo=posed))
 
 
 @pytest.mark.parametrize(("psnr", "words"), [(30.0, "sure"), (12.0, "doubtful")])
@@ -377,8 +380,8 @@ def test_the_photo_s_detail_is_copied_to_the_other_side_and_erased(drive: Drive,
         xs = [x for x, _ in erased.views[0].erased[0].points]
         assert len(xs) > 1 and xs[-1] > xs[0]
         assert editor.history.past[-1].scene.codes.detail == copied, "a stroke is one step"
-        window.session.project().save(tmp_path / "a.codenerf")
-        again = Project.load(tmp_path / "a.codenerf").sessions[0].history.now
+        window.session.project().save(tmp_path / "a.codenerf", window.session.models)
+        again = Project.load(tmp_path / "a.codenerf", window.session.models).history.now
         assert again.scene.codes.detail == erased
         window.click("Photo/###restore detail")
         assert editor.scene.codes.detail == copied
@@ -403,8 +406,7 @@ def test_a_window_killed_after_an_erasure_has_it_again(tmp_path: Path, opengl: N
 
 
 def _erased(path: Path) -> bool:
-    (session,) = Project.load(path).sessions
-    detail = session.history.now.scene.codes.detail
+    detail = Project.load(path, open_models(random_model())).history.now.scene.codes.detail
     return detail is not None and detail.both_sides and len(detail.views[0].erased) == 1
 
 

@@ -310,7 +310,7 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
 def test_a_dropped_image_of_this_program_restores_its_scene(
     drive: Drive, tmp_path: Path, model: Model, photo: Path
 ) -> None:
-    other = Scene("another model", model.codes[0], model.camera(0, 0))
+    other = Scene(replace(model.codes[0], model="another"), model.camera(0, 0))
     save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
 
     def act(window: Driver) -> None:
@@ -331,7 +331,7 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
         before = editor.history
         window.context.drop([str(tmp_path / "other.png")])
         window.wait(lambda: bool(session.messages.errors))
-        assert "another model" in session.messages.errors[0]
+        assert "a model that is not open" in session.messages.errors[0]
         assert editor.history is before
         assert not session.fitting.running
         assert editor.objects.own == ["mine"]
