@@ -33,7 +33,7 @@ class FitView:
         self.history = FitHistory()
         self.from_runner_up = False  # shown from the runner-up's camera
         self._rendered_at, self._steps_since = 0.0, 0
-        """s on the monotonic clock, and steps, since the last render"""
+        """time (s) of the last render, and steps since"""
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which has not begun or is over."""

@@ -17,7 +17,7 @@ class Framing:
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
         self._last, self._zoomed = editor.scene, False
-        """the scene as it was last, and whether its distance is one of a person's own"""
+        """scene of before, and whether a person zoomed"""
         editor.scene_changed.connect(self._look)
 
     def keep_size(self, panel: tuple[int, int]) -> None:

@@ -37,8 +37,7 @@ class Player:
         self.copied: View | None = None  # of a keyframe, to be pasted
         self._began: float | None = None  # s on the clock when the playhead was at 0, while it plays
         self._last_scene: Scene | None = None
-        self._last_timeline: Timeline | None = None
-        """what it showed while it plays; another scene or timeline is another edit"""
+        self._last_timeline: Timeline | None = None  # what it showed last; another one is an edit
         self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # by their number, of :attr:`_rendered_of`
         self._rendered_of: tuple[Timeline, object] | None = None
 

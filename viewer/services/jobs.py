@@ -8,8 +8,7 @@ from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
-BACKGROUND_SHARE = 0.05
-"""of the worker's time: of what is not looked at, or is there already but coarse; alone it has all of it"""
+BACKGROUND_SHARE = 0.05  # of the worker's time, for what nobody looks at; alone it has all of it
 
 
 @dataclass(eq=False)
