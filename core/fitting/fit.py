@@ -29,6 +29,7 @@ __all__ = ["PRESETS", "FitJob", "FitSettings", "FitStep", "Hypothesis", "RunnerU
 def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """Find codes and unknown cameras: a FitStep per iteration, the last one being the best found.
 
+    The search is of the field without contrast (:attr:`core.models.model.Model.soft`), the result is shown with it.
     The model stays as it is; the same seed gives the same steps; to stop, ask for no more, and of the last step take
     :func:`core.fitting.photo_detail.with_photo_detail`. Raises ``ValueError`` where a photo shows nothing, or where
     every hypothesis diverged.
@@ -36,7 +37,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
-    problem = Problem.of(model, job.photos, job.settings, job.components, generator)
+    problem = Problem.of(model.soft, job.photos, job.settings, job.components, generator)
     unknown = int(problem.unknown.sum())
     schedule = build_schedule(job.settings, job.components, unknown > 0, job.resume_from is not None)
     steps = schedule.steps + (unknown if unknown > 1 else 0) * sum(stage.steps for stage in schedule.coarse)
