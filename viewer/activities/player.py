@@ -217,7 +217,7 @@ class Player:
         """Render the frames that are not there, from this moment on and once round; none of a baked object."""
         if all(self._viewport.is_baked(key.view.codes) for key in self.timeline.keys):
             return
-        timeline, models, layout = self.timeline, self._jobs.models, self._layout
+        timeline, layout = self.timeline, self._layout
         if self._rendered_of != (timeline, layout):
             self._rendered_of = timeline, layout
             self._frames.clear()
@@ -231,7 +231,7 @@ class Player:
                 view = timeline.at(index / _RATE)
                 crop = orbit.fit_to_panel(view.camera, *layout)
                 job = RenderJob(view.codes, crop.camera, _SETTINGS, shadow=True)
-                for frame in self._jobs.backend.frames(models.of(job.codes), job):
+                for frame in self._jobs.frames(job):
                     yield (index, replace(frame, stage_count=2), crop) if frame else None  # a preview
 
         ended = self._jobs.reporting("Cannot render the timeline")

@@ -168,7 +168,7 @@ class Thumbnails:
 
     def _render(self, batch: list[tuple[_Key, RenderJob]]) -> Iterator[tuple[_Key, Frame] | None]:
         for key, job in batch:
-            for frame in self._jobs.backend.frames(self._jobs.models.of(job.codes), job):
+            for frame in self._jobs.frames(job):
                 yield (key, frame) if frame else None
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:

@@ -239,9 +239,8 @@ class Viewport:
             if self.following:
                 self.display(frame, crop, "fit")
 
-        frames, model = self._jobs.backend.frames, self._jobs.models.of(job.codes)
         ended = self._jobs.reporting("Cannot show the search")
-        self._jobs.submit(Job("fit view", lambda: frames(model, job), rendered, ended, urgent=True))
+        self._jobs.submit(Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent=True))
 
     def _refresh(self) -> None:
         """Show the scene, or the fit, as it is now. An edit of codes ends following a fit."""
@@ -280,10 +279,9 @@ class Viewport:
             if urgent and frame.final and not self.sharp:
                 self._last_render = time.monotonic()
 
-        frames, model = self._jobs.backend.frames, self._jobs.models.of(job.codes)
         ended = self._jobs.reporting("Cannot render the object")
         share = 1.0 if urgent else _SHARPENING_SHARE
-        self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent, share))
+        self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False
