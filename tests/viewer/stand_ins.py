@@ -16,6 +16,7 @@ from core.export.pace import Pace
 from core.export.video import VideoSettings, write_video
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.models.codes import Codes
+from core.models.field_config import FieldConfig
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.photos.photo import Photo
@@ -170,4 +171,4 @@ class Bakery:
         for cells in (64, 128):
             yield None
             texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
-            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0, len(texels) - 1)
+            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, FieldConfig(), 0.0, len(texels) - 1)

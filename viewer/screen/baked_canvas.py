@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from jaxtyping import UInt8
 
 from core.geometry.camera import Camera
+from core.models.field_config import FieldConfig
 from core.rendering.baked_field import BakedField
 from core.rendering.baked_shader import BakedShader
 from core.rendering.occupancy import CELLS
@@ -81,4 +82,4 @@ def _ball() -> BakedField:
     radius = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
     texels = np.full((*radius.shape, 4), 128, np.uint8)
     texels[..., 3] = np.clip(200 * (1.2 - radius), 0, 70)
-    return BakedField(texels, np.zeros((CELLS,) * 3, np.uint8), (0.5, 0.5, 0.5), 30.0, 0.0, 2 * CELLS)
+    return BakedField(texels, np.zeros((CELLS,) * 3, np.uint8), (0.5, 0.5, 0.5), FieldConfig(), 0.0, 2 * CELLS)

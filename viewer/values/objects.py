@@ -2,6 +2,7 @@
 
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import torch
 
@@ -57,8 +58,9 @@ class ObjectLibrary:
 
     @property
     def names(self) -> list[str]:
-        """Added objects first, the newest in front, then those of the models."""
-        return [*self.own, *self._trained]
+        """Added objects first, the newest in front, then those of each model: one of each form, then the variants."""
+        forms = self.families.values()
+        return [*self.own, *(name for one in forms for name in (*one, *chain.from_iterable(one.values())))]
 
     @property
     def own(self) -> list[str]:
