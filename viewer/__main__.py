@@ -15,8 +15,7 @@ from viewer.screen.window import NoDisplayError, config_folder
 from viewer.services.memory import keep_little_free_memory, return_free_memory
 from viewer.services.single_instance import SingleInstance, Start, begin
 
-_LONGEST = 900.0
-"""s that an image of the window may wait for its fit"""
+_LONGEST = 900.0  # s that an image of the window may wait for its fit
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -36,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with closing(instance):
             _import_behind_splash()
             _run(chosen, instance)
-    except (NoDisplayError, ImportError, OSError) as error:
+    except (NoDisplayError, ImportError, OSError, ValueError) as error:
         sys.exit(f"python -m viewer: {error}")
 
 
@@ -57,10 +56,13 @@ def _run(chosen: argparse.Namespace, instance: SingleInstance | None = None) -> 
     from viewer.session import Session
 
     headless, worker = instance is None, Worker(at_rest=return_free_memory)
+    folder, model = None if headless else config_folder(), _found_again(chosen.model or "")
     try:
-        session = Session(worker, Backend(partial(load_model, device=chosen.device)))
-        app = App(session, chosen.size, None if headless else config_folder(), headless, instance=instance)
-        session.open_model(_found_again(chosen.model or app.last_model or DEFAULT_MODEL))
+        backend = Backend(partial(load_model, device=chosen.device))
+        session = Session(worker, backend, None, folder, model or DEFAULT_MODEL)
+        app = App(session, chosen.size, folder, headless, instance=instance)
+        if model:
+            session.show_model(model)
         if chosen.image:
             app.context.fit(chosen.image)
         if headless:
@@ -86,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
         description="Opens the window, or raises the one that is open; without a display, renders it into an image.",
         allow_abbrev=False,
     )
-    words.add_argument("--model", help="a shipped name, or the path of a model file (the last one, chairs at first)")
+    words.add_argument("--model", help="show an object of this model: a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--image", type=_image, help="rebuild this photo at once")
     words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")

@@ -13,10 +13,8 @@ from viewer.services.messages import Button, MessageKind
 from viewer.session import Session
 from viewer.values.project import SUFFIX, Project
 
-_EVERY = 5.0
-"""s between two writings at the least"""
-_EARLIER = 10
-"""sessions that were replaced, kept"""
+_EVERY = 5.0  # s between two writings at the least
+_EARLIER = 10  # sessions that were replaced, kept
 
 
 class Autosave:
@@ -38,15 +36,13 @@ class Autosave:
         self._kept_file = folder / f"session{SUFFIX}"
         self._earlier = folder / "earlier"
         self._own_file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}{SUFFIX}"
-        self._written: tuple[object, ...] = ()
-        """what the file holds"""
+        self._written: tuple[object, ...] = ()  # what the file holds
         self._when = clock()
         found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
         self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
         """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
         session.archive.connect(self._archive)
-        self.model = self._resume()
-        """the name of the model that was open last; empty on the first launch"""
+        self._resume()
         self._offer()
 
     @property
@@ -56,12 +52,12 @@ class Autosave:
 
     def tick(self) -> None:
         """Once a frame: write, if there is something new and no drag is under way."""
-        workspace, parts = self._session.workspace, self._session.parts
-        if workspace is None or workspace.editor.history.gesture or _are_same(parts, self._written):
+        parts = self._session.parts
+        if self._session.editor.history.gesture or _are_same(parts, self._written):
             return
         if self._clock() - self._when >= self.every:
             self._when, self._written = self._clock(), parts
-            if (project := self._session.project()).sessions:
+            if not (project := self._session.project()).is_empty:
                 self._write(project, self._own_file)
 
     def _offer(self) -> None:
@@ -70,7 +66,7 @@ class Autosave:
             return
         path, held = self.recoverable[-1], "nobody knows what"
         with suppress(ValueError):
-            held = Project.load(path).summary
+            held = Project.load(path, self._session.models).summary
         if not held:
             self.discard()
             return
@@ -82,17 +78,13 @@ class Autosave:
     def restore(self) -> None:
         """Add what was left last to what there is. Where that cannot be, it stays until it is discarded."""
         path = self.recoverable[-1]
-
-        def add() -> None:
-            try:
-                self._session.add(Project.load(path))
-            except ValueError as error:
-                self._session.messages.report("Cannot restore the session", error)
-                self._offer()
-            else:
-                self._discard(path)
-
-        self._session.when_ready(add)
+        try:
+            self._session.restore(Project.load(path, self._session.models))
+        except ValueError as error:
+            self._session.messages.report("Cannot restore the session", error)
+            self._offer()
+        else:
+            self._discard(path)
 
     def discard(self) -> None:
         """Delete what was left last, and offer what was left before it."""
@@ -105,29 +97,24 @@ class Autosave:
 
     def close(self) -> None:
         """The run ends well; what an earlier one left stays until someone has decided."""
-        if self._session.workspace is None:  # nothing could be made
-            if self._own_file.exists() and not self._kept_file.exists():
-                self._own_file.replace(self._kept_file)
-            return
         # Where another window was closed meanwhile, the next launch begins with its session, and offers this one.
         to = self._own_file if self._kept_file.exists() else self._kept_file
         if self._write(self._session.project(), to) and to == self._kept_file:
             self._own_file.unlink(missing_ok=True)
 
-    def _resume(self) -> str:
+    def _resume(self) -> None:
         """Take over the file by renaming it: a project that crashes the program is not loaded at the next start."""
         try:
             self._kept_file.replace(self._own_file)
-            project = Project.load(self._own_file)
+            project = Project.load(self._own_file, self._session.models)
+            self._session.restore(project)
+            self._session.project_path = project.path
         except FileNotFoundError:
-            return ""
+            pass
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot go on with the last session", error)
             if self._own_file.exists():
                 self._own_file.replace(self._archive_path())
-            return ""
-        self._session.adopt(project)
-        return project.model
 
     def _archive(self, project: Project) -> None:
         self._write(project, self._archive_path())
@@ -140,7 +127,7 @@ class Autosave:
 
     def _write(self, project: Project, path: Path) -> bool:
         try:
-            project.save(path)
+            project.save(path, self._session.models)
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot save the session", error)
             return False

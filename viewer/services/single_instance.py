@@ -21,20 +21,16 @@ _LOCK, _ADDRESS = "window.lock", "window.address"
 """the files in the folder: held by the window that is open, as long as it lives; its port and key, to be read by its
 user alone"""
 _HOST = "127.0.0.1"
-_PATIENCE = 20.0
-"""s, for an answer: the window may be loading its libraries"""
-_CLOSING = 60.0
-"""s that a start waits for a window which writes its session and ends"""
-_MOST = 65_536
-"""bytes of a line"""
+_PATIENCE = 20.0  # s, for an answer: the window may be loading its libraries
+_CLOSING = 60.0  # s that a start waits for a window which writes its session and ends
+_MOST = 65_536  # bytes of a line
 _TAKEN, _ENDS = b"taken\n", b"ends\n"
 
 
 class Start(NamedTuple):
     """The wishes of a start: absolute paths, or names; empty where there is none."""
 
-    image: str = ""
-    """a photo to rebuild"""
+    image: str = ""  # a photo to rebuild
     model: str = ""
 
 
@@ -44,8 +40,7 @@ class SingleInstance:
     def __init__(self, folder: Path, lock: IO[bytes]) -> None:
         """Listen, and write down where. The lock is closed with it."""
         self._path, self._lock, self._key = folder / _ADDRESS, lock, secrets.token_hex(16)
-        self.wake: Callable[[], None] = lambda: None
-        """called from a thread once there is a start to take"""
+        self.wake: Callable[[], None] = lambda: None  # called from a thread once there is a start to take
         self._starts = queue.SimpleQueue[Start]()
         self._ends = False
         self._listener = socket.create_server((_HOST, 0))

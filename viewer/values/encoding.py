@@ -15,13 +15,14 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
+from core.models.codes import Codes
+from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoView, decompressed
 from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
 
-_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000
-"""bytes of the pixels of one photo, and of all in a project; a photo at a model's size has 65,536"""
+_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes: pixels of one photo, and of all
 
 
 @dataclass(eq=False)
@@ -29,14 +30,12 @@ class Parts:
     """Values that JSON refers to by number: many states share a code or a timeline, and numbers in bulk are no text."""
 
     tensors: list[Tensor] = field(default_factory=list)
-    photos: list[bytes] = field(default_factory=list)
-    """files, the mask as opacity: PNG, and what photos add to colours as it is kept"""
-    timelines: list[Any] = field(default_factory=list)
-    """as JSON"""
-    left: int = _MAX_PHOTOS
-    """bytes that the pixels of photos may take still, when they are read"""
-    _known: dict[int, tuple[object, int]] = field(default_factory=dict)
-    """by their identity, the values that are in already, kept alive, and their numbers"""
+    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity, WebP of detail
+    timelines: list[Any] = field(default_factory=list)  # as JSON
+    models: OpenModels | None = None  # where the models of codes are found that are read
+    model: str = ""  # fingerprint of the model of codes that do not name any
+    left: int = _MAX_PHOTOS  # bytes that the pixels of photos may take still, when they are read
+    _known: dict[int, tuple[object, int]] = field(default_factory=dict)  # by identity, values and their numbers
 
     def number(self, value: object, stored: list, make: Callable[[], Any]) -> int:
         """Of a value in a list, which it joins unless it is there."""
@@ -134,6 +133,17 @@ def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
     return FittedPhoto.of(source, _decode_photo(about["photo"], parts))
 
 
+def _decode_codes(about: Any, parts: Parts) -> Codes:
+    """Codes of an open model: of one that extends theirs where that is open. Raises ``ValueError`` where none is."""
+    codes: Codes = typed(Codes, about, lambda kind: None if kind is Codes else _reader(kind, parts), "codes")
+    assert parts.models is not None, "no models"
+    model = parts.models[codes.model or parts.model]
+    sizes = model.field.config.shape_latent, model.field.config.texture_latent
+    if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
+        raise ValueError(f"it is no object of its model of {model.category or 'unnamed things'}")
+    return replace(codes, model=model.fingerprint)
+
+
 def _decode_timeline(number: Any, parts: Parts) -> Timeline:
     """The same one for the same number, once it has been decoded."""
     found = _part(parts.timelines, number)
@@ -156,6 +166,7 @@ _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
     PhotoView: _decode_view,
     FittedPhoto: _decode_fitted_photo,
     Timeline: _decode_timeline,
+    Codes: _decode_codes,
 }
 
 
