@@ -9,7 +9,7 @@ import moderngl
 from imgui_bundle import hello_imgui, imgui
 
 from core.models.library import shipped_models
-from core.runtime.files import THUMBNAILS, cache_folder
+from core.runtime.folders import THUMBNAILS, cache_folder
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext

@@ -1,6 +1,7 @@
 """``fit``: from images to a camera and codes."""
 
 import argparse
+import io
 import json
 import math
 import sys
@@ -30,7 +31,7 @@ from core.photos.decode import read_mask, read_rgba, upright_size
 from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
-from core.runtime.files import require_writable, save_or_elsewhere
+from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
 _TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
@@ -125,7 +126,7 @@ def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) 
 def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
     """The steps of a fit; they go to a log, if there is one."""
     steps, bar = list[FitStep](), tqdm(unit="step", leave=False, disable=None)
-    with bar, log.open("w") if log else nullcontext() as lines:
+    with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as lines:
         for step in fit_as_set(model, job):
             steps.append(step)
             bar.total = step.steps
