@@ -107,7 +107,7 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
             with clock("decode"):
                 image = read_rgba(path)
                 if mask:
-                    image.putalpha(read_mask(mask, image.size))
+                    image.putalpha(read_mask(mask, path, image.size))
             with clock("cut_out"):
                 cut = cut_out(image, hints)
         if cut.confidence < DOUBTFUL_MASK:

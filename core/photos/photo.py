@@ -59,6 +59,7 @@ class Photo:
     :func:`core.models.photo_detail.compressed` has it: colours on white and opacity; None where no more is known"""
     mask_confidence: float = 1.0
     """the probability that the mask is the object, the whole of it and little else"""
+    note: str = ""  # which of several readings of the file was used
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -118,7 +119,7 @@ def load_photo(
     matrix = None if pose is None else read_pose(pose, pose_axes)
     cut = read_cut_out(path, hints)
     with naming(path):
-        return prepare_photo(cut, model, matrix, crop)
+        return replace(prepare_photo(cut, model, matrix, crop), note=cut.note)
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
