@@ -27,7 +27,7 @@ from core.geometry.pose_files import read_pose
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
-from core.photos.decode import read_mask, read_rgba, upright_size
+from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
@@ -107,15 +107,24 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
             with clock("decode"):
                 image = read_rgba(path)
                 if mask:
-                    image.putalpha(read_mask(mask, path, image.size))
+                    opacity = read_mask(mask, path, image.size)
+                    image.putalpha(opacity)
+                    _say(path, opacity.info[NOTE])
             with clock("cut_out"):
                 cut = cut_out(image, hints)
+        _say(path, cut.note)
         if cut.confidence < DOUBTFUL_MASK:
-            told = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by}): --point, --box or --mask helps"
-            print(f"python -m core: {path}: {told}", file=sys.stderr)
+            doubt = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by})"
+            _say(path, f"{doubt}: --point, --box or --mask helps")
         return cut
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
+
+
+def _say(path: Path, text: str) -> None:
+    """A line about an image on stderr, if there is something to say."""
+    if text:
+        print(f"python -m core: {path}: {text}", file=sys.stderr)
 
 
 def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) -> Photo:

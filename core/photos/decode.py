@@ -22,6 +22,7 @@ _LENSES = 8, 600
 """mm, the shortest and the longest focal length that is believed"""
 _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
 """of whole photographs, longer by shorter side; and how far they may be off"""
+NOTE = "note"  # in ``Image.info``: which of several readings of a file was used
 _DEPTHS = 255, 1023, 4095, 16383, 65535
 """white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into files of 16"""
 _MAX_FRAMES = 64
@@ -47,6 +48,7 @@ _NO_COLOURS_OF_SCREENS = ("L", "CMYK")
 def read_rgba(path: Path) -> Image.Image:
     """The image upright, in sRGB, as RGBA with 8 bits, its longer side at most :data:`WORKING_SIDE`.
 
+    Of several images in a file the largest is read, and of an animation the first clear frame; ``info[NOTE]`` says so.
     Raises ``ValueError`` naming the file for what is no image, or one that is too large.
     """
     with reading(path, "an image"), warnings.catch_warnings():
@@ -55,8 +57,11 @@ def read_rgba(path: Path) -> Image.Image:
             if max(image.size) > _NARROWEST * min(image.size):
                 raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
             _seek_clearest(image)
-            image.load()
-            return _small_rgba(_deep_colours(image, path))
+            number, count = image.tell() + 1, getattr(image, "n_frames", 1)
+            found = _small_rgba(_deep_colours(image, path))
+            if count > 1:
+                found.info[NOTE] = f"image {number} of the {count} in this file is used"
+            return found
 
 
 def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
@@ -70,19 +75,27 @@ def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
     Raises ``ValueError`` naming the file where it is no image, has other proportions than the photo, or all of it is
     object or none.
     """
-    image = read_rgba(path)
-    upright, drawn = upright_size(photo), upright_size(path)
-    if not _same_proportions(drawn, upright):
-        turn = _TURNS.get(_orientation(photo))
-        if turn is None or not _same_proportions(drawn[::-1], upright):
-            raise ValueError(f"{path}: a mask of {_by(drawn)} px does not fit a photo of {_by(upright)} px")
-        image = image.transpose(turn)
+    image, note = read_rgba(path), ""
+    upright, drawn, orientation = upright_size(photo), upright_size(path), _orientation(photo)
+    fits = _same_proportions(drawn, upright)
+    fits_turned = orientation in _TURNS and _same_proportions(
+        drawn[::-1] if orientation in _TRANSPOSED else drawn, upright
+    )
+    if not (fits or fits_turned):
+        raise ValueError(f"{path}: a mask of {_by(drawn)} px does not fit a photo of {_by(upright)} px")
+    if not fits:
+        image = image.transpose(_TURNS[orientation])
+        note = f"{path.name} is turned as {photo.name} is: it was drawn on pixels that are not upright"
+    elif fits_turned:
+        note = f"{path.name} is taken as drawn on the upright photo"
     alpha = image.getchannel("A")
     mask = alpha if (np.asarray(alpha) < 255).any() else image.convert("L")
     object_there = np.asarray(mask) > 127
     if object_there.all() or not object_there.any():
         raise ValueError(f"{path}: a mask is white on the object and black elsewhere; this has one of both only")
-    return mask.resize(size, Image.Resampling.BILINEAR)
+    mask = mask.resize(size, Image.Resampling.BILINEAR)
+    mask.info = {NOTE: note}
+    return mask
 
 
 def upright_size(path: Path) -> tuple[int, int]:
@@ -92,10 +105,10 @@ def upright_size(path: Path) -> tuple[int, int]:
         return (image.height, image.width) if transposed else image.size
 
 
-def _orientation(path: Path) -> int | None:
-    """Of EXIF; None where the file does not tell."""
+def _orientation(path: Path) -> int:
+    """The EXIF orientation; 1, upright, where the file does not tell."""
     with reading(path, "an image"), open_image(path) as image:
-        return _exif(image).get(ExifTags.Base.Orientation)
+        return int(_exif(image).get(ExifTags.Base.Orientation, 1))
 
 
 def _same_proportions(first: tuple[int, int], second: tuple[int, int]) -> bool:
@@ -137,8 +150,8 @@ def _seek_clearest(image: Image.Image) -> None:
 
 
 def _deep_colours(image: Image.Image, path: Path) -> Image.Image:
-    """Colours of fewer than 16 bits in a PNG of 16, which Pillow would show nearly black."""
-    deep = image.format == "PNG" and image.mode in ("RGB", "RGBA")
+    """Colours of fewer than 16 bits in a file of 16, which Pillow would show nearly black."""
+    deep = image.mode in ("RGB", "RGBA") and any(";16" in str(tile[3]) for tile in image.tile)
     if not deep or max(high for _, high in image.getextrema()[:3]) > _DEPTHS[-2] >> 8:
         return image
     import cv2  # takes long to import, and few images need it
@@ -146,7 +159,7 @@ def _deep_colours(image: Image.Image, path: Path) -> Image.Image:
     values = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
     if values is None or values.dtype != np.uint16:
         return image
-    colours = values[..., 2::-1] / _white(values[..., :3].max())
+    colours = values[..., 2::-1] / _white(float(values[..., :3].max()))
     deeper = Image.fromarray((colours.clip(0, 1) * 255 + 0.5).astype(np.uint8))
     if image.mode == "RGBA":
         deeper.putalpha(image.getchannel("A"))
