@@ -17,7 +17,13 @@ from tqdm import tqdm
 
 from core.cli.explain import write_page
 from core.cli.progress import wait_for_view_bank
-from core.fitting.category_check import describe_category, guess_category, likelier_model, other_model
+from core.fitting.category_check import (
+    describe_category,
+    describe_difference,
+    guess_category,
+    likelier_model,
+    other_model,
+)
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.explain import explain
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -62,7 +68,9 @@ def fit(chosen: argparse.Namespace) -> None:
     with clock("view_bank"):
         wait_for_view_bank(model)
     photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
-    guess = guess_category(photos[0].pixels, photos[0].mask)
+    guess, *others = (guess_category(photo.pixels, photo.mask) for photo in photos)
+    for path, other in zip(chosen.images[1:], others, strict=True):
+        _say(path, describe_difference(guess, other))
     if said := describe_category(guess, model.category) or ("" if chosen.model else other_model(guess)):
         print(f"python -m core: {said}", file=sys.stderr)
     with clock("search"):

@@ -151,8 +151,8 @@ def _seek_clearest(image: Image.Image) -> None:
 
 def _deep_colours(image: Image.Image, path: Path) -> Image.Image:
     """Colours of fewer than 16 bits in a file of 16, which Pillow would show nearly black."""
-    deep = image.mode in ("RGB", "RGBA") and any(";16" in str(tile[3]) for tile in image.tile)
-    if not deep or max(high for _, high in image.getextrema()[:3]) > _DEPTHS[-2] >> 8:
+    deep = image.mode in ("RGB", "RGBA") and any(";16" in str(tile[3]) for tile in getattr(image, "tile", ()))
+    if not deep or np.asarray(image)[..., :3].max() > _DEPTHS[-2] >> 8:
         return image
     import cv2  # takes long to import, and few images need it
 

@@ -95,7 +95,8 @@ def is_stream(path: Path) -> bool:
     """Whether a path leads to a device, a pipe, or where standard output or error of this process go."""
     with suppress(OSError):
         found = path.stat()
-        return not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode) or _standard(found) is not None
+        plain = stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
+        return not plain or _standard(found) is not None
     return False
 
 

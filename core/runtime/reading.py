@@ -73,8 +73,8 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
 
 
 def shortened(text: str, most: int) -> str:
-    """A text of at most so many characters, without its middle if it is longer."""
-    return text if len(text) <= most else f"{text[: most - most // 3 - 3]}...{text[-(most // 3) :]}"
+    """A text of at most so many characters: of a longer one the begin and the last 30."""
+    return text if len(text) <= most else f"{text[: most - 33]}...{text[-30:]}"
 
 
 def _most(path: Path | str) -> int:

@@ -35,7 +35,7 @@ class FitOptions:
 def fit_stream(
     backend: Backend, model: Model, request: FitRequest, settings: FitSettings
 ) -> Iterator[FittedPhoto | CategoryGuess | FitStep | None]:
-    """The photos that have not been read, what the first shows, then the steps."""
+    """The photos that have not been read and the category that each shows, then the steps."""
     history, resume_from = request.history, request.resume_from
     for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it
         yield None
@@ -43,8 +43,7 @@ def fit_stream(
     for source in history.sources[len(photos) :]:
         photos.append(backend.load_photo(source.path, model, *source[1:]))
         yield FittedPhoto.of(source, photos[-1])
-        if len(photos) == 1:
-            yield CategoryGuess(backend.guess_category(photos[0]))
+        yield CategoryGuess(backend.guess_category(photos[-1]))
     past = history.steps[-1].seconds if history.steps else 0.0
     for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
         yield replace(step, seconds=past + step.seconds)

@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from core.fitting.category_check import describe_category, likeliest_category
+from core.fitting.category_check import describe_category, describe_difference, likeliest_category
 from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_detail import with_photo_detail
 from core.photos.photo import DOUBTFUL_MASK
@@ -21,9 +21,12 @@ from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Ready, match_poses
 from viewer.values.objects import EditableObject
+from viewer.values.printable import printable
 
 _FITS = 8
 """which are kept"""
+_NAMED = 3
+"""files that a message names"""
 _SURE_CATEGORY = 0.8
 """Probability from which a photo is fitted with the model of the category that it shows, whichever is open."""
 
@@ -44,6 +47,7 @@ class Fitting:
         """emitted with photos, and which of them has an object that was not found automatically"""
         self.other_category = Signal[tuple[PhotoSource, ...], str]()
         """emitted with photos that show another category, whose fit is withdrawn"""
+        self._guess = CategoryGuess()  # of the first photo
         self._a = editor.state.mix.a
         """in the last frame"""
         self._shown_fit, self._fits = "", dict[str, FitHistory]()
@@ -105,11 +109,15 @@ class Fitting:
     def start(self, *paths: Path) -> None:
         """Fit the object in images; pose files (.txt) among them belong to the images of their names."""
         try:
-            sources = match_poses(paths)
+            sources, others = match_poses(paths)
         except ValueError as error:
             self._jobs.messages.report("Cannot rebuild this", error)
-        else:
-            self.fit(*sources)
+            return
+        if others:
+            names = ", ".join(printable(path.name) for path in others[:_NAMED])
+            more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+            self._jobs.messages.notify(f"Left out {names}{more}: neither image nor pose", MessageKind.NOTE)
+        self.fit(*sources)
 
     def fit(self, *sources: PhotoSource) -> bool:
         """Fit the object in photos, after those that wait. What cannot be used leaves everything as it was. Whether
@@ -284,7 +292,9 @@ class Fitting:
             self.view.add_step(value)
 
     def _check_mask(self, fitted: FittedPhoto) -> None:
-        """Of an object that may not be cut out well; who pointed at it has seen it."""
+        """Tell how the file was read, and ask about a doubtful mask unless a person pointed at the object."""
+        if fitted.photo.note:
+            self._jobs.messages.notify(f"{fitted.source.name}: {fitted.photo.note}", MessageKind.NOTE)
         if fitted.photo.mask_confidence >= DOUBTFUL_MASK or fitted.source.hints:
             return
         sources, index = self.history.sources, len(self.history.photos) - 1
@@ -294,7 +304,16 @@ class Fitting:
         )
 
     def _check_category(self, guess: CategoryGuess) -> None:
-        """A photo of another category is handed over; of one that nobody knows, a person decides."""
+        """A photo of another category is handed over; of one that nobody knows, a person decides.
+
+        Of several photos the first decides; another that shows something else is named.
+        """
+        if len(self.history.photos) > 1:
+            if said := describe_difference(self._guess, guess):
+                name = self.history.sources[len(self.history.photos) - 1].name
+                self._jobs.messages.notify(f"{name}: {said}", MessageKind.NOTE)
+            return
+        self._guess = guess
         here = self._editor.model.category
         warning = "" if self.history.sources[0].category == here else describe_category(guess, here)
         likeliest = likeliest_category(guess)

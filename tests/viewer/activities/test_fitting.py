@@ -356,3 +356,32 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(
     assert not workspace.fitting.results.unseen
     assert "the first result stays" in session.messages.all[-1].text
     assert editor.objects["block"].confidence == workspace.fitting.history.last.confidence
+
+
+def test_a_photo_of_something_else_among_several_is_named_and_so_is_what_lies_beside_them(
+    session: Session, workspace: Workspace, photo: Path
+) -> None:
+    other, beside = photo.with_name("other.png"), photo.with_name("block.mov")
+    shutil.copy(photo, other)
+    beside.write_bytes(b"moving")
+    here = workspace.model.category
+    guesses = iter(({here: 0.9, "boats": 0.1}, {here: 0.1, "boats": 0.9}))
+    session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
+    workspace.fitting.start(photo, beside, other)
+    finish(session, lambda: not workspace.fitting.running)
+    texts = [message.text for message in session.messages.shown]
+    assert "Left out block.mov: neither image nor pose" in texts
+    (said,) = (text for text in texts if "the images of one fit show one object" in text)
+    assert said.startswith("other.png: this looks like a boat")
+
+
+def test_which_of_several_images_in_a_file_is_fitted_is_said(
+    session: Session, workspace: Workspace, photo: Path
+) -> None:
+    def noted(*words: object) -> Photo:
+        return replace(quick_photo(*words), note="image 2 of the 3 in this file is used")
+
+    session.jobs.backend = replace(session.jobs.backend, load_photo=noted)
+    workspace.fitting.start(photo)
+    finish(session, lambda: not workspace.fitting.running)
+    assert any("image 2 of the 3" in message.text for message in session.messages.shown)
