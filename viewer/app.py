@@ -10,6 +10,7 @@ from imgui_bundle import hello_imgui, imgui
 
 from core.models.library import shipped_models
 from core.runtime.folders import THUMBNAILS, cache_folder
+from core.runtime.signals import TERMINATION, on_signals
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
@@ -98,7 +99,8 @@ class App:
         return name if name in shipped_models() or is_there(Path(name)) else ""
 
     def run(self) -> None:
-        """Open the window; returns when it is closed."""
+        """Open the window; returns when it is closed, also by a signal."""
+        on_signals(lambda _: self._quit(), (*TERMINATION, "SIGINT"))
         window.run(self.params)
 
     def _finish_frame(self) -> None:

@@ -25,7 +25,7 @@ def config_folder() -> Path:
 
 def is_temporary(folder: Path) -> bool:
     """Whether the system may empty a folder at its next start."""
-    return folder.is_relative_to(tempfile.gettempdir())
+    return folder.parent == Path(tempfile.gettempdir())
 
 
 def _or_temporary(choose: Callable[[], Path]) -> Path:

@@ -53,6 +53,13 @@ def is_there(path: Path) -> bool:
     return False
 
 
+def _home() -> Path:
+    """The user's folder; the present one for a user without a home."""
+    with suppress(RuntimeError):
+        return Path.home()
+    return Path.cwd()
+
+
 def has_native() -> bool:
     """Whether the system has a file dialog that can be started."""
     return sys.platform != "linux" or any(map(shutil.which, ("zenity", "kdialog", "matedialog", "qarma")))
@@ -71,7 +78,7 @@ class FileDialog:
         self._fresh = False
         self._to_replace: Path | None = None
         """a file that is there, for which the question was put whether to replace it"""
-        self.folder = Path.home()
+        self.folder = _home()
         """where the last answer was"""
 
     @property

@@ -256,8 +256,8 @@ _SLOW_WRITER = """
 import sys, time
 from pathlib import Path
 from core.runtime.files import atomic_file
-from core.runtime.signals import on_termination
-on_termination()
+from core.runtime.signals import on_signals
+on_signals()
 with atomic_file(Path(sys.argv[1])) as partial:
     partial.write_text("half")
     print("begun", flush=True)
