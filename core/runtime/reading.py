@@ -49,6 +49,10 @@ _COEFFICIENTS = 3
 PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, _MAX_TEXT)
 
 
+class TooLargeError(ValueError):
+    """A file holds more than this program reads."""
+
+
 @contextmanager
 def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
     """Turn whatever is raised inside into one ``ValueError`` of one line that names the file; its cause is kept.
@@ -124,7 +128,7 @@ def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
-        raise ValueError(f"a file of this kind has at most {most / 1e6:.0f} MB")
+        raise TooLargeError(f"a file of this kind has at most {most / 1e6:.0f} MB")
     return content
 
 
@@ -136,7 +140,7 @@ def read_text(path: Path) -> str:
 def parse_json(text: bytes | str) -> Any:
     """JSON in UTF-8, UTF-16 or UTF-32, with or without a byte order mark."""
     if len(text) > _MAX_TEXT:
-        raise ValueError(f"JSON has at most {_MAX_TEXT / 1e6:.0f} MB here")
+        raise TooLargeError(f"JSON has at most {_MAX_TEXT / 1e6:.0f} MB here")
     return json.loads(text.removeprefix("\ufeff") if isinstance(text, str) else text)
 
 
@@ -346,5 +350,5 @@ def open_zip(path: Path, most: int = MAX_DECODED) -> Iterator[zipfile.ZipFile]:
     with zipfile.ZipFile(path) as file:
         members = file.infolist()
         if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > most:
-            raise ValueError(f"it unpacks to more than {_MAX_MEMBERS} files or {most / 1e6:.0f} MB")
+            raise TooLargeError(f"it unpacks to more than {_MAX_MEMBERS} files or {most / 1e6:.0f} MB")
         yield file

@@ -5,7 +5,6 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 
-
 TERMINATION = "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
 
 
