@@ -27,7 +27,7 @@ _DEPTHS = 255, 1023, 4095, 16383, 65535
 """white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into files of 16"""
 _MAX_FRAMES = 64
 """of an animation that are looked at"""
-_FADED = 0.5
+_FADED = 0.8
 """of the contrast of the clearest frame, below which a frame is fading in or out"""
 _TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""

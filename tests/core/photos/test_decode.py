@@ -64,7 +64,7 @@ def faded(share: float) -> Image.Image:
 
 
 @pytest.mark.parametrize("kind", ["gif", "webp", "png"])
-@pytest.mark.parametrize(("shares", "used"), [((0, 0.1, 0.4, 0.8, 1), 4), ((1, 0.8, 0.2), 1), ((0, 0.1, 1, 0), 3)])
+@pytest.mark.parametrize(("shares", "used"), [((0, 0.1, 0.6, 0.9, 1), 4), ((1, 0.8, 0.2), 1), ((0, 0.1, 1, 0), 3)])
 def test_of_an_animation_the_first_clear_frame_is_meant(
     kind: str, shares: tuple[float, ...], used: int, tmp_path: Path
 ) -> None:
