@@ -17,8 +17,7 @@ from viewer.screen.window import NoDisplayError
 from viewer.services.memory import keep_little_free_memory, return_free_memory
 from viewer.services.single_instance import SingleInstance, Start, begin
 
-_LONGEST = 900.0
-"""s that an image of the window may wait for its fit"""
+_LONGEST = 900.0  # s that an image of the window may wait for its fit
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -62,13 +61,16 @@ def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: Singl
     from viewer.session import Session
 
     headless, worker = instance is None, Worker(at_rest=return_free_memory)
+    model = _found_again(chosen.model or "")
     try:
-        session = Session(worker, Backend(partial(load_model, device=chosen.device)))
+        backend = Backend(partial(load_model, device=chosen.device))
+        session = Session(worker, backend, None, folder, model or DEFAULT_MODEL)
         app = App(session, chosen.size, folder, headless, instance=instance)
         if folder and is_temporary(folder):
             text = f"No home folder takes files: this session is kept in {folder}"
             session.messages.notify(text, MessageKind.NOTE, lasts=True)
-        session.open_model(_found_again(chosen.model or app.last_model or DEFAULT_MODEL))
+        if model:
+            session.show_model(model)
         if chosen.image:
             app.context.fit(chosen.image)
         if headless:
@@ -94,7 +96,7 @@ def parser() -> argparse.ArgumentParser:
         description="Opens the window, or raises the one that is open; without a display, renders it into an image.",
         allow_abbrev=False,
     )
-    words.add_argument("--model", help="a shipped name, or the path of a model file (the last one, chairs at first)")
+    words.add_argument("--model", help="show an object of this model: a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--image", type=_image, help="rebuild this photo at once")
     words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")

@@ -16,12 +16,9 @@ from viewer.services.messages import Button, MessageKind
 from viewer.session import Session
 from viewer.values.project import SUFFIX, Project
 
-_EVERY = 5.0
-"""s between two writings at the least"""
-_EARLIER = 10
-"""sessions that were replaced, kept"""
-_DAY = 86_400.0
-"""s, after which a file that a killed run was writing is removed"""
+_EVERY = 5.0  # s between two writings at the least
+_EARLIER = 10  # sessions that were replaced, kept
+_DAY = 86_400.0  # s, after which a file that a killed run was writing is removed
 
 
 class Autosave:
@@ -44,8 +41,7 @@ class Autosave:
         self._earlier = folder / "earlier"
         self._own_file = folder / f"session-{secrets.token_hex(8)}{SUFFIX}"
         self._lock = _lock(self._own_file)
-        self._written: tuple[object, ...] = ()
-        """what the file holds"""
+        self._written: tuple[object, ...] = ()  # what the file holds
         self._when = clock()
         self._thread = ThreadPoolExecutor(1, "autosave")
         self._writing: Future[int] | None = None
@@ -56,8 +52,7 @@ class Autosave:
         self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
         """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
         session.archive.connect(self._archive)
-        self.model = self._resume()
-        """the name of the model that was open last; empty on the first launch"""
+        self._resume()
         self._offer()
 
     @property
@@ -69,13 +64,13 @@ class Autosave:
         """Once a frame: begin to write, if there is something new and no drag is under way."""
         if self._writing and self._writing.done():
             self.finish()
-        workspace, parts = self._session.workspace, self._session.parts
-        if workspace is None or workspace.editor.history.gesture or _are_same(parts, self._written):
+        parts = self._session.parts
+        if self._session.editor.history.gesture or _are_same(parts, self._written):
             return
         if self._writing is None and self._clock() - self._when >= self.every:
             self._when, self._written = self._clock(), parts
-            if (project := self._session.project()).sessions:
-                self._writing = self._thread.submit(_save, project, self._own_file)
+            if not (project := self._session.project()).is_empty:
+                self._writing = self._thread.submit(self._save, project, self._own_file)
 
     def finish(self) -> None:
         """Wait for the file that is being written, and tell how that went."""
@@ -89,7 +84,7 @@ class Autosave:
             return
         path, held = self.recoverable[-1], "nobody knows what"
         with suppress(ValueError):
-            held = Project.load(path).summary
+            held = Project.load(path, self._session.models).summary
         if not held:
             self.discard()
             return
@@ -101,17 +96,13 @@ class Autosave:
     def restore(self) -> None:
         """Add what was left last to what there is. Where that cannot be, it stays until it is discarded."""
         path = self.recoverable[-1]
-
-        def add() -> None:
-            try:
-                self._session.add(Project.load(path))
-            except ValueError as error:
-                self._session.messages.report("Cannot restore the session", error)
-                self._offer()
-            else:
-                self._discard(path)
-
-        self._session.when_ready(add)
+        try:
+            self._session.restore(Project.load(path, self._session.models))
+        except ValueError as error:
+            self._session.messages.report("Cannot restore the session", error)
+            self._offer()
+        else:
+            self._discard(path)
 
     def discard(self) -> None:
         """Delete what was left last, and offer what was left before it."""
@@ -132,29 +123,24 @@ class Autosave:
 
     def _keep(self) -> None:
         """The file of this run becomes the one that the next run begins with."""
-        if self._session.workspace is None:  # nothing could be made
-            if self._own_file.exists() and not self._kept_file.exists():
-                self._own_file.replace(self._kept_file)
-            return
         # Where another window was closed meanwhile, the next launch begins with its session, and offers this one.
         to = self._own_file if self._kept_file.exists() else self._kept_file
         if self._write(self._session.project(), to) and to == self._kept_file:
             self._own_file.unlink(missing_ok=True)
 
-    def _resume(self) -> str:
+    def _resume(self) -> None:
         """Take over the file by renaming it: a project that crashes the program is not loaded at the next start."""
         try:
             self._kept_file.replace(self._own_file)
-            project = Project.load(self._own_file)
+            project = Project.load(self._own_file, self._session.models)
+            self._session.restore(project)
+            self._session.project_path = project.path
         except FileNotFoundError:
-            return ""
+            pass
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot go on with the last session", error)
             if self._own_file.exists():
                 self._own_file.replace(self._archive_path())
-            return ""
-        self._session.adopt(project)
-        return project.model
 
     def _archive(self, project: Project) -> None:
         self._write(project, self._archive_path())
@@ -166,7 +152,7 @@ class Autosave:
         return self._earlier / f"{datetime.now():%Y-%m-%d %H.%M.%S.%f}{SUFFIX}"
 
     def _write(self, project: Project, path: Path) -> bool:
-        return self._tell(lambda: _save(project, path))
+        return self._tell(lambda: self._save(project, path))
 
     def _tell(self, save: Callable[[], int]) -> bool:
         """Whether a file was saved; a person is told why not, or what had to be left out."""
@@ -180,22 +166,19 @@ class Autosave:
             self._session.messages.notify(text, MessageKind.NOTE)
         return True
 
-
-def _save(project: Project, path: Path) -> int:
-    """Save a project, without its oldest half of undo where that makes it too large; how many steps were left out."""
-    dropped = 0
-    while True:
-        try:
-            project.save(path)
-        except ValueError as error:
-            longest = max((len(one.history.past) for one in project.sessions), default=0)
-            if not (_is_too_large(error) and longest):
-                raise
-            dropped += (longest + 1) // 2
-            sessions = (replace(one, history=one.history.newer(longest // 2)) for one in project.sessions)
-            project = replace(project, sessions=tuple(sessions))
-        else:
-            return dropped
+    def _save(self, project: Project, path: Path) -> int:
+        """Save a project, without its oldest half of undo where it is too large; how many steps were left out."""
+        steps = len(project.history.past)
+        while True:
+            left = len(project.history.past)
+            try:
+                project.save(path, self._session.models)
+            except ValueError as error:
+                if not (_is_too_large(error) and left):
+                    raise
+                project = replace(project, history=project.history.newer(left // 2))
+            else:
+                return steps - left
 
 
 def _is_too_large(error: BaseException | None) -> bool:

@@ -87,7 +87,7 @@ def fit(chosen: argparse.Namespace) -> None:
         write_page(model, job, explain(model, job, steps), chosen.explain)
     if chosen.out:
         codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
-        save_or_elsewhere(Scene(model.fingerprint, codes, last.cameras[0]).save, chosen.out)
+        save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)
 
 
 def probable_model(cut: CutOut) -> str:

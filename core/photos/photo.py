@@ -119,7 +119,7 @@ def load_photo(
     matrix = None if pose is None else read_pose(pose, pose_axes)
     cut = read_cut_out(path, hints)
     with naming(path):
-        return replace(prepare_photo(cut, model, matrix, crop), note=cut.note)
+        return prepare_photo(cut, model, matrix, crop)
 
 
 def read_cut_out(path: Path, hints: Hints | None = None) -> CutOut:
@@ -243,6 +243,7 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
         blur=blur,
         fine=fine,
         mask_confidence=cut.confidence,
+        note=cut.note,
     )
 
 

@@ -73,9 +73,7 @@ def test_a_second_start_hands_its_photo_to_the_window_that_is_open(
             assert not glfw.get_window_attrib(glfw_utils.glfw_window_hello_imgui(), glfw.ICONIFIED)
             window.wait()
         assert window.session.messages.errors == []
-        assert window.session.model_name == "cars"
-        left = window.session.project().sessions
-        assert [one.name for session in left for one in session.objects] == ["block"]
+        assert [one.name for one in window.session.editor.objects.added] == ["block"]
 
     with closing(instance):
         drive(act, folder=folder, instance=instance)

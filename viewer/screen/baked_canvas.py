@@ -19,11 +19,9 @@ from viewer.values.orbit import PanelCrop
 
 _FAST = 1 / 30
 """s: OpenGL is fast if a picture of :data:`_PROBE` takes no longer, whether a card or the processor draws it"""
-_PROBE = 512
-"""px of a side"""
+_PROBE = 512  # px of a side
 _PROBES = 3
-_FAR = 4
-"""times the limit: what other programs do not explain"""
+_FAR = 4  # times the limit: what other programs do not explain
 
 
 class BakedCanvas:

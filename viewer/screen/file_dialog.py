@@ -35,8 +35,7 @@ class FileRequest:
     answer: Callable[[Path], None]
     suffixes: tuple[str, ...]
     save: bool = False
-    name: str = ""
-    """proposed"""
+    name: str = ""  # proposed
 
     def path(self, typed: str) -> Path:
         """Where an answer leads; a file to save that has no ending gets the proposed one's."""
@@ -78,8 +77,7 @@ class FileDialog:
         self._fresh = False
         self._to_replace: Path | None = None
         """a file that is there, for which the question was put whether to replace it"""
-        self.folder = _home()
-        """where the last answer was"""
+        self.folder = _home()  # where the last answer was
 
     @property
     def asking(self) -> bool:

@@ -10,8 +10,7 @@ import glfw  # isort: skip
 import moderngl
 
 NAME = "CodeNeRF Viewer"
-SMALLEST = 900, 600
-"""px of a 96 ppi screen: the smallest size of the window"""
+SMALLEST = 900, 600  # px of a 96 ppi screen: the smallest size of the window
 
 
 class NoDisplayError(RuntimeError):

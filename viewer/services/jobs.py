@@ -1,8 +1,9 @@
-"""Needed by everything that takes longer than a frame: the worker, the backend, and a way to say how it went."""
+"""Needed by everything that takes longer than a frame: the worker, the backend, open models, and messages."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from core.models.open_models import OpenModels
 from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
@@ -18,6 +19,7 @@ class Jobs:
     worker: Worker
     backend: Backend
     messages: Messages
+    models: OpenModels
 
     def submit(self, job: Job) -> None:
         """Start a job, in place of an older one of its name."""

@@ -15,6 +15,8 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
+from core.models.codes import Codes
+from core.models.open_models import OpenModels
 from core.models.photo_detail import Erasure, PhotoView, decompressed
 from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
@@ -35,8 +37,9 @@ class Parts:
     """files, the mask as opacity: PNG, and what photos add to colours as it is kept"""
     timelines: list[Any] = field(default_factory=list)
     """timelines, and what is erased of photos, as JSON; as values once they have been decoded"""
-    left: int = _MAX_PHOTOS
-    """bytes that the pixels of photos may take still, when they are read"""
+    models: OpenModels | None = None  # where the models of codes are found that are read
+    model: str = ""  # fingerprint of the model of codes that do not name any
+    left: int = _MAX_PHOTOS  # bytes that the pixels of photos may take still, when they are read
     _known: dict[int, tuple[object, int]] = field(default_factory=dict)
     """by their identity, the values that are in already, kept alive, and their numbers"""
 
@@ -140,6 +143,17 @@ def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
     return FittedPhoto.of(source, _decode_photo(about["photo"], parts))
 
 
+def _decode_codes(about: Any, parts: Parts) -> Codes:
+    """Codes of an open model: of one that extends theirs where that is open. Raises ``ValueError`` where none is."""
+    codes: Codes = _decode_in_place(Codes, about, parts)
+    assert parts.models is not None, "no models"
+    model = parts.models[codes.model or parts.model]
+    sizes = model.field.config.shape_latent, model.field.config.texture_latent
+    if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
+        raise ValueError(f"it is no object of its model of {model.category or 'unnamed things'}")
+    return replace(codes, model=model.fingerprint)
+
+
 def _decode_shared(kind: Any, about: Any, parts: Parts) -> Any:
     """The same value for the same number, once it has been decoded; files of November 2026 hold some in place."""
     if isinstance(about, dict):
@@ -166,6 +180,7 @@ def _part(stored: list, number: Any) -> Any:
 _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
     Photo: _decode_photo,
     FittedPhoto: _decode_fitted_photo,
+    Codes: _decode_codes,
 } | {kind: partial(_decode_shared, kind) for kind in _SHARED}
 
 

@@ -23,23 +23,17 @@ from core.rendering.progressive import Frame
 from core.runtime.reading import optional, read_numbers
 from viewer.values.printable import printable
 
-_AROUND = 0.08
-"""of the object's size, that is shown around it"""
-MAX_STEPS = 800
-"""kept; of more, every other one is forgotten"""
+_AROUND = 0.08  # of the object's size, that is shown around it
+MAX_STEPS = 800  # kept; of more, every other one is forgotten
 
 
 class PhotoSource(NamedTuple):
     """Where a photo comes from."""
 
     path: Path
-    pose: Path | None = None
-    """its camera, where that is known: an SRN pose file"""
-    hints: Hints | None = None
-    """where the object is, where a person pointed it out"""
+    pose: Path | None = None  # its camera, where that is known: an SRN pose file
+    hints: Hints | None = None  # where the object is, where a person pointed it out
     crop: Crop | None = None
-    category: str = ""
-    """that a person says it shows; empty: the classifier decides"""
 
     @property
     def name(self) -> str:
@@ -88,15 +82,12 @@ class FitHistory:
     """How a fit has gone so far."""
 
     sources: tuple[PhotoSource, ...] = ()
-    photos: tuple[FittedPhoto, ...] = ()
-    """as many of the sources as have been read"""
+    photos: tuple[FittedPhoto, ...] = ()  # as many of the sources as have been read
     steps: tuple[FitStep, ...] = ()
-    selected: int | None = None
-    """the step that is shown; None: the newest"""
-    photo_index: int = 0
-    """the photo that is shown"""
-    frame: Frame | None = None
-    """the newest render of that step, from the photo's camera"""
+    selected: int | None = None  # the step that is shown; None: the newest
+    photo_index: int = 0  # the photo that is shown
+    model: str = ""  # fingerprint of the model that is fitted; empty until the first photo's category is known
+    frame: Frame | None = None  # the newest render of that step, from the photo's camera
     difference: UInt8[np.ndarray, "height width 3"] | None = None
     """between the photo and that render, doubled; black where they agree"""
 
@@ -148,21 +139,7 @@ class FitRequest(NamedTuple):
 
     history: FitHistory
     resume_from: Hypothesis | None = None
-    restored: bool = False
-    """of a run that ended in it, maybe after its result had joined the objects"""
-
-
-class Waiting(NamedTuple):
-    """Photos of one object that are still to be fitted."""
-
-    sources: tuple[PhotoSource, ...]
-    category: str = ""
-    """whose model has to open for it; empty: that of the open model"""
-
-    @property
-    def name(self) -> str:
-        """Of the first photo's file."""
-        return self.sources[0].name
+    restored: bool = False  # of a run that ended in it, maybe after its result had joined the objects
 
 
 def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
@@ -192,5 +169,4 @@ class Ready:
     """A fitted object that can be shown."""
 
     name: str
-    camera: Camera
-    """from where its photo was taken, at the size of the model's images"""
+    camera: Camera  # from where its photo was taken, at the size of the model's images

@@ -14,8 +14,7 @@ from viewer.values.direction import Direction
 from viewer.values.part import PARTS
 from viewer.values.variety import readable
 
-_DEPTH = 500
-"""States kept; a state is a few hundred numbers."""
+_DEPTH = 500  # States kept; a state is a few hundred numbers
 
 
 class Pair(NamedTuple):
@@ -82,8 +81,7 @@ class History:
     now: State
     past: tuple[State, ...] = ()
     future: tuple[State, ...] = ()
-    gesture: str = ""
-    """the drag under way, whose edits change the state that it began"""
+    gesture: str = ""  # the drag under way, whose edits change the state that it began
     moved: bool = field(default=False, compare=False)
     """the newest step is a move of the camera, which the next move continues"""
 

@@ -74,7 +74,7 @@ def write_pose(model: Model) -> None:
 def test_render_draws_objects_scenes_and_the_mean_fast_or_exactly(file: str, model: Model):
     place = "--azimuth 30 --elevation 10 --distance 2"
     run(f"render --model {file} --object 2 {place} --size 24 --out a.png")
-    Scene(model.fingerprint, model.codes[2], model.camera(np.radians(30), np.radians(10))).save(Path("s.json"))
+    Scene(model.codes[2], model.camera(np.radians(30), np.radians(10))).save(Path("s.json"))
     run(f"render --model {file} --scene s.json --size 24 --out b.png")
     run(f"render --model {file} --scene s.json --size 24 --out exact.png --exact")
     run(f"render --model {file} --size 24 --out mean.png")

@@ -18,8 +18,8 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
         return write_video(model, views, path, replace(settings, size=settings.size // 16))
 
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
-        made = workspace.player
+        session, editor = window.session, window.session.editor
+        made = session.player
         window.show("Timeline")
         buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share video", "time"))
         assert line.min.y > buttons.max.y
@@ -69,7 +69,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
             window.click(f"**/{label}")
         window.click("Share/###save")
         window.type(str(tmp_path / "mine"))
-        window.wait(lambda: not workspace.exporting.running)
+        window.wait(lambda: not session.exporting.running)
         assert session.messages.errors == []
         with Image.open(tmp_path / "mine.webp") as video:
             assert (video.size, video.mode) == ((32, 32), "RGBA")
@@ -80,7 +80,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
 
 def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(drive: Drive) -> None:
     def act(window: Driver) -> None:  # the timeline is folded away
-        editor, player, shown = window.workspace.editor, window.workspace.player, []
+        editor, player, shown = window.session.editor, window.session.player, []
         for name in ("object 2", "object 3", "object 4"):
             editor.show_object(name)
             window.press(imgui.Key.k)
@@ -94,8 +94,8 @@ def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(drive: Driv
 
 def test_keyframes_are_stepped_through_copied_and_duplicated(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        player = workspace.player
+        session, editor = window.session, window.session.editor
+        player = session.player
         window.show("Timeline")
         window.press(imgui.Key.k)
         first = editor.scene
@@ -130,8 +130,8 @@ def test_keyframes_are_stepped_through_copied_and_duplicated(drive: Drive) -> No
 
 def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        player = workspace.player
+        session, editor = window.session, window.session.editor
+        player = session.player
         window.show("Timeline")
         window.press(imgui.Key.k)
         player.seek(2.0)
@@ -141,12 +141,12 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
         window.click("Timeline/###play")
         assert player.playing
         seen = set[int]()
-        window.wait(lambda: bool(seen.add(id(workspace.viewport.frame))) or len(seen) > 6)
+        window.wait(lambda: bool(seen.add(id(session.viewport.frame))) or len(seen) > 6)
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.space)
         assert not player.playing
         window.wait()
-        assert workspace.viewport.frame.final
+        assert session.viewport.frame.final
         assert len(editor.history.past) == past + 1
         window.undo()
         assert editor.state == before
@@ -161,7 +161,7 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
 
 def test_the_path_of_the_camera_is_drawn_over_the_view_and_dragged(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor, player = window.workspace.editor, window.workspace.player
+        editor, player = window.session.editor, window.session.player
         window.show("Timeline")
         window.click("Timeline/###add_key")
         window.ctx.yield_(2)
