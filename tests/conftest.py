@@ -1,11 +1,13 @@
 """Shapes and types of core are checked at run time, and what core and viewer tests share is made here."""
 
 import atexit
+import copy
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import NoReturn
 
@@ -140,6 +142,13 @@ def open_models(*models: Model) -> OpenModels:
     for model in models:
         found.add(model.fingerprint, model)
     return found
+
+
+def with_contrast(model: Model, contrast: float = 20.0) -> Model:
+    """The model, its density sharpened."""
+    field = copy.copy(model.field)
+    field.config = replace(field.config, contrast=contrast)
+    return replace(model, field=field)
 
 
 @pytest.fixture

@@ -50,10 +50,8 @@ class PanelContext:
     focus: str = "Mix"  # the panel to bring to the front
     dragged: str = ""  # the object that is dragged to a slot
     view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
-    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))
-    """s of the window thread's own processor time, of the last frames"""
-    overlay: np.ndarray | None = None
-    """RGBA, square: what a panel shows over the object in the next frame, as the scene's camera sees it"""
+    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
+    overlay: np.ndarray | None = None  # RGBA, square: drawn over the object in the next frame
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
     autosave: Autosave | None = None  # None where nothing is kept

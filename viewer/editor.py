@@ -40,8 +40,7 @@ class Editor:
         self.scene_changed = Signal[[]]()  # emitted after every change of the scene, undo included
         self.object_chosen = Signal[[]]()  # emitted after that when another object was chosen
         self._generator = generator
-        self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
-        """for each part the code that was looked up last, and the answer"""
+        self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}  # code that was looked up, and the answer
 
     # What there is
 

@@ -68,8 +68,7 @@ class Session:
         self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
-        self._words: dict[str, Words] = {}
-        """by fingerprint, of the principal directions of models for which they were asked"""
+        self._words: dict[str, Words] = {}  # by fingerprint, of principal directions
         self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
@@ -84,8 +83,7 @@ class Session:
         self._initially_there = frozenset[str]()  # names of objects that were there from the beginning
         for model in self.models:
             self._add_user_objects(model)
-        self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()
-        """photos whose object is to be pointed out after the one that is"""
+        self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()  # to be pointed out next
         self._prompting: tuple[PhotoSource, ...] = ()  # whose object is being pointed out, as it was not found
         self.viewport = Viewport(jobs, self.editor, view)
         self.thumbnails = Thumbnails(jobs, self._kept_thumbnails)

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
+from core.models.density import logits_to_density
 from core.models.field_config import FieldConfig
 
 
@@ -107,7 +108,7 @@ class Field(nn.Module):
             y = (functional.linear(y, weight) + bias.to(y.dtype)).relu()
         features = self.feature_layer(y)
         logit = self.density_layer(features)[..., 0].float()
-        return self.config.density_scale * functional.softplus(logit), features
+        return logits_to_density(logit, self.config), features
 
     def direction_bias(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch width"]:
         """The viewing direction's part of the layer that it enters, its bias included: one for all samples of a ray.

@@ -30,6 +30,8 @@ class FieldConfig:
     density_scale: float = 30.0
     """Multiplies the softplus: an object is opaque within a hundredth of a scene unit, so the layer before it
     need not grow to hundreds. 1 in the authors' files."""
+    contrast: float = 0.0  # density (per scene unit) that contrast leaves as it is; 0: none (core.models.density)
+    contrast_gain: float = 4.0  # by how much it multiplies density at most
     bounded_colour: bool = True
     """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
     architecture: str = "codenerf"
@@ -45,3 +47,7 @@ class FieldConfig:
             raise ValueError(f"width of a field is even, got {self.width}")
         if number(self.density_scale, "density_scale") <= 0:
             raise ValueError(f"density_scale of a field is positive, got {self.density_scale}")
+        if number(self.contrast, "contrast") < 0 or number(self.contrast_gain, "contrast_gain") < 1:
+            raise ValueError(
+                f"contrast of a field is at least 0, its gain at least 1: {self.contrast}, {self.contrast_gain}"
+            )

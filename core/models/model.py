@@ -1,5 +1,6 @@
 """A trained category model: the field, its code book and the scene it was trained in; one safetensors file."""
 
+import copy
 import hashlib
 import json
 from collections.abc import Iterator
@@ -96,6 +97,18 @@ class Model:
     def device(self) -> torch.device:
         """Where the field lives."""
         return self.field.density_layer.weight.device
+
+    @cached_property
+    def soft(self) -> "Model":
+        """The same model without contrast, for fits to search; itself where the field has none.
+
+        Fits through a field with contrast find worse codes: its gradients vanish beside surfaces.
+        """
+        if not self.field.config.contrast:
+            return self
+        field = copy.copy(self.field)
+        field.config = replace(field.config, contrast=0.0)
+        return replace(self, field=field)
 
     @cached_property
     def extent_tensor(self) -> Float[Tensor, "3"]:

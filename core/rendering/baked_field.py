@@ -1,7 +1,8 @@
 """An object's field as a 3D texture, for OpenGL to draw (:mod:`core.rendering.baked_shader`).
 
-Of density, its logit is stored (what the network gives before its softplus): linear interpolation of that is 3 to 6 dB
-better than of density itself. How it is baked: :mod:`core.rendering.baking`.
+Of density, its logit is stored (what the network gives before softplus and contrast): linear interpolation of that is 3
+to 6 dB better than of density itself, and edges stay crisp where the grid is coarse. How it is baked:
+:mod:`core.rendering.baking`.
 """
 
 import math
@@ -15,6 +16,8 @@ from torch.nn import functional
 
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays, ray_points
+from core.models.density import logits_to_density
+from core.models.field_config import FieldConfig
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.detail_maps import DetailMaps
 from core.rendering.ground_shadow import GroundShadow
@@ -43,7 +46,7 @@ class BakedField:
     """cells to the nearest occupied one, diagonals as long as edges; 0: occupied"""
     extent: tuple[float, float, float]
     """half the size of the scene's box, scene units"""
-    density_scale: float
+    config: FieldConfig  # of the field: how density follows from logits
     pixel_offset: float
     """px, by how much rays pass left of and above pixel centres"""
     cells: int
@@ -66,12 +69,6 @@ class BakedField:
 def colour_texels(colour: Float[Tensor, "*corners 3"]) -> UInt8[Tensor, "*corners 3"]:
     """Colours in 0..1 as texels hold them."""
     return (255 * colour.clamp(0, 1) + 0.5).to(torch.uint8)
-
-
-def logits_of(density: Float[Tensor, "*corners"], scale: float) -> Float[Tensor, "*corners"]:
-    """Of densities (per scene unit), what the network gives before its softplus."""
-    share = (density / scale).clamp_min(1e-6)
-    return (share + torch.log(-torch.expm1(-share))).nan_to_num(LOGITS[1])
 
 
 def logit_texels(logits: Float[Tensor, "*corners"]) -> UInt8[Tensor, "*corners"]:
@@ -118,7 +115,7 @@ def render_baked(baked: BakedField, camera: Camera) -> Rendered:
             texels, within.flip(-1)[None, None, None], padding_mode="border", align_corners=True
         )[0, :, 0, 0].T
         logit = LOGITS[0] + (LOGITS[1] - LOGITS[0]) * found[..., 3]
-        density = there * baked.density_scale * functional.softplus(logit)
+        density = there * logits_to_density(logit, baked.config)
         edges = functional.pad(depths + baked.step / 2, (1, 0))
         edges[..., 0] = some.near
         weights, left = compositing_weights(density, edges)

@@ -37,6 +37,7 @@ uniform vec3 origin, right, up, backward, extent, first, sides;
 uniform vec2 middle;          // of the picture, px from the first pixel drawn
 uniform vec2 logits;          // least, range; over the logarithm of 2, as all exponents here
 uniform float focal, pace, cells, blocks, thickness, min_light;
+uniform vec2 contrast;       // softplus times this multiplies density, at most by the gain
 flat in vec2 reach;
 out vec4 colour;
 DECLARED
@@ -67,6 +68,7 @@ void main() {
         i = empty > 0.0 ? max(i, ceil(min(leave.x, min(leave.y, leave.z)))) : i;
         vec4 texel = textureLod(texels, (texel_base + i * texel_delta).zyx, 0.0);
         float softplus = log2(1.0 + exp2(logits.x + logits.y * texel.a));
+        softplus *= min(softplus * contrast.x, contrast.y);
         float left = i < count ? light * exp2(-thickness * softplus) : light;
         seen += (light - left) * texel.rgb;
         middle_of_light += (light - left) * (i + 0.5);
@@ -84,6 +86,8 @@ _DETAIL = f"""
     if (opacity > {MIN_OPACITY})
         seen += opacity * detail(origin + along * (near + pace * middle_of_light / taken), along);
 """
+
+_NO_CONTRAST = 1e9, 1.0  # the factor reaches the gain of 1 wherever there is anything
 
 
 class BakedShader:
@@ -155,7 +159,11 @@ class BakedShader:
         program["origin"], program["extent"], program["tiles"] = tuple(origin), baked.extent, grid
         program["first"], program["sides"] = baked.first, baked.texels.shape[:3]
         program["middle"], program["focal"], program["cells"] = middle, camera.focal, baked.cells
-        program["pace"], program["thickness"] = baked.step, baked.density_scale * baked.step
+        config = baked.config
+        program["pace"], program["thickness"] = baked.step, config.density_scale * baked.step
+        program["contrast"] = _NO_CONTRAST
+        if config.contrast:
+            program["contrast"] = math.log(2) * config.density_scale / config.contrast, config.contrast_gain
         self._texels.use(0)
         self._distance.use(1)
         if baked.detail:

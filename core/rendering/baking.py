@@ -22,8 +22,9 @@ from torch.nn import functional
 from core.geometry.camera import Camera
 from core.models.cells import corners_of, divide, unravelled
 from core.models.codes import Codes
+from core.models.density import density_to_logits
 from core.models.model import Model
-from core.rendering.baked_field import BakedField, cell_distances, colour_texels, logit_texels, logits_of
+from core.rendering.baked_field import BakedField, cell_distances, colour_texels, logit_texels
 from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
@@ -126,13 +127,13 @@ def bake_shape(
     for part in corners.split(_BLOCK):
         features.append(evaluate(part)[1])
         yield
-    scale = model.field.config.density_scale
-    logits = logits_of(density, scale)
+    config = model.field.config
+    logits = density_to_logits(density, config)
     logits[seen] = prefilter(logits[seen][:, None], neighbours)[:, 0]
     texels = torch.zeros(*box.sides, 4, dtype=torch.uint8)
     texels[..., 3] = logit_texels(logits)
     distance = cell_distances(_filled_cells(density, cells, box))
-    field = BakedField(texels.numpy(), distance, model.extent, scale, model.pixel_offset, cells, box.first)
+    field = BakedField(texels.numpy(), distance, model.extent, config, model.pixel_offset, cells, box.first)
     hidden = _VOXEL * functional.avg_pool3d(thickness[None], _VOXEL, ceil_mode=True)[0]
     return BakedShape(field, box, corners, neighbours, torch.cat(features), hidden)
 

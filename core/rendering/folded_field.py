@@ -19,6 +19,7 @@ from torch.nn import functional
 
 from core.models.cells import contains
 from core.models.codes import Codes
+from core.models.density import logits_to_density
 from core.models.field import Field, encode
 from core.models.model import Model
 from core.runtime.layers import linear_relu, pad_rows, relu_
@@ -177,7 +178,7 @@ def _density(
 ) -> tuple[Float[Tensor, "points"], Float[Tensor, "points width"]]:
     y = _features(weights, y, biases)
     logit = functional.linear(y, *weights.density)[:, 0].float()
-    return field.config.density_scale * functional.softplus(logit), y
+    return logits_to_density(logit, field.config), y
 
 
 def _colour(
@@ -195,10 +196,14 @@ def _colour(
     return logits.sigmoid() if field.config.bounded_colour else logits
 
 
+def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
+    """The layers of a model's field, the feature layer multiplied into those that follow. Cached."""
+    return _field_weights(model.soft, dtype)  # contrast changes no weight
+
+
 @lru_cache(maxsize=4)
 @torch.no_grad()
-def field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
-    """The layers of a model's field, the feature layer multiplied into those that follow."""
+def _field_weights(model: Model, dtype: torch.dtype) -> FieldWeights:
     field: Field = model.field
     if model.is_ablation:
         raise ValueError(

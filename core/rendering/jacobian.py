@@ -15,6 +15,7 @@ from torch.nn import functional
 from torch.nn.functional import pad
 
 from core.geometry.rays import Rays, ray_points
+from core.models.density import density_derivative
 from core.models.field import encode
 from core.models.model import Model
 from core.rendering.compositing import compositing_weights
@@ -80,7 +81,7 @@ def render_with_jacobian(
     composited = _composite(colours, sample_weights, transmittance, top)
     if with_depth:
         composited = _with_depth(composited, sample_weights, depths, top)
-    density_derivative = _softplus_derivative(model, density.flatten(1).gather(1, top))
+    by_logit = density_derivative(density.flatten(1).gather(1, top), model.field.config)
     # An interval without end is opaque whatever its density.
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
     by_density = composited.by_thickness * lengths.where(lengths < 1e9, 0.0)
@@ -92,7 +93,7 @@ def render_with_jacobian(
     for some, forward in zip(chunks, activations, strict=True):
         entered = BiasJacobians(bias_jacobians.shape[some[0]], bias_jacobians.texture[some[0]])
         derivatives = _backward(
-            model, forward, composited.by_colour[some], by_density[some], density_derivative[some], depth[some], entered
+            model, forward, composited.by_colour[some], by_density[some], by_logit[some], depth[some], entered
         )
         summed.index_add_(0, row[some].flatten(), derivatives.flatten(0, 1).flatten(1))
     summed = summed.reshape(*transmittance.shape, channels, -1)
@@ -150,12 +151,6 @@ def _with_depth(
     changes = passing * depths.flatten(1).gather(1, top) - behind
     channels = torch.cat((composited.channels, given[..., -1:]), -1)
     return _Composited(channels, composited.by_colour, torch.cat((composited.by_thickness, changes[..., None]), -1))
-
-
-def _softplus_derivative(model: Model, density: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-    """The derivative of density along its logit, a sigmoid, from the density itself."""
-    scale = model.field.config.density_scale
-    return scale * -torch.expm1(-density / scale)
 
 
 class _Activations(NamedTuple):
@@ -220,7 +215,7 @@ def _backward(
     activations: _Activations,
     by_colour: Float[Tensor, "objects samples 3"],
     by_density: Float[Tensor, "objects samples channels"],
-    density_derivative: Float[Tensor, "objects samples"],
+    by_logit: Float[Tensor, "objects samples"],
     depth: Float[Tensor, "objects samples"],
     bias_jacobians: BiasJacobians,
 ) -> Float[Tensor, "objects samples channels numbers"]:
@@ -228,7 +223,7 @@ def _backward(
 
     Args:
         by_colour: of a channel along the sample's own.
-        density_derivative: of the density along its logit.
+        by_logit: of the density along its logit.
         depth: scene units from the ray's origin.
     """
     weights = field_weights(model, matmul_dtype(model.device.type))
@@ -240,9 +235,9 @@ def _backward(
         gradient, activations.texture[:-1], weights.texture_blocks, bias_jacobians.texture
     )
     by_direction = _along_axes(gradient @ weights.direction.layer[0], activations.direction_derivative)
-    by_logit = (by_density * density_derivative[..., None]).to(dtype)[..., None] * weights.density[0][0]
-    by_logit[:, :, :3] += gradient @ weights.features
-    gradient = by_logit
+    from_density = (by_density * by_logit[..., None]).to(dtype)[..., None] * weights.density[0][0]
+    from_density[:, :, :3] += gradient @ weights.features
+    gradient = from_density
     gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
     by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
     by_direction = pad(by_direction, (0, 0, 0, by_density.shape[-1] - 3)).addcmul_(by_position, depth[..., None, None])

@@ -175,8 +175,8 @@ def drive(
         instance: SingleInstance | None = None,
     ) -> None:
         session = Session(Worker(), backend, 0, folder)
-        app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
         session.viewport.change(quality=Quality(32, 96))
+        app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
         if folder is None:  # else a fast machine would draw other pictures than a slow one
             app.context.set_preference(turning="off")
 

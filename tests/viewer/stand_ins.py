@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -12,9 +13,12 @@ import torch
 from core.export.frames import over
 from core.export.keyframes import View
 from core.export.pace import Pace
+from core.export.video import VideoSettings, write_video
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.models.codes import Codes
+from core.models.field_config import FieldConfig
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut
 from core.rendering.background import Background
@@ -68,6 +72,11 @@ def quick_pictures(
     for codes, camera in views:
         for frame in quick_frames(model, RenderJob(codes, camera.resized(size, size), RenderSettings(divisors=(1,)))):
             yield over(frame, background) if frame else None
+
+
+def small_video(models: OpenModels, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
+    """A film with a sixteenth of the pixels along each side."""
+    return write_video(models, views, path, replace(settings, size=settings.size // 16))
 
 
 def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
@@ -162,4 +171,4 @@ class Bakery:
         for cells in (64, 128):
             yield None
             texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
-            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0, len(texels) - 1)
+            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, FieldConfig(), 0.0, len(texels) - 1)

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pytest
 from imgui_bundle import hello_imgui, imgui
+from PIL import Image
 
 from core.models.model import Model
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.machine import slowness
-from tests.viewer.stand_ins import endless_fit, quick_frames
+from tests.viewer.stand_ins import endless_fit, quick_frames, small_video
 from viewer import app
 from viewer.panels import all_panels
 from viewer.services.backend import Backend
@@ -427,3 +428,44 @@ def test_objects_have_their_thumbnails_at_once_at_the_next_launch(
         drive(tiles, replace(backend, frames=counted), folder=tmp_path / "config")
     assert counts[0] > counts[1]
     assert len(list((tmp_path / "cache" / "thumbnails").iterdir())) == 1
+
+
+def test_a_car_beside_a_chair_both_rebuilt_edited_undone_and_filmed(
+    drive: Drive, both: Backend, photo: Path, tmp_path: Path
+) -> None:
+    blue = photo.with_name("block blue.png")
+    with Image.open(photo) as image:
+        red, green, blue_channel = image.split()
+        Image.merge("RGB", (blue_channel, green, red)).save(blue)  # a car, as the guess of ``both`` has it
+
+    def act(window: Driver) -> None:
+        session, editor = window.session, window.session.editor
+        window.fit(blue)
+        window.fit(photo)
+        assert editor.objects.own == ["block", "block blue"]
+        for name, category in (("block blue", "cars"), ("block", "chairs")):
+            window.click(f"Library/**/show {name}")
+            window.show("Mix")
+            window.drag("Mix/mix pad", 30, -20)
+            assert editor.model.category == category
+            window.press(imgui.Key.k)
+            window.context.share("turntable")
+            window.click("Share/###save")
+            window.type(str(tmp_path / f"{category}.gif"))
+            window.wait(lambda: not session.exporting.running)
+            window.context.share_open = False
+        window.context.share("video")  # of both, with a cut
+        window.click("Share/###save")
+        window.type(str(tmp_path / "both.gif"))
+        window.wait(lambda: not session.exporting.running)
+        window.context.share_open = False
+        assert len(list(tmp_path.glob("*.gif"))) == 3
+        assert session.messages.errors == []
+        assert not [one.text for one in session.messages.log if "model" in one.text]
+        seen = {state.scene.codes.model for state in editor.history.states}
+        assert len(seen) == 2
+        while editor.history.past:
+            window.undo()
+        assert editor.model.category == "chairs" and len(editor.history.future) >= 8
+
+    drive(act, replace(both, video=small_video), folder=tmp_path / "config")

@@ -30,8 +30,7 @@ class Tile:
 
     number: int  # in the order of appearance
     hypothesis: Hypothesis  # as it was in the last step that had it
-    eliminated_at: float | None = None
-    """seconds of the fit after which the search had dropped it; None while it is active"""
+    eliminated_at: float | None = None  # s of the fit when it was dropped; None while active
     frame: Frame | None = None
 
 

@@ -74,9 +74,8 @@ class Exporting:
         rows = [[self._editor.pair(pair) for pair in row] for row in self._grid.rows]
 
         def stream(scene: Scene) -> Iterator[float]:
-            model = self._jobs.models.of(rows[0][0])
-            camera = orbit.home(model).resized(size, size)
-            return write_grid(lambda job: self._jobs.backend.frames(model, job), rows, camera, path)
+            camera = orbit.home(self._jobs.models.of(rows[0][0])).resized(size, size)
+            return write_grid(self._jobs.frames, rows, camera, path)
 
         if rows:
             self._begin("grid", path, stream)

@@ -33,7 +33,7 @@ class FitView:
         self.history = FitHistory()
         self.from_runner_up = False  # shown from the runner-up's camera
         self._rendered_at, self._steps_since = 0.0, 0
-        """s on the monotonic clock, and steps, since the last render"""
+        """time (s) of the last render, and steps since"""
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which has not begun or is over."""
@@ -147,11 +147,10 @@ class FitView:
                 difference = fitted.doubled_difference(middle.image)
                 self.history = replace(self.history, frame=middle, difference=difference)
 
-        frames, model = self._jobs.backend.frames, self.model
         ended = self._jobs.reporting("Cannot show the search")
         # While a person scrubs, each frame is shown before the next replaces it.
         urgent = self.history.selected is not None
-        self._jobs.submit(Job("fit frame", lambda: frames(model, job), rendered, ended, urgent))
+        self._jobs.submit(Job("fit frame", lambda: self._jobs.frames(job), rendered, ended, urgent))
 
 
 def _turned(

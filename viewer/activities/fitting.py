@@ -37,11 +37,10 @@ class Fitting:
         self.results = FitResults(editor, viewport)
         self.request: FitRequest | None = None  # what is under way
         self.queue: tuple[FitRequest, ...] = ()  # those that wait
-        self.no_background = Signal[tuple[PhotoSource, ...], int]()
-        """emitted with photos, and which of them has an object that was not found automatically"""
+        self.no_background = Signal[tuple[PhotoSource, ...], int]()  # photos, and the one whose object was not found
         self._a = editor.state.mix.a  # in the last frame
         self._shown_fit, self._fits = "", dict[str, FitHistory]()
-        """the object whose fit is shown, and the last fits of this run by the names of their objects"""
+        """object whose fit is shown; fits by name"""
         self._before = self.history, self.candidates.tiles  # what was there before the last fit began
 
     @property

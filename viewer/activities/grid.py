@@ -15,6 +15,7 @@ from core.runtime.files import atomic_file
 from viewer.services.jobs import Jobs
 from viewer.values.history import Pair
 from viewer.values.objects import ObjectLibrary
+from viewer.values.variety import readable
 
 MAX_OBJECTS = 8  # 64 pairs are as many as a panel can show
 
@@ -37,7 +38,12 @@ class Grid:
         """
         wanted = tuple(dict.fromkeys((*self.names, *names)))
         newest = self._objects[wanted[-1]].codes.model if wanted else ""
-        wanted = tuple(name for name in wanted if self._objects[name].codes.model == newest)
+        other = [name for name in wanted if self._objects[name].codes.model != newest]
+        wanted = tuple(name for name in wanted if name not in other)
+        if other:
+            self._jobs.messages.notify(
+                f"The grid begins anew: {readable(other[0])} cannot be mixed with what was added"
+            )
         self.names = wanted[:MAX_OBJECTS]
         if left_out := wanted[MAX_OBJECTS:]:
             self._jobs.messages.notify(

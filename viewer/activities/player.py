@@ -37,8 +37,7 @@ class Player:
         self.copied: View | None = None  # of a keyframe, to be pasted
         self._began: float | None = None  # s on the clock when the playhead was at 0, while it plays
         self._last_scene: Scene | None = None
-        self._last_timeline: Timeline | None = None
-        """what it showed while it plays; another scene or timeline is another edit"""
+        self._last_timeline: Timeline | None = None  # what it showed last; another one is an edit
         self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # by their number, of :attr:`_rendered_of`
         self._rendered_of: tuple[Timeline, object] | None = None
 
@@ -218,7 +217,7 @@ class Player:
         """Render the frames that are not there, from this moment on and once round; none of a baked object."""
         if all(self._viewport.is_baked(key.view.codes) for key in self.timeline.keys):
             return
-        timeline, models, layout = self.timeline, self._jobs.models, self._layout
+        timeline, layout = self.timeline, self._layout
         if self._rendered_of != (timeline, layout):
             self._rendered_of = timeline, layout
             self._frames.clear()
@@ -232,7 +231,7 @@ class Player:
                 view = timeline.at(index / _RATE)
                 crop = orbit.fit_to_panel(view.camera, *layout)
                 job = RenderJob(view.codes, crop.camera, _SETTINGS, shadow=True)
-                for frame in self._jobs.backend.frames(models.of(job.codes), job):
+                for frame in self._jobs.frames(job):
                     yield (index, replace(frame, stage_count=2), crop) if frame else None  # a preview
 
         ended = self._jobs.reporting("Cannot render the timeline")

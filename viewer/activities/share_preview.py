@@ -14,8 +14,7 @@ from viewer.services.worker import Job
 from viewer.values.share_settings import ShareSettings
 
 _SIZE = 256  # px
-_PACE, _PACE_SHARE = "share pace", 0.15
-"""a job, and its share of the worker's time: an export may be begun before it has ended"""
+_PACE, _PACE_SHARE = "share pace", 0.15  # a job and its share of the worker's time
 
 
 class SharePreview:
@@ -25,8 +24,7 @@ class SharePreview:
         self._jobs, self._editor = jobs, editor
         self.image: Image | None = None  # on nothing; None until it is rendered
         self._shown: tuple[object, ...] = ()  # what it shows
-        self._copied: tuple[Codes, int] | None = None
-        """the object, and the cells of its baked copy that it is drawn from, if it is"""
+        self._copied: tuple[Codes, int] | None = None  # object and cells of the baked copy that is drawn
         self.pace: Pace | None = None  # of videos of this model on this machine; None until that is measured
         self._known: tuple[tuple[object, ...], float] | None = None
 

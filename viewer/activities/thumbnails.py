@@ -72,8 +72,7 @@ class Thumbnails:
 
     def __init__(self, jobs: Jobs, kept: KeptThumbnails | None = None) -> None:
         self._jobs, self._kept = jobs, kept or KeptThumbnails()
-        self._on_disk = dict[str, dict[str, Pixels]]()
-        """pictures that were kept, by the fingerprint of their model and by name"""
+        self._on_disk = dict[str, dict[str, Pixels]]()  # kept pictures, by model and name
         self._wanted = dict[_Key, str]()  # names of pictures to keep: of objects from the first view
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()
         self._queue: dict[_Key, Codes] = {}  # what panels want, and what that shows
@@ -169,7 +168,7 @@ class Thumbnails:
 
     def _render(self, batch: list[tuple[_Key, RenderJob]]) -> Iterator[tuple[_Key, Frame] | None]:
         for key, job in batch:
-            for frame in self._jobs.backend.frames(self._jobs.models.of(job.codes), job):
+            for frame in self._jobs.frames(job):
                 yield (key, frame) if frame else None
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:

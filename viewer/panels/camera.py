@@ -47,8 +47,7 @@ class CameraPanel(Panel):
 
 
 _VIEWS = {"see_front": "Front", "see_side": "Side", "see_top": "Top", "see_photo": "Photo", "reset_view": "Home"}
-_MORE = {"orthographic": "Orthographic", "copy_camera": "Copy", "paste_camera": "Paste"}
-"""actions, and the labels of their buttons"""
+_MORE = {"orthographic": "Orthographic", "copy_camera": "Copy", "paste_camera": "Paste"}  # labels of buttons
 
 
 def _number(

@@ -81,7 +81,7 @@ class CandidatesPanel(Panel):
             object_tiles.outline(corner, side, WARM)
 
     def _draw_cameras(self, context: PanelContext, tiles: tuple[Tile, ...], hovered: int | None, side: float) -> None:
-        model = context.session.editor.model
+        model = context.session.models.of(tiles[0].hypothesis.codes)
         corner = imgui.get_cursor_screen_pos()
         imgui.invisible_button("cameras", (side, side))
         if imgui.is_item_active():

@@ -14,8 +14,7 @@ from viewer.widgets.text import caption, heading, paint_caption, small_height
 _OPEN, _LOCKED = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
 _LEAST, _MOST, _BELOW = 9.0, 22.0, 7.0  # em: the side of the pad, and what stands below it
 _PREVIEWS = 5  # along each side of the pad; each is the mix that the dot over its middle means
-_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55
-"""px and intervals of a preview, and how much is seen of those that are in no corner"""
+_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px, intervals, and opacity of previews in no corner
 
 
 class MixPanel(Panel):
@@ -26,8 +25,7 @@ class MixPanel(Panel):
 
     def __init__(self) -> None:
         self._ends: tuple[Codes, Codes] | None = None
-        self._previews: dict[tuple[int, int], Codes] = {}
-        """by column and row, from A's corner, what lies between these ends"""
+        self._previews: dict[tuple[int, int], Codes] = {}  # by column and row, from A's corner
 
     def draw(self, context: PanelContext) -> None:
         """The slots, the pad, the sliders."""

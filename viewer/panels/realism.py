@@ -12,8 +12,7 @@ from viewer.widgets.text import caption
 
 _REACH = 3.0  # standard deviations, where the slider ends
 _LEAST = 0.01  # standard deviations, where it begins: the mean itself has no direction to lead out again
-_TYPICAL, _UNUSUAL = 1.4, 1.8
-"""standard deviations: trained objects are nearer; farther out there is rarely a realistic object"""
+_TYPICAL, _UNUSUAL = 1.4, 1.8  # standard deviations: trained objects are nearer; beyond, few are realistic
 _BESIDE = 5  # em: where less is left beside a picture, words stand below it
 _GREEN: Colour = (0.35, 0.75, 0.5)
 _AMBER: Colour = (0.9, 0.66, 0.25)

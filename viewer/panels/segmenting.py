@@ -34,7 +34,7 @@ class SegmentingDialog:
         self._before = Hints()  # where the drag under way began
         self._start = (0.0, 0.0)
         self._zoom, self._left, self._top = 1.0, 0.0, 0.0
-        """how large the photo is shown, and what share of it lies beyond the left and the upper edge"""
+        """size of the photo, shares beyond the edges"""
         self._line: tuple[tuple[float, float], ...] = ()
 
     def draw(self, context: PanelContext) -> None:

@@ -52,8 +52,7 @@ class ShareDialog:
     """The form of the Share dialog, and where a file was saved."""
 
     def __init__(self) -> None:
-        self._shown: tuple[Image, Background | None, np.ndarray] | None = None
-        """of which picture and background, the image on screen"""
+        self._shown: tuple[Image, Background | None, np.ndarray] | None = None  # picture, background, their image
 
     def draw(self, context: PanelContext) -> None:
         """A window, while it is open."""

@@ -44,8 +44,7 @@ class SlidersPanel(Panel):
         self._named: tuple[Direction, ...] = ()
         self._basis: Codes | None = None  # what the strips lead away from: the object before the drag began
         self._targets: dict[tuple[str, int], tuple[Codes, Camera]] = {}  # what every place shows
-        self._influence: tuple[tuple[Part, ...], Frame, Frame, CodeInfluence] | None = None
-        """of the slider under the mouse: what it changes, at less, at more, and between them"""
+        self._influence: tuple[tuple[Part, ...], Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
         self._last: dict[tuple[str, int], Frame] = {}  # the last thumbnail of every place, until there is a newer one
 
     @property

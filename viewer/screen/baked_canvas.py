@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from jaxtyping import UInt8
 
 from core.geometry.camera import Camera
+from core.models.field_config import FieldConfig
 from core.rendering.baked_field import BakedField
 from core.rendering.baked_shader import BakedShader
 from core.rendering.occupancy import CELLS
@@ -17,8 +18,7 @@ from viewer.screen.canvas import Backdrop, Target
 from viewer.screen.theme import DARK, Palette
 from viewer.values.orbit import PanelCrop
 
-_FAST = 1 / 30
-"""s: OpenGL is fast if a picture of :data:`_PROBE` takes no longer, whether a card or the processor draws it"""
+_FAST = 1 / 30  # s: OpenGL is fast if a picture of :data:`_PROBE` takes no longer
 _PROBE = 512  # px of a side
 _PROBES = 3
 _FAR = 4  # times the limit: what other programs do not explain
@@ -82,4 +82,4 @@ def _ball() -> BakedField:
     radius = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
     texels = np.full((*radius.shape, 4), 128, np.uint8)
     texels[..., 3] = np.clip(200 * (1.2 - radius), 0, 70)
-    return BakedField(texels, np.zeros((CELLS,) * 3, np.uint8), (0.5, 0.5, 0.5), 30.0, 0.0, 2 * CELLS)
+    return BakedField(texels, np.zeros((CELLS,) * 3, np.uint8), (0.5, 0.5, 0.5), FieldConfig(), 0.0, 2 * CELLS)

@@ -75,8 +75,7 @@ class FileDialog:
         self._dialog: NativeDialog | None = None
         self._text = ""
         self._fresh = False
-        self._to_replace: Path | None = None
-        """a file that is there, for which the question was put whether to replace it"""
+        self._to_replace: Path | None = None  # an existing file about which the dialog asks
         self.folder = _home()  # where the last answer was
 
     @property

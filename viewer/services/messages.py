@@ -15,8 +15,7 @@ import torch
 
 from viewer.values.printable import printable
 
-_MAX_OLDER, _MAX_ERRORS = 3, 2
-"""lines of information that stay beside a new one until they fade, and errors shown at a time"""
+_MAX_OLDER, _MAX_ERRORS = 3, 2  # older lines beside a new one; errors shown at a time
 _SHORT, _LONG = 5.0, 10.0  # s on screen: of what is done, and of what there is to read or to press
 _LOGGED = 500  # lines that the log keeps
 _NO_MEMORY = "can't allocate memory"  # Words of torch in a RuntimeError where the processor's memory does not suffice

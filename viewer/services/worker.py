@@ -23,8 +23,7 @@ class Job(Generic[T]):
     name: str  # a newer job of the same name takes the place of an older one
     start: Callable[[], Iterable[T | None]]  # makes the stream, on the worker; None says only that time has passed
     value: Callable[[T], None]
-    end: Callable[[Exception | None], None] = lambda error: None
-    """called once, with what went wrong; not for a job that was cancelled or replaced"""
+    end: Callable[[Exception | None], None] = lambda error: None  # called once unless cancelled
     urgent: bool = False  # goes before all others until its first value, and is not replaced before it
     share: float = 1.0  # of the worker's time, against other jobs'
 

@@ -22,10 +22,8 @@ from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
 
-_SHARED = Timeline, PhotoView, Erasure
-"""Types of values that many states of undo have in common."""
-_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000
-"""bytes of the pixels of one photo, and of all in a project; a photo at a model's size has 65,536"""
+_SHARED = Timeline, PhotoView, Erasure  # types of values that many states of undo have in common
+_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes: pixels of one photo, and of all
 
 
 @dataclass(eq=False)
@@ -33,15 +31,13 @@ class Parts:
     """Values that JSON refers to by number: many states share a code or a timeline, and numbers in bulk are no text."""
 
     tensors: list[Tensor] = field(default_factory=list)
-    photos: list[bytes] = field(default_factory=list)
-    """files, the mask as opacity: PNG, and what photos add to colours as it is kept"""
+    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity, WebP of detail
     timelines: list[Any] = field(default_factory=list)
     """timelines, and what is erased of photos, as JSON; as values once they have been decoded"""
     models: OpenModels | None = None  # where the models of codes are found that are read
     model: str = ""  # fingerprint of the model of codes that do not name any
     left: int = _MAX_PHOTOS  # bytes that the pixels of photos may take still, when they are read
-    _known: dict[int, tuple[object, int]] = field(default_factory=dict)
-    """by their identity, the values that are in already, kept alive, and their numbers"""
+    _known: dict[int, tuple[object, int]] = field(default_factory=dict)  # by identity, values and their numbers
 
     def number(self, value: object, stored: list, make: Callable[[], Any]) -> int:
         """Of a value in a list, which it joins unless it is there."""

@@ -88,8 +88,7 @@ class FitHistory:
     photo_index: int = 0  # the photo that is shown
     model: str = ""  # fingerprint of the model that is fitted; empty until the first photo's category is known
     frame: Frame | None = None  # the newest render of that step, from the photo's camera
-    difference: UInt8[np.ndarray, "height width 3"] | None = None
-    """between the photo and that render, doubled; black where they agree"""
+    difference: UInt8[np.ndarray, "height width 3"] | None = None  # photo less render, doubled
 
     @property
     def name(self) -> str:

@@ -82,8 +82,7 @@ class History:
     past: tuple[State, ...] = ()
     future: tuple[State, ...] = ()
     gesture: str = ""  # the drag under way, whose edits change the state that it began
-    moved: bool = field(default=False, compare=False)
-    """the newest step is a move of the camera, which the next move continues"""
+    moved: bool = field(default=False, compare=False)  # the next move continues this
 
     def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
         """Edited. Edits of one gesture, until :meth:`without_gesture`, are one step; so are moves of the camera

@@ -2,6 +2,7 @@
 
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import torch
 
@@ -18,8 +19,7 @@ class EditableObject:
     name: str
     codes: Codes
     fitted: bool = False  # to a photo
-    confidence: float | None = None
-    """the probability that the camera of that photo is right, 0..1; None where that is not known"""
+    confidence: float | None = None  # probability that the photo's camera is right; None: not known
     photo: str = ""  # digest of that photo's pixels; empty where that is not known
 
     def __post_init__(self) -> None:
@@ -33,8 +33,7 @@ class ObjectLibrary:
     def __init__(self, models: Iterable[Model]) -> None:
         self._trained: dict[str, EditableObject] = {}
         self._added: dict[str, EditableObject] = {}
-        self.removed: frozenset[str] = frozenset()
-        """which are in no list any more; they stay, as undo may come back to them"""
+        self.removed: frozenset[str] = frozenset()  # in no list any more; undo may come back to them
         self.version = 0  # counts the changes
         self.families: dict[str, dict[str, tuple[str, ...]]] = {}
         """by the fingerprint of their model: one object of each form, and its variants, different forms first"""
@@ -59,8 +58,9 @@ class ObjectLibrary:
 
     @property
     def names(self) -> list[str]:
-        """Added objects first, the newest in front, then those of the models."""
-        return [*self.own, *self._trained]
+        """Added objects first, the newest in front, then those of each model: one of each form, then the variants."""
+        forms = self.families.values()
+        return [*self.own, *(name for one in forms for name in (*one, *chain.from_iterable(one.values())))]
 
     @property
     def own(self) -> list[str]:

@@ -22,8 +22,7 @@ class Preferences:
     """Values that a person chose. A new choice is a new one of these."""
 
     dark: bool = True
-    smooth: bool = True
-    """the finished render, enlarged, without visible pixels; previews show theirs, so that they are known as such"""
+    smooth: bool = True  # the finished render without visible pixels; previews show theirs
     text: float = 1.0  # size of the text, relative to the default
     quality: int = DEFAULT_QUALITY  # which of :data:`viewer.values.quality.QUALITIES`
     turning: str = "automatic"  # what draws the object while it is turned: one of :data:`TURNING`

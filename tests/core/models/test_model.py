@@ -14,6 +14,7 @@ from core.models.codes import CodeBook
 from core.models.model import Model
 from core.models.part_head import PartHead
 from core.runtime.reading import read_tensors
+from tests.conftest import with_contrast
 
 
 def test_saving_and_loading_is_exact(model: Model, tmp_path):
@@ -148,3 +149,15 @@ def test_metadata_of_another_kind_is_named(model: Model, tmp_path: Path, part: s
     save_file(tensors, path, metadata={"model": json.dumps(about)})
     with pytest.raises(ValueError, match=rf"m\.safetensors: {reason}"):
         Model.load(path)
+
+
+def test_a_soft_model_has_no_contrast_and_shares_weights_and_scenes(model: Model, tmp_path):
+    sharp = with_contrast(model)
+    sharp.save(tmp_path / "m.safetensors")
+    again = Model.load(tmp_path / "m.safetensors")
+    assert again.field.config.contrast == 20.0
+    assert again.soft.field.config.contrast == 0.0
+    assert again.soft.soft is again.soft
+    assert again.soft.field.point_layer is again.field.point_layer
+    assert again.soft.fingerprint == again.fingerprint == model.fingerprint
+    assert model.soft is model

@@ -1,6 +1,8 @@
 import torch
 
-from core.rendering.baked_field import cell_distances, logit_texels, logits_of
+from core.models.density import density_to_logits
+from core.models.field_config import FieldConfig
+from core.rendering.baked_field import cell_distances, logit_texels
 
 
 def test_distances_are_those_to_the_nearest_occupied_cell() -> None:
@@ -13,7 +15,6 @@ def test_distances_are_those_to_the_nearest_occupied_cell() -> None:
         assert distance[tuple(cell.tolist())] == min(nearest, 8)
 
 
-def test_logits_are_those_before_softplus() -> None:
-    logits = torch.linspace(-7, 23, 50)
-    torch.testing.assert_close(logits_of(30 * torch.nn.functional.softplus(logits), 30.0), logits, rtol=0, atol=1e-2)
-    assert logit_texels(logits_of(torch.tensor([0.0, 1e9]), 30.0)).tolist() == [0, 255]
+def test_texels_hold_the_whole_range_of_densities() -> None:
+    config = FieldConfig()
+    assert logit_texels(density_to_logits(torch.tensor([0.0, 1e9]), config)).tolist() == [0, 255]

@@ -10,7 +10,7 @@ from core.models.model import Model
 from core.rendering.baked_field import BakedField, render_baked
 from core.rendering.baking import bake, prefilter
 from core.rendering.reference import render_exact
-from tests.conftest import random_model
+from tests.conftest import random_model, with_contrast
 from tests.core.tiny import tiny_model
 
 
@@ -22,7 +22,9 @@ def baked(shape: int, texture: int) -> BakedField:
     return next(found for found in bake(model, codes) if found is not None)
 
 
-def test_the_picture_is_the_exact_one_and_nearer_with_more_cells(tiny: Model) -> None:
+@pytest.mark.parametrize("contrast", [0.0, 20.0])
+def test_the_picture_is_the_exact_one_and_nearer_with_more_cells(tiny: Model, contrast: float) -> None:
+    tiny = with_contrast(tiny, contrast)
     camera = tiny.camera(0.7, 0.4).resized(96, 64)
     exact = render_exact(tiny, tiny.codes[0], camera)
     values = list(bake(tiny, tiny.codes[0]))

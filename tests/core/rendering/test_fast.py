@@ -20,7 +20,7 @@ from core.rendering.occupancy import Occupancy, OccupiedIntervals, tolerances
 from core.rendering.reference import render_exact, render_rays
 from core.runtime.caches import CACHE, Kind
 from core.runtime.precision import use_dtype
-from tests.conftest import random_model
+from tests.conftest import random_model, with_contrast
 from tests.core.tiny import tiny_model
 
 MODEL = random_model()
@@ -78,9 +78,11 @@ def test_every_dense_point_lies_in_an_occupied_cell_and_in_its_pixels_span(seed,
     assert bool((inside | ~dense).all())
 
 
-def test_the_fast_renderer_matches_the_reference():
-    camera, codes = MODEL.camera(0.7, 0.4), MODEL.codes[3]
-    exact, fast = render_exact(MODEL, codes, camera), render(MODEL, codes, camera, 256)
+@pytest.mark.parametrize("contrast", [0.0, 20.0])
+def test_the_fast_renderer_matches_the_reference(contrast: float):
+    model = with_contrast(MODEL, contrast)
+    camera, codes = model.camera(0.7, 0.4), model.codes[3]
+    exact, fast = render_exact(model, codes, camera), render(model, codes, camera, 256)
     assert psnr(fast.colour, exact.colour) > 38
     assert float((fast.opacity - exact.opacity).abs().max()) < 0.05
     solid = exact.opacity > 0.5

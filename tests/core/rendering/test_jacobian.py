@@ -13,7 +13,7 @@ from core.rendering import jacobian as jacobians
 from core.rendering.jacobian import BiasJacobians, RenderedJacobian, render_with_jacobian
 from core.rendering.reference import render_rays
 from core.runtime.precision import use_dtype
-from tests.conftest import random_model
+from tests.conftest import random_model, with_contrast
 from tests.core.rendering.test_importance import bundle
 
 OBJECTS, RAYS, SAMPLES = 3, 10, 12
@@ -46,9 +46,11 @@ def traced(model: Model, kept: int = SAMPLES) -> tuple[Rays, BiasJacobians, Rend
     return rays, enter, render_with_jacobian(model, rays, SAMPLES, kept, *biases(model), enter, with_depth=True)
 
 
-@pytest.mark.parametrize("white_from_network", [False, True])
-def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(white_from_network: bool) -> None:
-    model = random_model(white_from_network=white_from_network)
+@pytest.mark.parametrize(("white_from_network", "contrast"), [(False, 0.0), (True, 0.0), (False, 20.0)])
+def test_with_all_samples_kept_it_is_the_exact_renderer_and_its_jacobian(
+    white_from_network: bool, contrast: float
+) -> None:
+    model = with_contrast(random_model(white_from_network=white_from_network), contrast)
     rays, enter, found = traced(model)
     origins, directions = (part.detach().clone().requires_grad_() for part in (rays.origins, rays.directions))
     shape, texture = (part[:, None, None, None].detach().requires_grad_() for part in biases(model))

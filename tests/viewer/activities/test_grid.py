@@ -6,6 +6,8 @@ from PIL import Image
 
 from tests.viewer.driver import finish
 from viewer.editor import Editor
+from viewer.services.backend import Backend
+from viewer.services.worker import Worker
 from viewer.session import Session
 
 
@@ -46,3 +48,13 @@ def test_a_grid_that_cannot_be_written_is_reported(session: Session, tmp_path: P
         finish(session)
         assert len(session.messages.errors) == 1, name
     assert list(tmp_path.iterdir()) == []
+
+
+def test_objects_of_another_model_begin_it_anew(worker: Worker, both: Backend) -> None:
+    session = Session(worker, both, seed=0)
+    session.grid.add("object 1", "object 2")
+    session.grid.add("car 3")
+    assert session.grid.names == ("car 3",)
+    assert session.messages.all[-1].text.startswith("The grid begins anew: object 1")
+    session.grid.add("car 1")
+    assert session.grid.names == ("car 3", "car 1")

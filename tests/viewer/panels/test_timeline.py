@@ -1,4 +1,3 @@
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,17 +5,12 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.export.keyframes import View
-from core.export.video import VideoSettings, write_video
-from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import small_video
 from viewer.services.backend import Backend
 
 
 def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_path: Path) -> None:
-    def small(model: Model, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
-        return write_video(model, views, path, replace(settings, size=settings.size // 16))
-
     def act(window: Driver) -> None:
         session, editor = window.session, window.session.editor
         made = session.player
@@ -75,7 +69,7 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
             assert (video.size, video.mode) == ((32, 32), "RGBA")
             assert 3 < video.n_frames <= 12  # equal images are one
 
-    drive(act, replace(backend, video=small))
+    drive(act, replace(backend, video=small_video))
 
 
 def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(drive: Drive) -> None:
