@@ -192,7 +192,7 @@ def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:
 
 def _lock(path: Path) -> FileLock:
     """The lock that a run holds on its file as long as it lives."""
-    return FileLock(path.with_suffix(".lock"), thread_local=False)
+    return FileLock(path.with_name(f".{path.stem}.lock"), thread_local=False)
 
 
 def _runs(path: Path) -> bool:

@@ -361,7 +361,7 @@ def test_a_kept_session_that_is_broken_is_reported_and_stays(
 def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) -> None:
     for name in ("alive", "dead"):
         (tmp_path / f"session-{name}.codenerf").write_text("{}")
-    with FileLock(tmp_path / "session-alive.lock"):
+    with FileLock(tmp_path / ".session-alive.lock"):
         autosave = Autosave(session, tmp_path)
         assert [path.name for path in autosave.recoverable] == ["session-dead.codenerf"]
         autosave.discard()
