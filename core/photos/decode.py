@@ -25,8 +25,8 @@ _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
 NOTE = "note"  # in ``Image.info``: which of several readings of a file was used
 _DEPTHS = 255, 1023, 4095, 16383, 65535
 """white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into files of 16"""
-_MAX_FRAMES = 64
-"""of an animation that are looked at"""
+_MAX_FRAMES, _MAX_LOOKED = 64, 100_000_000
+"""frames of an animation that are looked at, and their pixels in all"""
 _FADED = 0.8
 """of the contrast of the clearest frame, below which a frame is fading in or out"""
 _TRANSPOSED = (5, 6, 7, 8)
@@ -139,12 +139,14 @@ def _exif(image: Image.Image) -> Image.Exif:
 
 def _seek_clearest(image: Image.Image) -> None:
     """Go to the first frame of an animation that does not fade in from, or out to, one colour."""
-    if image.format not in ("GIF", "WEBP", "PNG", "AVIF") or getattr(image, "n_frames", 1) == 1:
+    frames = getattr(image, "n_frames", 1) if image.format in ("GIF", "WEBP", "PNG", "AVIF") else 1
+    frames = min(frames, _MAX_FRAMES, _MAX_LOOKED // (image.width * image.height))
+    if frames < 2:
         return
     contrast = list[float]()
-    for number in range(min(image.n_frames, _MAX_FRAMES)):  # type: ignore[attr-defined]
+    for number in range(frames):
         image.seek(number)
-        frame = _shrunk(image.convert("RGBA"), WORKING_SIDE // 4)
+        frame = _shrunk(image, WORKING_SIDE // 4).convert("RGBA")  # expanded, all of it takes four times the memory
         contrast.append(float(np.asarray(Image.alpha_composite(Image.new("RGBA", frame.size, "white"), frame)).std()))
     image.seek(next(number for number, one in enumerate(contrast) if one >= _FADED * max(contrast)))
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
+from core.photos import decode
 from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.segmentation import cut_out
 from tests.core.photos.test_photo import drawing, write_png
@@ -75,6 +76,15 @@ def test_of_an_animation_the_first_clear_frame_is_meant(
     assert inside(mask_of(found.convert("RGB"))).mean() == pytest.approx(inside(mask_of(drawing())).mean(), abs=0.01)
     assert cut.note == found.info[NOTE]
     assert cut.note == f"image {used} of the {len(shares)} in this file is used"
+
+
+def test_of_an_animation_with_too_many_pixels_the_first_frame_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, *others = map(faded, (0.3, 0.6, 1))
+    first.save(tmp_path / "a.gif", save_all=True, append_images=others, duration=100)
+    monkeypatch.setattr(decode, "_MAX_LOOKED", 300 * 200)
+    assert read_rgba(tmp_path / "a.gif").info[NOTE] == "image 1 of the 3 in this file is used"
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
