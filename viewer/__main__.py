@@ -105,6 +105,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _image(text: str) -> Path:
+    if text.startswith(("http://", "https://")):
+        raise argparse.ArgumentTypeError(f"{text} is an address: save the image from there, and give its path")
     if not Path(text).is_file():
         raise argparse.ArgumentTypeError(f"no such image: {text}")
     return Path(text)

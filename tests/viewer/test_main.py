@@ -125,7 +125,10 @@ def test_what_goes_wrong_is_on_the_screenshot_and_on_stderr(tmp_path: Path, file
     assert (tmp_path / "w.png").is_file()
 
 
-_PLACES = (["--screenshot", "a.xyz"], ["--screenshot", "gone/a.png"], ["--screenshot"], ["--image", "gone.png"])
+_PLACES = (
+    *(["--screenshot", "a.xyz"], ["--screenshot", "gone/a.png"], ["--screenshot"]),
+    *(["--image", "gone.png"], ["--image", "https://a.org/b.png"]),
+)
 
 
 @pytest.mark.parametrize("words", [["--size", "big"], ["--size", "12x8"], ["--what"], *_PLACES])
