@@ -212,6 +212,12 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
         kinds, "procedural", "train.dataset_procedural", "render objects of the built-in generator"
     )
     procedural.add_argument("--count", type=count, required=True, metavar="N", help="objects")
+    recombined = add_command(
+        kinds, "recombined", "train.dataset_recombined", "render chairs made of halves of the meshes of a folder"
+    )
+    recombined.add_argument("folder", type=Path, metavar="DIR")
+    recombined.add_argument("--count", type=count, required=True, metavar="N", help="objects")
+    recombined.add_argument("--views", type=count, default=10, help="per object")
     pairs = add_command(
         kinds, "pairs", "train.dataset_pairs", "render trained and untrained pairs for evaluate --disentanglement"
     )
@@ -221,7 +227,7 @@ def _add_dataset(commands: argparse._SubParsersAction) -> None:
     for command in (meshes, procedural):
         command.add_argument("--split", choices=SPLITS, default="train", help="what the objects are for")
         command.add_argument("--views", type=count, help="per object (default: 50 to train on, else 251)")
-    for command in (meshes, procedural, pairs):
+    for command in (meshes, procedural, recombined, pairs):
         command.add_argument("--out", type=Path, required=True, metavar="DIR")
         command.add_argument("--size", type=count, default=128, metavar="PX", help="width and height")
         command.add_argument("--category", required=True, metavar="NAME", help="its plural: chairs, cars, boats")
@@ -235,6 +241,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         commands, "train", "train.train", "train a category model; to continue a stopped run, --resume"
     )
     command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders")
+    command.add_argument("--shares", type=float, nargs="+", default=(), help="fraction of the rays for each dataset")
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--resume", action="store_true", help="continue from M.state, written beside M")
     command.add_argument(
@@ -244,6 +251,7 @@ def _add_train(commands: argparse._SubParsersAction) -> None:
         "datasets have objects that it does not know; its viewpoint classifier stays",
     )
     command.add_argument("--steps", type=count, default=100_000, help="of the whole schedule")
+    command.add_argument("--rays", type=count, help=f"per step (default: {RECIPES['default'].rays}; 32768 on a card)")
     command.add_argument(
         "--recipe",
         choices=tuple(RECIPES),

@@ -14,6 +14,7 @@ from core.cli.progress import run_with_progress
 from core.lab.datasets.categories import Split
 from core.lab.datasets.glb_objects import mesh_tasks
 from core.lab.datasets.procedural.table import disentanglement_pairs, procedural_table, procedural_tasks
+from core.lab.datasets.recombined import recombined_tasks
 from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import Dataset, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
@@ -51,6 +52,13 @@ def dataset_procedural(chosen: argparse.Namespace) -> None:
     _render(chosen, procedural_tasks(objects), chosen.split)
 
 
+def dataset_recombined(chosen: argparse.Namespace) -> None:
+    """``dataset recombined``: legs of one mesh under the seat of another, rendered into SRN folders."""
+    if chosen.category != "chairs":
+        raise ValueError(f"only chairs are recombined, not {chosen.category}")
+    _render(chosen, recombined_tasks(chosen.folder, chosen.count), "train")
+
+
 def dataset_pairs(chosen: argparse.Namespace) -> None:
     """``dataset pairs``: trained and untrained pairs of procedural shapes and
     textures, for ``evaluate --disentanglement``."""
@@ -69,8 +77,10 @@ def train(chosen: argparse.Namespace) -> None:
     require_writable(chosen.out)
     recipe = RECIPES[chosen.recipe]
     initial = load_model(chosen.init) if chosen.init else None
-    settings = replace(recipe, field=_field_config(chosen, recipe.field, initial), steps=chosen.steps, seed=chosen.seed)
-    training, held_out = hold_out(read_dataset(chosen.datasets))
+    rays = chosen.rays or recipe.rays
+    field = _field_config(chosen, recipe.field, initial)
+    settings = replace(recipe, field=field, steps=chosen.steps, rays=rays, seed=chosen.seed)
+    training, held_out = hold_out(read_dataset(chosen.datasets, chosen.shares))
     if initial:
         known = all(views.name in initial.codes.index for views in training.objects)
         settings = settings.finetuning if known else settings.extending

@@ -19,7 +19,7 @@ from core.lab.datasets.render_objects import RenderTask
 from core.lab.datasets.splits import held_out_meshes
 from core.runtime.reading import read_json, reading, typed
 
-_TURN_TO_FRONT = {
+TURN_TO_FRONT = {
     "quaternius_oct2017_chair": -90,
     "quaternius_oct2017_chaircushioned": -90,
     "quaternius_oct2017_chairhandle": -90,
@@ -81,7 +81,7 @@ def _render_task(entry: MeshEntry, shape: int, recolouring: int) -> RenderTask:
 
 
 def _variant(entry: MeshEntry, shape: int, recolouring: int) -> tuple[Surface, ...]:
-    surfaces = load_mesh(entry.path, _TURN_TO_FRONT.get(entry.name, 0.0))
+    surfaces = load_mesh(entry.path, TURN_TO_FRONT.get(entry.name, 0.0))
     return normalised(deformed(recoloured(surfaces, entry.name, recolouring), entry.name, shape))
 
 

@@ -7,13 +7,16 @@ chairs give up to n^2 forms that nobody modelled, each made of parts that somebo
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from core.lab.datasets.glb_objects import normalised
+from core.lab.datasets.glb_objects import TURN_TO_FRONT, load_mesh, normalised, select_meshes
 from core.lab.datasets.rasteriser import Surface
+from core.lab.datasets.render_objects import RenderTask
 
 _SEAT_RANGE = 0.2, 0.62  # heights, relative to the chair's, between which a seat is looked for
 _BINS = 64  # of the area profile, over the whole height
@@ -31,6 +34,36 @@ class Halves(NamedTuple):
     upper: tuple[Surface, ...]
     section: Float[np.ndarray, "points 2"]  # where the cut crosses the surfaces, x and y
     seat: Float[np.ndarray, "2 2"]  # least and greatest x and y of the slab above the cut
+
+
+def recombined_tasks(folder: Path | str, count: int) -> tuple[RenderTask, ...]:
+    """Return render tasks of ``count`` random pairs of a folder's training meshes, the same ones every time.
+
+    Each is a shape and a texture of its own. Raises ``ValueError`` where the meshes do not give so many.
+    """
+    halves = {}
+    for entry in select_meshes(folder, "chairs", "train"):
+        found = cut_below_seat(load_mesh(entry.path, TURN_TO_FRONT.get(entry.name, 0.0)))
+        if found:
+            halves[entry.name] = found
+    pairs = [(base, top) for base in halves for top in halves if base != top]
+    tasks = list[RenderTask]()
+    for index in np.random.default_rng(0).permutation(len(pairs)):
+        if len(tasks) == count:
+            break
+        base, top = pairs[index]
+        name = f"{base}+{top}"
+        if recombine(halves[base], halves[top], name):
+            tasks.append(RenderTask(name, name, name, partial(_recombined, halves[base], halves[top], name)))
+    if len(tasks) < count:
+        raise ValueError(f"{folder}: its chairs give {len(tasks)} recombined ones, not {count}")
+    return tuple(tasks)
+
+
+def _recombined(base: "Halves", top: "Halves", name: str) -> tuple[Surface, ...]:
+    found = recombine(base, top, name)
+    assert found, "pairs that do not meet were left out"
+    return found
 
 
 def cut_below_seat(surfaces: Sequence[Surface]) -> Halves | None:

@@ -4,6 +4,7 @@ Two things are added to SRN's own layout, both optional: ``OBJECT/mask/000000.pn
 ``DATASET/manifest.json``, which names the category and says which objects share a shape or a texture.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -62,6 +63,8 @@ class Dataset:
     """px, width and height"""
     focal: float
     """px, at image_size"""
+    weights: tuple[float, ...] = ()
+    """of each object, how often training takes a ray of it; all alike where empty"""
 
 
 class _Identity(NamedTuple):
@@ -113,12 +116,16 @@ def index_objects(folders: Sequence[Path | str]) -> tuple[str, tuple[ObjectEntry
     return "".join(categories), tuple(entries)
 
 
-def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
-    """Reads one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
+def read_dataset(folders: Path | str | Sequence[Path | str], shares: Sequence[float] = ()) -> Dataset:
+    """Read one dataset folder, or several as one dataset. Objects come in order of folder, then of name.
+
+    Args:
+        shares: of each folder, the fraction of training rays; by the number of objects where there are none.
 
     Raises ``ValueError`` naming the file for anything missing, broken or contradictory.
     """
-    category, entries = index_objects([folders] if isinstance(folders, str | Path) else folders)
+    folders = [folders] if isinstance(folders, str | Path) else folders
+    category, entries = index_objects(folders)
     if not entries:
         raise ValueError("no dataset folder was given")
     # Decoding a PNG releases the interpreter lock, so threads are enough.
@@ -126,7 +133,17 @@ def read_dataset(folders: Path | str | Sequence[Path | str]) -> Dataset:
         objects = tuple(pool.map(ObjectEntry.read, entries))
     _check_sizes(objects)
     camera = objects[0].cameras[0]
-    return Dataset(objects, category, camera.height, camera.focal)
+    weights = _weights(entries, [Path(folder) for folder in folders], shares) if shares else ()
+    return Dataset(objects, category, camera.height, camera.focal, weights)
+
+
+def _weights(entries: Sequence[ObjectEntry], folders: Sequence[Path], shares: Sequence[float]) -> tuple[float, ...]:
+    """Each object's part of its folder's share."""
+    if len(shares) != len(folders) or min(shares) <= 0:
+        raise ValueError(f"{len(folders)} datasets need as many positive shares, got {list(shares)}")
+    share_of, owners = dict(zip(folders, shares, strict=True)), [entry.folder.parent for entry in entries]
+    counts = Counter(owners)
+    return tuple(share_of[owner] / counts[owner] for owner in owners)
 
 
 def write_object(folder: Path | str, views: ObjectViews) -> None:

@@ -10,79 +10,73 @@ from torch.nn import functional
 
 from core.geometry.camera import pixel_centres
 from core.geometry.rays import Rays, cast_rays
-from core.lab.datasets.srn import Dataset
-from core.lab.training.visual_hull import grid_centres, visual_hull
+from core.lab.datasets.srn import Dataset, ObjectViews
+from core.lab.training.visual_hull import Extent, grid_centres, visual_hull
 from core.models.field import Field
 from core.runtime.precision import autocast
 
-_HULL_RESOLUTION = 64
-"""Cells of a hull along each axis: a cell is about one pixel of the training images."""
-_MIN_OPACITY = 0.02
-"""A cell that absorbs less of the light than this is empty."""
-_MASK_MARGIN = 3
-"""px around the mask from which rays are sampled too: as far as the hull may reach beyond the object."""
-_DILATE_BATCH = 512
-"""masks"""
-_PRUNE_BATCH = 16384
-"""cells"""
+_HULL_RESOLUTION = 64  # cells of a hull along each axis
+_MIN_OPACITY = 0.02  # a cell that absorbs less of the light is empty
+_MASK_MARGIN = 3 / 128  # image widths around the mask that rays come from too: as far as a hull reaches beyond it
+_PIXELS_PER_VIEW = 8192  # at most, a random selection: more images matter more than all pixels of each
+_PRUNE_BATCH = 65536  # cells
 
 
 class RayBatch(NamedTuple):
     """Rays through training pixels."""
 
     rays: Rays
-    owner: Int[Tensor, "rays"]
-    """index of each ray's object"""
-    colours: Float[Tensor, "rays 3"]
-    """0..1"""
-    mask_class: UInt8[Tensor, "rays"]
-    """0 off the object, 1 across its border, 2 on it"""
+    owner: Int[Tensor, "rays"]  # index of each ray's object
+    colours: Float[Tensor, "rays 3"]  # 0..1
+    mask_class: UInt8[Tensor, "rays"]  # 0 off the object, 1 across its border, 2 on it
+
+
+class _Pixels(NamedTuple):
+    """Training pixels of an object, as arrays of equal length."""
+
+    view: Int[np.ndarray, "pixels"]
+    pixel: Int[np.ndarray, "pixels"]  # index in the image, row by row
+    colour: UInt8[np.ndarray, "pixels 3"]
+    mask_class: UInt8[np.ndarray, "pixels"]
 
 
 class RayDataset:
-    """All training pixels on and around the objects, or all pixels (``whole_image``), on one device."""
+    """Training pixels on and around the objects, or all pixels (``whole_image``), on one device."""
 
-    def __init__(
-        self, dataset: Dataset, extent: tuple[float, float, float], device: torch.device, whole_image: bool
-    ) -> None:
+    def __init__(self, dataset: Dataset, extent: Extent, device: torch.device, whole_image: bool) -> None:
         objects = dataset.objects
-        cameras = [camera for views in objects for camera in views.cameras]
         self.size = (dataset.image_size, dataset.image_size)
         self.focal = dataset.focal
         self.centres = pixel_centres(*self.size, device).flatten(0, 1)
         self.extent = torch.tensor(extent, device=device)
+        cameras = [camera for views in objects for camera in views.cameras]
         angles = [(camera.azimuth, camera.elevation, camera.distance) for camera in cameras]
         self.angles = torch.tensor(angles, device=device)
-        owners = [index for index, views in enumerate(objects) for _ in views.cameras]
-        self.owner = torch.tensor(owners, device=device)
-        self.images = torch.from_numpy(np.concatenate([views.images for views in objects])).to(device).flatten(1, 2)
-        masks = torch.from_numpy(np.concatenate([views.masks for views in objects]))
-        mask_class = _dilate(masks, 1).to(torch.uint8) + (~_dilate(~masks, 1)).to(torch.uint8)
-        self.mask_class = mask_class.flatten(1).to(device)
-        self.whole_image = whole_image
+        choice = np.random.default_rng(0)
+        found = [_training_pixels(views, whole_image, choice) for views in objects]
+        counts, first_view = [len(one.view) for one in found], np.cumsum([0, *(len(one.cameras) for one in objects)])
+        views = [one.view + first for one, first in zip(found, first_view, strict=False)]
+        self.view = torch.from_numpy(np.concatenate(views).astype(np.int32)).to(device)
+        self.pixel = torch.from_numpy(np.concatenate([one.pixel for one in found]).astype(np.int32)).to(device)
+        self.colour = torch.from_numpy(np.concatenate([one.colour for one in found])).to(device)
+        self.mask_class = torch.from_numpy(np.concatenate([one.mask_class for one in found])).to(device)
+        self.count = torch.tensor(counts, device=device)
+        self.first = self.count.cumsum(0) - self.count
+        self.weight = torch.tensor(dataset.weights or [1.0] * len(objects), device=device)
         if whole_image:
             self.hulls = torch.ones(len(objects), *[_HULL_RESOLUTION] * 3, dtype=torch.bool, device=device)
-            return
-        view, pixel = _dilate(masks, _MASK_MARGIN).flatten(1).nonzero(as_tuple=True)
-        self.view, self.pixel = view.to(torch.int32).to(device), pixel.to(torch.int32).to(device)
-        self.hulls = torch.stack([visual_hull(views, extent, _HULL_RESOLUTION) for views in objects]).to(device)
+        else:
+            self.hulls = torch.stack([visual_hull(one, extent, _HULL_RESOLUTION, device) for one in objects])
 
     def sample(self, count: int, generator: torch.Generator) -> RayBatch:
-        """Rays through random pixels."""
-        view, pixel = self._sample_pixels(count, generator)
-        azimuth, elevation, distance = self.angles[view].unbind(-1)
-        rays = cast_rays(self.centres[pixel], azimuth, elevation, distance, self.focal, self.size, self.extent)
-        return RayBatch(rays, self.owner[view], self.images[view, pixel].float() / 255, self.mask_class[view, pixel])
-
-    def _sample_pixels(self, count: int, generator: torch.Generator) -> tuple[Int[Tensor, "rays"], Int[Tensor, "rays"]]:
-        """Indices of views, and of one pixel of each."""
-        device = self.images.device
-        if self.whole_image:
-            views, pixels = self.images.shape[:2]
-            view, pixel = (torch.randint(n, (count,), generator=generator, device=device) for n in (views, pixels))
-            return view, pixel
-        index = torch.randint(len(self.view), (count,), generator=generator, device=device)
-        return self.view[index].long(), self.pixel[index].long()
+        """Rays through random pixels of random objects, as often as the dataset's weights say."""
+        owner = torch.multinomial(self.weight, count, replacement=True, generator=generator)
+        place = torch.rand(count, generator=generator, device=owner.device, dtype=torch.float64)
+        index = self.first[owner] + (place * self.count[owner]).long()
+        azimuth, elevation, distance = self.angles[self.view[index].long()].unbind(-1)
+        pixels = self.centres[self.pixel[index].long()]
+        rays = cast_rays(pixels, azimuth, elevation, distance, self.focal, self.size, self.extent)
+        return RayBatch(rays, owner, self.colour[index].float() / 255, self.mask_class[index])
 
     def inside_hull(self, points: Float[Tensor, "*batch 3"], owner: Int[Tensor, "*#batch"]) -> Bool[Tensor, "*batch"]:
         """Whether each point lies in its object's hull."""
@@ -100,13 +94,25 @@ class RayDataset:
             with autocast(hull.device):
                 density = [field.density(centres[part], bias)[0] for part in cells.split(_PRUNE_BATCH)]
             opacity = torch.zeros(hull.numel(), device=hull.device)
-            opacity[cells] = -torch.expm1(-torch.cat(density) * step)
+            opacity[cells] = -torch.expm1(-torch.cat(density).float() * step)
             near = functional.max_pool3d(opacity.reshape(1, *hull.shape), 3, 1, 1)[0]
             hull &= near > _MIN_OPACITY
 
 
+def _training_pixels(views: ObjectViews, whole_image: bool, choice: np.random.Generator) -> _Pixels:
+    """The pixels of an object that are trained on, at most :data:`_PIXELS_PER_VIEW` times its views."""
+    masks = torch.from_numpy(views.masks)
+    mask_class = (_dilate(masks, 1).to(torch.uint8) + (~_dilate(~masks, 1)).to(torch.uint8)).flatten(1)
+    near = torch.ones_like(masks) if whole_image else _dilate(masks, round(_MASK_MARGIN * masks.shape[-1]))
+    view, pixel = (index.numpy() for index in near.flatten(1).nonzero(as_tuple=True))
+    limit = _PIXELS_PER_VIEW * len(masks)
+    if len(view) > limit and not whole_image:
+        kept = choice.choice(len(view), limit, replace=False)
+        view, pixel = view[kept], pixel[kept]
+    colours = views.images.reshape(len(masks), -1, 3)
+    return _Pixels(view, pixel, colours[view, pixel], mask_class.numpy()[view, pixel])
+
+
 def _dilate(masks: Bool[Tensor, "views height width"], reach: int) -> Bool[Tensor, "views height width"]:
     """Masks dilated by ``reach`` px."""
-    # In parts: as floats at once, the masks of a large dataset take gigabytes.
-    size, parts = 2 * reach + 1, masks.split(_DILATE_BATCH)
-    return torch.cat([functional.max_pool2d(part[:, None].float(), size, 1, reach)[:, 0] > 0 for part in parts])
+    return functional.max_pool2d(masks[:, None].float(), 2 * reach + 1, 1, reach)[:, 0] > 0

@@ -21,8 +21,7 @@ class TrainSettings:
     steps: int = 100_000
     rays: int = 768
     """per step"""
-    samples: int = 64
-    """intervals along a ray through the box; only those inside the hull are evaluated"""
+    samples: int = 24  # of a ray, in the part of its hull that light reaches
     outside_points: int = 768
     """points outside the hulls whose density is penalised, per step"""
     muon_lr: float | None = 1e-2
@@ -73,6 +72,7 @@ RECIPES = {
             density_scale=1.0,
             bounded_colour=False,
         ),
+        samples=64,
         whole_image=True,
         outside_points=0,
         muon_lr=None,

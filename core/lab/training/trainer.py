@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +14,11 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from core.geometry.rays import ray_points, stratified, uniform_edges
 from core.lab.datasets.categories import category_sizes
 from core.lab.datasets.srn import Dataset, ObjectViews
 from core.lab.training.ray_dataset import RayBatch, RayDataset
 from core.lab.training.recipes import TrainSettings
+from core.lab.training.sample_placement import PlacedSamples, place_samples
 from core.lab.training.visual_hull import shared_extent
 from core.metrics import psnr, psnr_from_mse
 from core.models.architecture_variants import build_field
@@ -26,18 +27,14 @@ from core.models.model import Model
 from core.rendering.compositing import composite_on_white, compositing_weights
 from core.rendering.reference import render_exact
 from core.runtime.files import atomic_file
-from core.runtime.layers import pad_rows
-from core.runtime.precision import autocast, matmul_dtype, require_device
+from core.runtime.precision import autocast, require_device
 from core.runtime.reading import first_line
 
 _PRUNE_AT = (0.08, 0.2, 0.4, 0.7)
 """Fractions of the schedule after which the hulls are pruned to where the field has found the object."""
 _PRUNE_AFTER = 2000
 """Steps before which nothing is pruned: what the field has not found yet is not empty."""
-_MIN_TRANSMITTANCE = 1e-3
-"""A sample that less of its ray's light reaches does not change the colour visibly, so it is not trained on."""
-_CHUNK_POINTS = 8192
-"""Points evaluated at a time to find what light reaches: few enough that activations stay in cache."""
+_OUTSIDE_INTERVALS = 64  # across the box: the length over which density outside the hulls is penalised
 _MIN_MUON_DIM = 8
 """A matrix of fewer rows or columns (density's, colour's) is left to AdamW."""
 _WEIGHT_DECAY = 1e-4
@@ -81,6 +78,8 @@ class Trainer:
         self.shape_row, self.texture_row = rows.unbind(-1)
         self._prune_steps = () if settings.whole_image else tuple(int(share * settings.steps) for share in _PRUNE_AT)
         self.step, self.seconds = 0, 0.0
+        on_card = self.device.type == "cuda"
+        self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=False) if on_card else self._evaluate_ray_loss
         self.extends: tuple[str, ...] = ()
         """as :attr:`core.models.model.Model.extends`"""
 
@@ -207,58 +206,46 @@ class Trainer:
     def _loss(self, batch: RayBatch) -> tuple[Tensor, Tensor]:
         """Eq. 4 with the terms for the mask and for empty space; and the squared error alone."""
         settings = self.settings
-        shape, texture = self.shapes[self.shape_row[batch.owner]], self.textures[self.texture_row[batch.owner]]
-        edges = uniform_edges(batch.rays, settings.samples)
-        density, colours = self._radiance(batch, edges, shape, texture)
-        weights, transmittance = compositing_weights(density, edges)
-        error = functional.mse_loss(composite_on_white(weights, transmittance, colours), batch.colours)
-        certain = batch.mask_class != 1
-        opacity_error = (1 - transmittance - batch.mask_class.float() / 2) * certain
-        mask_loss = opacity_error.square().sum() / certain.sum().clamp_min(1)
-        prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
-        loss = error + settings.mask_weight * mask_loss + settings.code_prior * prior
+        rows = self.shape_row[batch.owner], self.texture_row[batch.owner]
+        loss, error = self._ray_loss(self._place_samples(batch, *rows), batch, *rows)
         if settings.outside_points:
             loss = loss + settings.empty_space_weight * self._empty_space_loss()
         return loss, error
 
-    def _radiance(
-        self,
-        batch: RayBatch,
-        edges: Float[Tensor, "rays edges"],
-        shape: Float[Tensor, "rays shape"],
-        texture: Float[Tensor, "rays texture"],
-    ) -> tuple[Float[Tensor, "rays samples"], Float[Tensor, "rays samples 3"]]:
-        """Density and colour of one random sample per interval; zero where nothing needs to be evaluated."""
-        settings = self.settings
-        depths = stratified(edges, self.generator)
-        points = ray_points(batch.rays, depths)
-        hit = self.ray_dataset.inside_hull(points, batch.owner[:, None]).flatten().nonzero()[:, 0]
-        ray_biases = self.field.biases(shape, texture)
-        if not settings.whole_image and settings.field.architecture != "M1":  # M1's density depends on the direction
-            hit = self._reached_by_light(hit, points, edges, ray_biases[0])
-        padded = pad_rows(hit)
-        ray = padded // settings.samples
-        direction = self.field.direction_bias(batch.rays.directions).index_select(0, ray)
-        biases = (bias.index_select(0, ray) for bias in ray_biases)
-        density, colours = self.field.radiance(points.flatten(0, 1)[padded], direction, *biases)
-        all_density = depths.new_zeros(depths.numel()).index_copy(0, hit, density[: len(hit)])
-        all_colours = points.new_zeros(depths.numel(), 3).index_copy(0, hit, colours[: len(hit)])
-        return all_density.view_as(depths), all_colours.view_as(points)
+    def _place_samples(
+        self, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"]
+    ) -> PlacedSamples:
+        settings, coarse = self.settings, None
+        # M1's density depends on the direction, and the paper samples the whole way.
+        if not settings.whole_image and settings.field.architecture != "M1":
+            with torch.no_grad():
+                bias, _ = self.field.biases(self.shapes[shape_row], self.textures[texture_row])
+            coarse = partial(self._coarse_density, bias=bias[:, None])
+        inside = partial(self.ray_dataset.inside_hull, owner=batch.owner[:, None])
+        return place_samples(batch.rays, settings.samples, inside, coarse, self.generator)
 
     @torch.no_grad()
-    def _reached_by_light(
-        self, hit: Int[Tensor, "hits"], points: Tensor, edges: Tensor, shape_bias: Tensor
-    ) -> Int[Tensor, "reached"]:
-        """Those of the samples that light reaches: three of five lie behind a surface once there is one."""
-        density, shape_bias = edges.new_zeros(points[..., 0].numel()), shape_bias.to(matmul_dtype(self.device.type))
-        for part in hit.split(_CHUNK_POINTS):
-            padded = pad_rows(part)
-            bias = shape_bias.index_select(0, padded // points.shape[1])
-            found = self.field.density(points.flatten(0, 1).index_select(0, padded), bias)[0]
-            density[part] = found[: len(part)]
-        depth = (density.view(points.shape[:-1]) * edges.diff(dim=-1)).cumsum(-1)
-        occluded = functional.pad(depth, (1, -1)) > -math.log(_MIN_TRANSMITTANCE)
-        return hit[~occluded.flatten()[hit]]
+    def _coarse_density(
+        self, points: Float[Tensor, "rays coarse 3"], bias: Float[Tensor, "rays one blocks width"]
+    ) -> Float[Tensor, "rays coarse"]:
+        return self.field.density(points, bias)[0].float()
+
+    def _evaluate_ray_loss(
+        self, samples: PlacedSamples, batch: RayBatch, shape_row: Int[Tensor, "rays"], texture_row: Int[Tensor, "rays"]
+    ) -> tuple[Tensor, Tensor]:
+        """The loss of rays, compiled on a graphics card: all shapes are fixed."""
+        settings = self.settings
+        shape, texture = functional.embedding(shape_row, self.shapes), functional.embedding(texture_row, self.textures)
+        biases = [bias[:, None] for bias in self.field.biases(shape, texture)]
+        direction = self.field.direction_bias(batch.rays.directions)[:, None]
+        density, colours = self.field.radiance(samples.points, direction, *biases)
+        weights, transmittance = compositing_weights(density.float(), samples.edges)
+        error = functional.mse_loss(composite_on_white(weights, transmittance, colours.float()), batch.colours)
+        certain = (batch.mask_class != 1).float()
+        opacity_error = (1 - transmittance - batch.mask_class.float() / 2) * certain
+        mask_loss = opacity_error.square().sum() / certain.sum().clamp_min(1)
+        prior = shape.square().sum(-1).mean() + texture.square().sum(-1).mean()
+        return error + settings.mask_weight * mask_loss + settings.code_prior * prior, error
 
     def _empty_space_loss(self) -> Tensor:
         """The mean opacity that density outside the hulls would have over one interval of a ray.
@@ -275,7 +262,7 @@ class Trainer:
         shape = torch.lerp(self.shapes[self.shape_row[first]], self.shapes[self.shape_row[second]], share)
         texture = torch.lerp(self.textures[self.texture_row[first]], self.textures[self.texture_row[second]], share)
         density, _ = self.field.density(points, self.field.biases(shape, texture)[0])
-        step = 2 * self.ray_dataset.extent.amin() / self.settings.samples
+        step = 2 * self.ray_dataset.extent.amin() / _OUTSIDE_INTERVALS
         return (-torch.expm1(-density * step) * outside).mean()
 
     def _parameters(self) -> list[Tensor]:
@@ -302,7 +289,7 @@ def hold_out(dataset: Dataset, objects: int = 8) -> tuple[Dataset, Dataset]:
     rest = tuple(part(views, slice(None, -1)) for views in dataset.objects)
     some = dataset.objects[:: max(1, len(dataset.objects) // objects)][:objects]
     held = tuple(part(views, slice(-1, None)) for views in some)
-    return replace(dataset, objects=rest), replace(dataset, objects=held)
+    return replace(dataset, objects=rest), replace(dataset, objects=held, weights=())
 
 
 def held_out_psnr(model: Model, dataset: Dataset, samples: int = 64) -> float:

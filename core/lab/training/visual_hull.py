@@ -1,5 +1,6 @@
 """Visual hulls: the part of space that no mask rules out. Training looks for the object nowhere else."""
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -11,6 +12,8 @@ from core.lab.datasets.srn import ObjectViews
 
 Extent = tuple[float, float, float]
 
+_MASK_SIDE = 128  # px: masks of larger images are reduced to this, a pixel being set where any of its part is
+
 
 def grid_centres(extent: Extent, resolution: int) -> Float[Tensor, "cells 3"]:
     """World centres of the cells of a grid over the box [-extent, extent], x slowest."""
@@ -19,25 +22,28 @@ def grid_centres(extent: Extent, resolution: int) -> Float[Tensor, "cells 3"]:
 
 
 def visual_hull(
-    views: ObjectViews, extent: Extent, resolution: int
+    views: ObjectViews, extent: Extent, resolution: int, device: torch.device | None = None
 ) -> Bool[Tensor, "resolution resolution resolution"]:
     """Cells that may hold a part of the object: their centres fall on the dilated mask in every view.
 
     Masks are dilated by what half a cell's diagonal covers in the image, so no cell of the object is lost.
     What an image does not show it cannot rule out.
     """
-    centres = grid_centres(extent, resolution)
-    remaining = torch.arange(len(centres))
-    cell = 2 * torch.tensor(extent).norm() / resolution
-    for mask, camera in zip(views.masks, views.cameras, strict=True):
+    centres = grid_centres(extent, resolution).to(device)
+    remaining = torch.arange(len(centres), device=device)
+    cell = 2 * float(torch.tensor(extent).norm()) / resolution
+    for whole, original in zip(views.masks, views.cameras, strict=True):
+        side = min(_MASK_SIDE, original.width)
+        camera = original.resized(side, side)
+        mask = functional.adaptive_max_pool2d(torch.from_numpy(whole)[None].to(device).float(), side)
         nearest = max(camera.distance - 0.5, 0.5 * camera.distance)
-        reach = int(torch.ceil(cell / 2 * camera.focal / nearest))
-        dilated = functional.max_pool2d(torch.from_numpy(mask)[None].float(), 2 * reach + 1, 1, reach)[0] > 0
+        reach = math.ceil(cell / 2 * camera.focal / nearest)
+        dilated = functional.max_pool2d(mask, 2 * reach + 1, 1, reach)[0] > 0
         columns, rows = camera.project(centres[remaining]).floor().long().unbind(-1)
         shown = (columns >= 0) & (columns < camera.width) & (rows >= 0) & (rows < camera.height)
         inside = dilated[rows.clamp(0, camera.height - 1), columns.clamp(0, camera.width - 1)]
         remaining = remaining[inside | ~shown]
-    hull = torch.zeros(len(centres), dtype=torch.bool)
+    hull = torch.zeros(len(centres), dtype=torch.bool, device=device)
     hull[remaining] = True
     return hull.reshape(resolution, resolution, resolution)
 

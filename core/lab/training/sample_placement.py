@@ -1,0 +1,63 @@
+"""Sample placement along training rays: evenly over the part of a ray that lies in its object's hull and that light
+reaches.
+
+Every ray has equally many samples, so that codes enter as one bias a ray and all shapes are fixed, which graphics cards
+and their compilers need. Thin objects get short intervals, and nothing is evaluated where nothing can be.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from core.geometry.rays import Rays, ray_points
+
+_BINS = 128  # along a ray, in which the hull is looked up; finer than its cells
+_COARSE = 32  # samples that show how far light reaches
+_DARK = 7.0  # optical depth behind which less than a thousandth of the light is left
+
+
+class PlacedSamples(NamedTuple):
+    """Samples of rays, and the intervals that they stand for."""
+
+    points: Float[Tensor, "rays samples 3"]
+    edges: Float[Tensor, "rays samples_and_one"]  # scene units within the hull, from where the ray first enters it
+
+
+@torch.no_grad()
+def place_samples(
+    rays: Rays,
+    samples: int,
+    inside: Callable[[Float[Tensor, "rays bins 3"]], Bool[Tensor, "rays bins"]],
+    coarse_density: Callable[[Float[Tensor, "rays coarse 3"]], Float[Tensor, "rays coarse"]] | None,
+    generator: torch.Generator,
+) -> PlacedSamples:
+    """Place one random sample in each of ``samples`` equal parts of a ray's way through its hull.
+
+    Args:
+        inside: tells which points lie in the hull of their ray's object.
+        coarse_density: density per scene unit, to leave out what lies in the dark; None keeps the whole way.
+    """
+    device, count = rays.near.device, len(rays.near)
+    width = ((rays.far - rays.near) / _BINS)[:, None]
+    middles = rays.near[:, None] + width * (torch.arange(_BINS, device=device) + 0.5)
+    filled = inside(ray_points(rays, middles)).float().cumsum(-1)  # bins in the hull up to each bin
+
+    def points_at(way: Float[Tensor, "rays some"]) -> Float[Tensor, "rays some 3"]:
+        """Points that many bins within the hull along each ray."""
+        index = torch.searchsorted(filled, way, right=True).clamp_(max=_BINS - 1)
+        within = (way - (filled.gather(1, index) - 1)).clamp(0, 1)
+        return ray_points(rays, rays.near[:, None] + width * (index + within))
+
+    whole = filled[:, -1:].contiguous()
+    if coarse_density is not None:
+        way = (torch.arange(_COARSE, device=device) + 0.5) / _COARSE * whole
+        depth = (coarse_density(points_at(way)) * (whole * width / _COARSE)).cumsum(-1)
+        lit = (depth < _DARK).sum(-1, keepdim=True)
+        whole = whole * ((lit + 2) / _COARSE).clamp_max(1.0)
+    steps = torch.arange(samples, device=device)
+    random = torch.rand(count, samples, generator=generator, device=device)
+    edges = torch.arange(samples + 1, device=device) / samples * (whole * width)
+    return PlacedSamples(points_at((steps + random) / samples * whole), edges)
