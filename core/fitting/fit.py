@@ -36,6 +36,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
+    job = replace(job, settings=job.settings.for_box(model.extent))
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model.soft, job.photos, job.settings, job.components, generator)
     unknown = int(problem.unknown.sum())

@@ -86,18 +86,62 @@ def render_with_jacobian(
     lengths = edges.diff(dim=-1).flatten(1).gather(1, top)[..., None]
     by_density = composited.by_thickness * lengths.where(lengths < 1e9, 0.0)
     depth = depths.flatten(1).gather(1, top)
-    numbers = bias_jacobians.shape.shape[-1] + bias_jacobians.texture.shape[-1]
-    channels = composited.channels.shape[-1]
-    summed = torch.zeros(transmittance.numel(), channels * (6 + numbers), device=top.device)
+    summed = _RayGradients.zeros(model, transmittance.numel(), composited.channels.shape[-1], top.device)
     row = ray + objects * transmittance[0].numel()
     for some, forward in zip(chunks, activations, strict=True):
-        entered = BiasJacobians(bias_jacobians.shape[some[0]], bias_jacobians.texture[some[0]])
-        derivatives = _backward(
-            model, forward, composited.by_colour[some], by_density[some], by_logit[some], depth[some], entered
-        )
-        summed.index_add_(0, row[some].flatten(), derivatives.flatten(0, 1).flatten(1))
-    summed = summed.reshape(*transmittance.shape, channels, -1)
-    return RenderedJacobian(composited.channels, *summed.split((3, 3, numbers), -1))
+        part = _backward(model, forward, composited.by_colour[some], by_density[some], by_logit[some], depth[some])
+        for whole, gradient in zip(summed.all, part.all, strict=True):
+            whole.index_add_(0, row[some].flatten(), gradient.flatten(0, 1).to(whole.dtype))
+    codes = _along_codes(summed, bias_jacobians, len(points))
+    shape = (*transmittance.shape, composited.channels.shape[-1], -1)
+    return RenderedJacobian(
+        composited.channels, summed.origin.reshape(shape), summed.direction.reshape(shape), codes.reshape(shape)
+    )
+
+
+class _RayGradients(NamedTuple):
+    """Derivatives of channels: of each sample's ray, or summed over the samples of each ray.
+
+    A bias is the same for all samples of a ray, so gradients along it are summed before they are taken to the codes.
+    """
+
+    origin: Float[Tensor, "*batch channels 3"]
+    direction: Float[Tensor, "*batch channels 3"]
+    shape: tuple[Float[Tensor, "*batch channels width"], ...]  # along the bias of each block
+    texture: tuple[Float[Tensor, "*batch 3 width"], ...]  # likewise; texture does not reach opacity and depth
+
+    @property
+    def all(self) -> tuple[Tensor, ...]:
+        """All tensors, in this order."""
+        return self.origin, self.direction, *self.shape, *self.texture
+
+    @classmethod
+    def zeros(cls, model: Model, rays: int, channels: int, device: torch.device) -> "_RayGradients":
+        """Sums to begin with."""
+        config = model.field.config
+
+        def zeros(*shape: int) -> Tensor:
+            return torch.zeros(rays, *shape, device=device)
+
+        shape = tuple(zeros(channels, config.width) for _ in range(config.shape_blocks))
+        texture = tuple(zeros(3, config.width) for _ in range(config.texture_blocks))
+        return cls(zeros(channels, 3), zeros(channels, 3), shape, texture)
+
+
+def _along_codes(
+    summed: _RayGradients, bias_jacobians: BiasJacobians, objects: int
+) -> Float[Tensor, "objects rays channels numbers"]:
+    """From the biases of each object's blocks to the parameters of shape and texture."""
+
+    def taken(gradients: tuple[Tensor, ...], entries: Float[Tensor, "objects blocks width numbers"]) -> Tensor:
+        products = [
+            gradient.reshape(objects, -1, gradient.shape[-1]) @ entry.float()
+            for gradient, entry in zip(gradients, entries.unbind(1), strict=True)
+        ]
+        return sum(products[1:], products[0]).unflatten(1, (-1, gradients[0].shape[1]))
+
+    shape, texture = taken(summed.shape, bias_jacobians.shape), taken(summed.texture, bias_jacobians.texture)
+    return torch.cat((shape, pad(texture, (0, 0, 0, shape.shape[2] - texture.shape[2]))), -1)
 
 
 class _Composited(NamedTuple):
@@ -217,9 +261,8 @@ def _backward(
     by_density: Float[Tensor, "objects samples channels"],
     by_logit: Float[Tensor, "objects samples"],
     depth: Float[Tensor, "objects samples"],
-    bias_jacobians: BiasJacobians,
-) -> Float[Tensor, "objects samples channels numbers"]:
-    """Derivatives of the channels of each sample's ray along origin, direction and codes.
+) -> _RayGradients:
+    """Derivatives of the channels of each sample's ray along origin, direction and biases.
 
     Args:
         by_colour: of a channel along the sample's own.
@@ -231,37 +274,31 @@ def _backward(
     # Texture does not reach opacity and depth: their channels come in where the density does.
     gradient = (by_colour * activations.rgb_derivative).to(dtype)[..., None] * weights.rgb[0]
     gradient = relu_backward_(gradient, activations.texture[-1][:, :, None]) @ weights.hidden[0]
-    gradient, texture = _backward_blocks(
-        gradient, activations.texture[:-1], weights.texture_blocks, bias_jacobians.texture
-    )
+    gradient, texture = _backward_blocks(gradient, activations.texture[:-1], weights.texture_blocks)
     by_direction = _along_axes(gradient @ weights.direction.layer[0], activations.direction_derivative)
     from_density = (by_density * by_logit[..., None]).to(dtype)[..., None] * weights.density[0][0]
     from_density[:, :, :3] += gradient @ weights.features
     gradient = from_density
-    gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks, bias_jacobians.shape)
+    gradient, shape = _backward_blocks(gradient, activations.shape, weights.shape_blocks)
     by_position = _along_axes(gradient @ weights.position.layer[0], activations.position_derivative)
     by_direction = pad(by_direction, (0, 0, 0, by_density.shape[-1] - 3)).addcmul_(by_position, depth[..., None, None])
-    derivatives = torch.zeros(*by_position.shape[:3], 6 + shape.shape[-1] + texture.shape[-1], device=depth.device)
-    parts = by_position, by_direction, shape, texture
-    # torch.cat is slower where formats differ.
-    for part, to in zip(parts, derivatives.split([part.shape[-1] for part in parts], -1), strict=True):
-        to[:, :, : part.shape[2]].copy_(part)
-    return derivatives
+    return _RayGradients(by_position, by_direction, shape, texture)
 
 
 def _backward_blocks(
     gradient: Float[Tensor, "objects samples channels width"],
     activations: Sequence[Float[Tensor, "objects samples width"]],
     blocks: Sequence[Float[Tensor, "width width"]],
-    bias_jacobians: Float[Tensor, "objects blocks width numbers"],
-) -> tuple[Float[Tensor, "objects samples channels width"], Float[Tensor, "objects samples channels numbers"]]:
-    """Gradients taken back through blocks and the ReLU before them, and those along the blocks' parameters."""
-    numbers = torch.zeros((), dtype=gradient.dtype, device=gradient.device)
-    for y, weight, entry in zip(activations[:0:-1], reversed(blocks), reversed(bias_jacobians.unbind(1)), strict=True):
+) -> tuple[
+    Float[Tensor, "objects samples channels width"], tuple[Float[Tensor, "objects samples channels width"], ...]
+]:
+    """Gradients taken back through blocks and the ReLU before them, and those along the biases of the blocks."""
+    along_biases = []
+    for y, weight in zip(activations[:0:-1], reversed(blocks), strict=True):
         gradient = relu_backward_(gradient, y[:, :, None])
-        numbers = torch.baddbmm(numbers, gradient.flatten(1, 2), entry)
+        along_biases.append(gradient)
         gradient = gradient @ weight
-    return relu_backward_(gradient, activations[0][:, :, None]), numbers.unflatten(1, gradient.shape[1:3])
+    return relu_backward_(gradient, activations[0][:, :, None]), tuple(reversed(along_biases))
 
 
 def _along_axes(
