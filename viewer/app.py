@@ -7,6 +7,7 @@ from pathlib import Path
 import moderngl
 from imgui_bundle import hello_imgui, imgui
 
+from core.runtime.signals import TERMINATION, on_signals
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
@@ -84,7 +85,8 @@ class App:
         session.start()
 
     def run(self) -> None:
-        """Open the window; returns when it is closed."""
+        """Open the window; returns when it is closed, also by a signal."""
+        on_signals(lambda _: self._quit(), (*TERMINATION, "SIGINT"))
         window.run(self.params)
 
     def _finish_frame(self) -> None:

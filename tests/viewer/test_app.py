@@ -102,8 +102,8 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
         window.context.drop([str(photo)])
         window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         window.context.autosave.every = 0.0
-        window.wait(lambda: any(folder.glob("session-*")))
-        (written,) = folder.glob("session-*")
+        window.wait(lambda: any(folder.glob("session-*.codenerf")))
+        (written,) = folder.glob("session-*.codenerf")
         (folder / "session-999999999.codenerf").write_bytes(written.read_bytes())  # of a run that is no more
         made.append(window.session.editor.history)
 

@@ -1,14 +1,22 @@
 import json
 import os
+import random
 import subprocess
 import sys
+import threading
+import time
 import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from filelock import FileLock
 from PIL import Image
 
+from core.models.open_models import OpenModels
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
+from core.runtime import reading
 from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock, endless_fit
@@ -17,6 +25,7 @@ from viewer.editor import Editor
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
+from viewer.values.history import History
 from viewer.values.project import Project
 
 
@@ -44,23 +53,28 @@ def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path:
     autosave = Autosave(session, tmp_path, clock)
     clock.now = 10.0
     autosave.tick()
-    assert not list(tmp_path.iterdir())  # nothing was made yet
+    autosave.finish()
+    assert not list(tmp_path.glob("*.codenerf"))  # nothing was made yet
     clock.now = 20.0
     editor.mix("shape", 0.5, gesture="mix shape")
     autosave.tick()
-    assert not list(tmp_path.iterdir())
+    autosave.finish()
+    assert not list(tmp_path.glob("*.codenerf"))
     editor.end_gesture()
     autosave.tick()
-    (written,) = tmp_path.iterdir()
+    autosave.finish()
+    (written,) = tmp_path.glob("*.codenerf")
     before = written.read_bytes()
     editor.show_object("object 2")
     autosave.tick()
+    autosave.finish()
     assert written.read_bytes() == before  # too early
     clock.now = 30.0
     autosave.tick()
+    autosave.finish()
     assert written.read_bytes() != before
     autosave.close()
-    assert [path.name for path in tmp_path.iterdir()] == ["session.codenerf"]
+    assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session.codenerf"]
 
 
 def test_the_next_launch_goes_on_with_objects_of_every_model(
@@ -115,6 +129,7 @@ def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
     clock.now += 10.0
     autosave.tick()
+    autosave.finish()
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")  # nothing more is written: the run is no more
     session.close()
@@ -136,6 +151,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from tests.conftest import random_model
+from core.models.open_models import OpenModels
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
+from core.runtime import reading
 from tests.viewer.driver import deliver
 from tests.viewer.stand_ins import endless_fit, no_guess, quick_frames, quick_photo, two_models
 from viewer.autosave import Autosave
@@ -157,6 +175,7 @@ while True:  # written again and again, so that it is killed in the middle of th
     session.editor.show_object("object 2")
     session.tick()
     autosave.tick()
+    autosave.finish()
     print("written", flush=True)
 """
 
@@ -190,6 +209,7 @@ def test_restoring_adds_to_what_was_made_meanwhile(
     edit(session, photo)
     clock.now += 10.0
     autosave.tick()
+    autosave.finish()
     lost = session.editor.history
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")
@@ -224,6 +244,7 @@ def test_a_photo_whose_fit_was_interrupted_makes_one_object(
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
     clock.now += 10.0
     autosave.tick()
+    autosave.finish()
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")
     session.fitting.stop()  # its object is kept, the end of the fit is written no more
@@ -249,6 +270,7 @@ def test_an_object_of_another_photo_of_the_same_name_stays(
     deliver(session, lambda: len(session.fitting.history.steps) > 3)
     clock.now += 10.0
     autosave.tick()
+    autosave.finish()
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")
     session.fitting.close()
@@ -266,15 +288,14 @@ def test_a_session_that_ends_the_program_is_not_begun_with_again(
     session.editor.show_object("object 2")
     autosave.close()
     begun(worker, backend, tmp_path, clock)
-    (path,) = tmp_path.glob("session*")
-    assert path.stem.startswith(f"session-{os.getpid()}-")  # as is offered where that run is no more
+    (path,) = tmp_path.glob("session*.codenerf")
+    assert path.stem.startswith("session-")  # as is offered where that run is no more
 
 
 def test_the_place_of_the_project_is_known_at_the_next_launch(
     session: Session, editor: Editor, worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
 ) -> None:
     autosave = Autosave(session, tmp_path / "kept", clock)
-    (tmp_path / "kept").mkdir()
     editor.show_object("object 2")
     session.save_project(tmp_path / "a.codenerf")
     assert Project.load(tmp_path / "a.codenerf", session.models).path is None  # which may be given to others
@@ -337,27 +358,26 @@ def test_a_kept_session_that_is_broken_is_reported_and_stays(
     assert [path.read_text() for path in autosave.earlier] == ["broken"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="not known on Windows")
 def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) -> None:
-    with subprocess.Popen([sys.executable, "-c", "pass"]) as ended:
-        pass
-    for number in (ended.pid, os.getppid()):
-        (tmp_path / f"session-{number}.codenerf").write_text("{}")
-    autosave = Autosave(session, tmp_path)
-    assert [path.name for path in autosave.recoverable] == [f"session-{ended.pid}.codenerf"]
-    autosave.discard()
-    assert [path.name for path in tmp_path.iterdir()] == [f"session-{os.getppid()}.codenerf"]
+    for name in ("alive", "dead"):
+        (tmp_path / f"session-{name}.codenerf").write_text("{}")
+    with FileLock(tmp_path / ".session-alive.lock"):
+        autosave = Autosave(session, tmp_path)
+        assert [path.name for path in autosave.recoverable] == ["session-dead.codenerf"]
+        autosave.discard()
+        assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session-alive.codenerf"]
+    assert [path.name for path in Autosave(session, tmp_path).recoverable] == ["session-alive.codenerf"]
 
 
 def test_of_several_that_were_left_the_last_is_offered_first(session: Session, tmp_path: Path) -> None:
-    for age, name in enumerate(("999999999-a", f"{os.getpid()}-b", "999999998")):  # the second's number is ours now
+    for age, name in enumerate(("999999999-a", f"{os.getpid()}-b", "c")):
         (tmp_path / f"session-{name}.codenerf").write_text("{}")
         os.utime(tmp_path / f"session-{name}.codenerf", (age, age))
     autosave = Autosave(session, tmp_path)
     assert [path.stat().st_mtime for path in autosave.recoverable] == [0, 1, 2]
     autosave.discard()
     autosave.discard()
-    assert [path.name for path in tmp_path.iterdir()] == ["session-999999999-a.codenerf"]
+    assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session-999999999-a.codenerf"]
     assert autosave.recoverable
 
 
@@ -390,6 +410,87 @@ def test_what_cannot_be_read_is_reported_and_changes_nothing(
     finish(session)
     assert session.editor.history is before
     assert len(session.messages.errors) == 1
-    assert len(list(tmp_path.iterdir())) == 1
+    assert len(list(tmp_path.glob("*.codenerf"))) == 1
     autosave.discard()
-    assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.glob("*.codenerf"))
+
+
+def test_the_window_does_not_wait_for_a_save(
+    session: Session, editor: Editor, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    autosave, may_write = Autosave(session, tmp_path, clock), threading.Event()
+    save, threads = Project.save, list[threading.Thread]()
+
+    def slow(project: Project, path: Path, models: OpenModels) -> None:
+        threads.append(threading.current_thread())
+        assert may_write.wait(60)
+        save(project, path, models)
+
+    monkeypatch.setattr(Project, "save", slow)
+    for name in ("object 2", "object 3"):
+        clock.now += 10.0
+        editor.show_object(name)
+        autosave.tick()  # the second time, the first file is still being written
+    may_write.set()
+    autosave.finish()
+    (path,) = tmp_path.glob("*.codenerf")
+    assert len(Project.load(path, session.models).history.past) == 1
+    autosave.tick()
+    autosave.finish()
+    assert len(Project.load(path, session.models).history.past) == 2
+    assert len(threads) == 2
+    assert threading.main_thread() not in threads
+
+
+def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
+    session: Session, editor: Editor, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    autosave = Autosave(session, tmp_path, clock)
+    for step in range(40):
+        editor.mix("texture", (step % 7 + 1) / 10)
+    monkeypatch.setattr(reading, "_MAX_TEXT", 12_000)
+    clock.now += 10.0
+    autosave.tick()
+    autosave.finish()
+    (path,) = tmp_path.glob("*.codenerf")
+    found = Project.load(path, session.models)
+    history = editor.history
+    assert found.history.now == history.now
+    assert 0 < len(found.history.past) < len(history.past)
+    assert found.history.past == history.past[-len(found.history.past) :]
+    lost = len(history.past) - len(found.history.past)
+    assert session.messages.shown[-1].text.endswith(f"its file lacks the oldest {lost} steps of undo")
+    assert session.messages.errors == []
+
+
+def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_path: Path) -> None:
+    """Each state holds all strokes that were drawn before it; the file has each stroke once."""
+    codes = editor.scene.codes
+    view = PhotoView.of(np.full((32, 32, 4), 255, np.uint8), editor.scene.camera.resized(32, 32))
+    detail = PhotoDetail((view,), codes.shape, codes.texture)
+    states = [replace(editor.state, scene=replace(editor.scene, codes=replace(codes, detail=detail)))]
+    numbers = random.Random(0)
+    for step in range(500):
+        if step % 5 == 0:
+            points = tuple((numbers.random(), numbers.random()) for _ in range(40))
+            detail = detail.erasing(0, (*detail.views[0].erased, Erasure(points, 0.04)))
+        state = replace(editor.state, mix=editor.state.mix.with_amount("texture", step / 500))
+        states.append(replace(state, scene=replace(editor.scene, codes=replace(codes, detail=detail))))
+    editor.show_object("object 2")
+    saved = session.project()
+    saved = replace(saved, history=History(states[-1], tuple(states[:-1])))
+    saved.save(tmp_path / "a.codenerf", session.models)
+    with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
+        assert file.getinfo("project.json").file_size < 1_000_000
+    found = Project.load(tmp_path / "a.codenerf", session.models)
+    assert found.history == saved.history
+    first, last = (found.history.states[at].scene.codes.detail for at in (-10, -1))
+    assert first.views[0].erased[0] is last.views[0].erased[0]
+
+
+def test_unfinished_files_of_runs_that_were_killed_are_removed_after_a_day(session: Session, tmp_path: Path) -> None:
+    for name, age in (("old", 90_000), ("new", 10)):
+        (tmp_path / f".{name}.partial.codenerf").touch()
+        os.utime(tmp_path / f".{name}.partial.codenerf", (time.time() - age, time.time() - age))
+    Autosave(session, tmp_path)
+    assert [path.name for path in tmp_path.glob(".*.partial*")] == [".new.partial.codenerf"]

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from core.fitting.category_check import describe_category, likelier_model
+from core.fitting.category_check import describe_category, describe_difference, likelier_model
 from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
 from core.fitting.settings import PaperSettings
 from core.models.model import Model
@@ -15,6 +15,10 @@ from viewer.values.fit_history import FitRequest, FittedPhoto
 WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
 """Presets to choose from; the paper's own recipe is a baseline for the command line."""
 _RESUMED_SHARE = 3  # A fit that is resumed has one of so many steps of the preset: there is no search
+
+
+class Remark(str):
+    """A line for the person who waits, about a photo that is fitted all the same."""
 
 
 class ChosenModel(NamedTuple):
@@ -39,7 +43,7 @@ class FitOptions:
 
 def fit_stream(
     backend: Backend, models: OpenModels, here: Model, request: FitRequest, settings: FitSettings
-) -> Iterator[ChosenModel | FittedPhoto | FitStep | None]:
+) -> Iterator[ChosenModel | Remark | FittedPhoto | FitStep | None]:
     """The model, unless the request names one, the photos that have not been read, then the steps.
 
     Args:
@@ -47,11 +51,14 @@ def fit_stream(
     """
     history, resume_from = request.history, request.resume_from
     model = models[history.model] if history.model else None
-    photos = [fitted.photo for fitted in history.photos]
+    photos, first = [fitted.photo for fitted in history.photos], dict[str, float]()
     for source in history.sources[len(photos) :]:
         cut = backend.cut_out(source.path, source.hints)
+        guess = backend.guess_category(cut)
+        if said := describe_difference(first, guess):
+            yield Remark(f"{source.name}: {said}")
+        first = first or guess
         if model is None:
-            guess = backend.guess_category(cut)
             model = _choose(models, here, likelier_model(guess) if guess else here.category)
             yield ChosenModel(model, describe_category(guess, model.category))
         for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it

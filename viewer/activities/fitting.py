@@ -11,7 +11,7 @@ from core.photos.photo import DOUBTFUL_MASK
 from core.photos.plain_background import NoBackgroundError
 from viewer.activities.candidates import Candidates
 from viewer.activities.fit_results import FitResults
-from viewer.activities.fit_stream import ChosenModel, FitOptions, fit_stream
+from viewer.activities.fit_stream import ChosenModel, FitOptions, Remark, fit_stream
 from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -21,8 +21,10 @@ from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Ready, match_poses
 from viewer.values.objects import EditableObject
+from viewer.values.printable import printable
 
 _FITS = 8  # which are kept
+_NAMED = 3  # files that a message names
 
 
 class Fitting:
@@ -96,11 +98,15 @@ class Fitting:
     def start(self, *paths: Path) -> None:
         """Fit the object in images; pose files (.txt) among them belong to the images of their names."""
         try:
-            sources = match_poses(paths)
+            sources, others = match_poses(paths)
         except ValueError as error:
             self._jobs.messages.report("Cannot rebuild this", error)
-        else:
-            self.fit(*sources)
+            return
+        if others:
+            names = ", ".join(printable(path.name) for path in others[:_NAMED])
+            more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+            self._jobs.messages.notify(f"Left out {names}{more}: neither image nor pose", MessageKind.NOTE)
+        self.fit(*sources)
 
     def fit(self, *sources: PhotoSource, model: str = "") -> bool:
         """Fit the object in photos, after those that wait. What cannot be used leaves everything as it was. Whether
@@ -269,10 +275,12 @@ class Fitting:
 
         self._jobs.submit(Job("fit", stream, self._receive, ended))
 
-    def _receive(self, value: ChosenModel | FittedPhoto | FitStep) -> None:
+    def _receive(self, value: ChosenModel | Remark | FittedPhoto | FitStep) -> None:
         if isinstance(value, ChosenModel):
             self.view.history = replace(self.history, model=value.model.fingerprint)
             self._warn(value.warning)
+        elif isinstance(value, Remark):
+            self._jobs.messages.notify(value, MessageKind.NOTE)
         elif isinstance(value, FittedPhoto):
             self.view.history = replace(self.history, photos=(*self.history.photos, value))
             self._check_mask(value)
@@ -283,7 +291,9 @@ class Fitting:
             self.view.add_step(value)
 
     def _check_mask(self, fitted: FittedPhoto) -> None:
-        """Of an object that may not be cut out well; who pointed at it has seen it."""
+        """Tell how the file was read, and ask about a doubtful mask unless a person pointed at the object."""
+        if fitted.photo.note:
+            self._jobs.messages.notify(f"{fitted.source.name}: {fitted.photo.note}", MessageKind.NOTE)
         if fitted.photo.mask_confidence >= DOUBTFUL_MASK or fitted.source.hints:
             return
         sources, index = self.history.sources, len(self.history.photos) - 1

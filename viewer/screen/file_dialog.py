@@ -52,6 +52,13 @@ def is_there(path: Path) -> bool:
     return False
 
 
+def _home() -> Path:
+    """The user's folder; the present one for a user without a home."""
+    with suppress(RuntimeError):
+        return Path.home()
+    return Path.cwd()
+
+
 def has_native() -> bool:
     """Whether the system has a file dialog that can be started."""
     return sys.platform != "linux" or any(map(shutil.which, ("zenity", "kdialog", "matedialog", "qarma")))
@@ -69,7 +76,7 @@ class FileDialog:
         self._text = ""
         self._fresh = False
         self._to_replace: Path | None = None  # an existing file about which the dialog asks
-        self.folder = Path.home()  # where the last answer was
+        self.folder = _home()  # where the last answer was
 
     @property
     def asking(self) -> bool:

@@ -53,11 +53,6 @@ def _try_opengl() -> None:
     glfw.destroy_window(probe)
 
 
-def config_folder() -> Path:
-    """Where this system keeps what programs remember."""
-    return Path(hello_imgui.ini_folder_location(hello_imgui.IniFolderType.app_user_config_folder)) / "codenerf-viewer"
-
-
 def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.RunnerParams:
     """How the window is run.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,9 +16,11 @@ from PIL import Image
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
+from core.photos.decode import IMAGE_SUFFIXES, upright_size
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
+from core.runtime.reading import optional, read_numbers
 from viewer.values.printable import printable
 
 _AROUND = 0.08  # of the object's size, that is shown around it
@@ -139,14 +141,26 @@ class FitRequest(NamedTuple):
     restored: bool = False  # of a run that ended in it, maybe after its result had joined the objects
 
 
-def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:
-    """Images with the pose files that have their names. Raises ``ValueError`` for a pose without its image."""
-    poses = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
-    images = [path for path in paths if path.suffix.lower() != ".txt"]
-    sources = tuple(PhotoSource(path, poses.pop(path.stem, None)) for path in images)
-    if poses:
-        raise ValueError(f"{next(iter(poses.values())).name}: there is no image of this name beside the pose")
-    return sources
+def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
+    """Sort files into images, with the poses that have their names, and files that are neither.
+
+    A pose is a text of 16 numbers. Without an image, all files but texts count as images: reading them says why they
+    are none. Raises ``ValueError`` where there are only texts.
+    """
+    texts = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
+    no_texts = [path for path in paths if path not in texts.values()]
+    images = tuple(path for path in no_texts if _is_image(path)) or tuple(no_texts)
+    if not images:
+        raise ValueError(f"{paths[0].name}: there is no image beside it")
+    poses = {stem: path for stem, path in texts.items() if optional(partial(read_numbers, path, 16))}
+    sources = tuple(PhotoSource(path, poses.get(path.stem)) for path in images)
+    used = {*images, *(source.pose for source in sources)}
+    return sources, tuple(path for path in paths if path not in used)
+
+
+def _is_image(path: Path) -> bool:
+    """By its name, or by its content."""
+    return path.suffix.lower() in IMAGE_SUFFIXES or optional(lambda: upright_size(path)) is not None
 
 
 @dataclass(frozen=True)

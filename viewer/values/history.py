@@ -129,6 +129,10 @@ class History:
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
 
+    def newer(self, steps: int) -> History:
+        """Without the oldest steps before the state of now; so many stay."""
+        return replace(self, past=self.past[max(0, len(self.past) - steps) :])
+
     def after(self, earlier: History) -> History:
         """With all states of another history before these."""
         return replace(self, past=(*earlier.states, *self.past)[-_DEPTH:])

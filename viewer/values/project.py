@@ -145,12 +145,14 @@ def _decoded(about: dict, parts: Parts) -> Project:
 
 def _first_format(about: _About, parts: Parts) -> Project:
     """The sessions of all models one after another, that of the model that was open at the end."""
+    assert parts.models is not None
     found: Project | None = None
     for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
         parts.model = session["history"]["now"]["scene"]["model"]  # codes did not know it
         one = _decoded(_completed(session, parts) | {"models": [session["model"]]}, parts)
-        pending = tuple(request._replace(history=_of_model(request.history, parts.model)) for request in one.pending)
-        one = replace(one, fit=_of_model(one.fit, parts.model), pending=pending, path=about.path)
+        model = parts.models[parts.model].fingerprint  # one that extends it may be open in its place
+        pending = tuple(request._replace(history=_of_model(request.history, model)) for request in one.pending)
+        one = replace(one, fit=_of_model(one.fit, model), pending=pending, path=about.path)
         found = one.after(found) if found else one
     if found is None:
         raise ValueError("nothing was made in it")

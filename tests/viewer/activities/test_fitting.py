@@ -341,3 +341,29 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, edit
     assert not session.fitting.results.unseen
     assert "the first result stays" in session.messages.all[-1].text
     assert editor.objects["block"].confidence == session.fitting.history.last.confidence
+
+
+def test_a_photo_of_something_else_among_several_is_named_and_so_is_what_lies_beside_them(
+    session: Session, photo: Path
+) -> None:
+    other, beside = photo.with_name("block other.png"), photo.with_name("block.mov")
+    shutil.copy(photo, other)
+    beside.write_bytes(b"moving")
+    guesses = iter(({"chairs": 0.9, "boats": 0.1}, {"chairs": 0.1, "boats": 0.9}))
+    session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
+    session.fitting.start(photo, beside, other)
+    finish(session, lambda: not session.fitting.running)
+    texts = [message.text for message in session.messages.shown]
+    assert "Left out block.mov: neither image nor pose" in texts
+    (said,) = (text for text in texts if "the images of one fit show one object" in text)
+    assert said.startswith("block other.png: this looks like a boat")
+
+
+def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
+    def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+        return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
+
+    session.jobs.backend = replace(session.jobs.backend, frame_photo=noted)
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    assert any("image 2 of the 3" in message.text for message in session.messages.shown)

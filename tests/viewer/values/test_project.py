@@ -166,7 +166,7 @@ def test_what_mixes_objects_that_nobody_has_is_refused(session: Session, saved: 
         Editor(session.models, session.editor.model, torch.Generator()).check(replace(saved, objects=()))
 
 
-@pytest.mark.parametrize("commit", ["328e5eb", "7f062c0"])
+@pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
 def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, commit: str) -> None:
     """Chairs had a session of their own, and cars, which were open at the end."""
     folder = Path("tests/files") / commit
@@ -197,7 +197,7 @@ def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, co
         assert editor.scene == states[16].scene
 
 
-@pytest.mark.parametrize("commit", ["328e5eb", "7f062c0"])
+@pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
 def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
     shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
     session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
