@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from importlib import import_module
 
 from core.cli.parser import parse
+from core.runtime.signals import on_signals
 from core.runtime.threads import use_one_thread
 
 
@@ -13,6 +14,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run one command. Whatever is wrong with its input is said in one line on stderr, with status 2."""
     began = time.perf_counter()
     use_one_thread()
+    on_signals()
     chosen = parse(sys.argv[1:] if arguments is None else arguments)
     chosen.began = began
     # Imported late: a command loads what it needs alone.

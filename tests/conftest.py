@@ -47,6 +47,7 @@ from core.models.codes import CodeBook, Entry  # noqa: E402
 from core.models.field import Field  # noqa: E402
 from core.models.field_config import FieldConfig  # noqa: E402
 from core.models.model import Model  # noqa: E402
+from core.models.open_models import OpenModels  # noqa: E402
 from core.photos.view_bank import ViewBank, build_view_bank, view_bank  # noqa: E402
 from core.runtime.precision import use_dtype  # noqa: E402
 
@@ -133,6 +134,14 @@ def random_model(seed: int = 0, white_from_network: bool = False) -> Model:
     book = CodeBook(torch.randn(6, 8), torch.randn(6, 4), tuple(Entry(f"object {i}", i, i) for i in range(6)))
     about = {"metres": 0.9, "white_from_network": white_from_network}
     return Model(Field(config), book, (0.35, 0.3, 0.45), "chairs", 32, 32.8, 2.0, **about)
+
+
+def open_models(*models: Model) -> OpenModels:
+    """A registry of some models."""
+    found = OpenModels(random_model)
+    for model in models:
+        found.add(model.fingerprint, model)
+    return found
 
 
 def with_contrast(model: Model, contrast: float = 20.0) -> Model:

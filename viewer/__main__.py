@@ -8,35 +8,38 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
+from core.runtime.folders import config_folder, is_temporary
+from core.runtime.signals import on_signals
 from core.runtime.threads import use_one_thread
 from viewer.screen import window
 from viewer.screen.splash import Splash
-from viewer.screen.window import NoDisplayError, config_folder
+from viewer.screen.window import NoDisplayError
 from viewer.services.memory import keep_little_free_memory, return_free_memory
 from viewer.services.single_instance import SingleInstance, Start, begin
 
-_LONGEST = 900.0
-"""s that an image of the window may wait for its fit"""
+_LONGEST = 900.0  # s that an image of the window may wait for its fit
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Open the window, or raise the one that is open. Without a display: one line on stderr, status 1."""
     keep_little_free_memory()
     use_one_thread()
+    on_signals()
     chosen = parser().parse_args(arguments)
     try:
         if chosen.screenshot is not None:
             _run(chosen)
             return
         image = str(chosen.image.absolute()) if chosen.image else ""
-        instance = begin(config_folder(), Start(image, _found_again(chosen.model or "")))
+        folder = config_folder()
+        instance = begin(folder, Start(image, _found_again(chosen.model or "")))
         if instance is None:
             print(f"{window.NAME} is open already: its window was raised")
             return
         with closing(instance):
             _import_behind_splash()
-            _run(chosen, instance)
-    except (NoDisplayError, ImportError, OSError) as error:
+            _run(chosen, folder, instance)
+    except (NoDisplayError, ImportError, OSError, ValueError) as error:
         sys.exit(f"python -m viewer: {error}")
 
 
@@ -46,21 +49,28 @@ def _import_behind_splash() -> None:
     Splash(lambda: import_module("viewer.app")).run()
 
 
-def _run(chosen: argparse.Namespace, instance: SingleInstance | None = None) -> None:
-    """Without an instance: into an image, where nobody sees it."""
+def _run(chosen: argparse.Namespace, folder: Path | None = None, instance: SingleInstance | None = None) -> None:
+    """Run a window that keeps its work in a folder; without one draw it into an image, where nobody sees it."""
     # Imported late: `--help`, a wrong word and the splash are there before torch is.
     from core.models.library import DEFAULT_MODEL, load_model
     from viewer.app import App
     from viewer.screenshot import Screenshot
     from viewer.services.backend import Backend
+    from viewer.services.messages import MessageKind
     from viewer.services.worker import Worker
     from viewer.session import Session
 
     headless, worker = instance is None, Worker(at_rest=return_free_memory)
+    model = _found_again(chosen.model or "")
     try:
-        session = Session(worker, Backend(partial(load_model, device=chosen.device)))
-        app = App(session, chosen.size, None if headless else config_folder(), headless, instance=instance)
-        session.open_model(_found_again(chosen.model or app.last_model or DEFAULT_MODEL))
+        backend = Backend(partial(load_model, device=chosen.device))
+        session = Session(worker, backend, None, folder, model or DEFAULT_MODEL)
+        app = App(session, chosen.size, folder, headless, instance=instance)
+        if folder and is_temporary(folder):
+            text = f"No home folder takes files: this session is kept in {folder}"
+            session.messages.notify(text, MessageKind.NOTE, lasts=True)
+        if model:
+            session.show_model(model)
         if chosen.image:
             app.context.fit(chosen.image)
         if headless:
@@ -86,7 +96,7 @@ def parser() -> argparse.ArgumentParser:
         description="Opens the window, or raises the one that is open; without a display, renders it into an image.",
         allow_abbrev=False,
     )
-    words.add_argument("--model", help="a shipped name, or the path of a model file (the last one, chairs at first)")
+    words.add_argument("--model", help="show an object of this model: a shipped name, or the path of a model file")
     words.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="where the network runs (cpu)")
     words.add_argument("--image", type=_image, help="rebuild this photo at once")
     words.add_argument("--screenshot", type=_png, metavar="PNG", help="render the window with no display, save it, end")
@@ -95,6 +105,8 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _image(text: str) -> Path:
+    if text.startswith(("http://", "https://")):
+        raise argparse.ArgumentTypeError(f"{text} is an address: save the image from there, and give its path")
     if not Path(text).is_file():
         raise argparse.ArgumentTypeError(f"no such image: {text}")
     return Path(text)

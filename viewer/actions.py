@@ -16,19 +16,26 @@ class Action:
     """Something that a key, a menu or a button runs."""
 
     id: str
-    words: str
-    """in a menu"""
-    keys: str
-    """one or more chords, such as ``Ctrl+Y, Ctrl+Shift+Z``; empty: none"""
-    tooltip: str
-    """what it does, as the help has it too"""
-    run: Callable[[PanelContext], None]
-    enabled: Test = lambda context: context.ready
-    """if nothing is said, once a model is open"""
-    checked: Test | None = None
-    """for what can be on or off"""
-    in_view_only: bool = False
-    """its keys work only while the mouse or the focus is in the view"""
+    words: str  # in a menu
+    keys: str  # one or more chords, such as ``Ctrl+Y, Ctrl+Shift+Z``; empty: none
+    tooltip: str  # what it does, as the help has it too
+
+    def run(self, context: PanelContext) -> None:
+        """Do it."""
+        if self.id in _TOGGLES:
+            context.set_preference(**{self.id: not getattr(context.preferences, self.id)})
+        else:
+            _RUN[self.id](context)
+
+    def enabled(self, context: PanelContext) -> bool:
+        """It can be done now."""
+        return self.id not in _ENABLED or _ENABLED[self.id](context)
+
+    def checked(self, context: PanelContext) -> bool:
+        """It can be on or off, and is on."""
+        if self.id in _TOGGLES:
+            return bool(getattr(context.preferences, self.id))
+        return self.id in _CHECKED and _CHECKED[self.id](context)
 
     def hint(self) -> str:
         """The tooltip of a button for it: what it does, and its keys."""
@@ -43,53 +50,22 @@ class Gesture:
     tooltip: str
 
 
-def _always(context: PanelContext) -> bool:
-    return True
-
-
-def _see(number: int, view: str) -> Action:
-    text = f"see the object from the {view}"
-    return Action(f"see_{view}", view.capitalize(), str(number), text, lambda c: c.workspace.see_from(view))
-
-
 TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     "View": (
         Gesture("Drag, or arrow keys", "turn the object; finer with Shift"),
         Gesture("Wheel, or + and -", "zoom"),
         Gesture("Middle or right drag", "pan: move the object in the view"),
         Gesture("Double click", "back to the first view, the object in the middle"),
+        Action("reset_view", "Reset view", "Home", "back to the first view, the object in the middle"),
+        Action("see_front", "Front", "1", "see the object from the front"),
+        Action("see_side", "Side", "2", "see the object from the side"),
+        Action("see_top", "Top", "3", "see the object from the top"),
+        Action("see_photo", "Photo", "4", "from where the last photo was found to be taken"),
+        Action("orthographic", "Orthographic", "5", "without perspective, or with it again; as large as before"),
+        Action("copy_camera", "Copy camera", "", "angles, distance and focal length as a line of text"),
+        Action("paste_camera", "Paste camera", "", "see the object from the camera in the clipboard's text"),
         Action(
-            *("reset_view", "Reset view", "Home", "back to the first view, the object in the middle"),
-            lambda c: c.viewport.reset_view(),
-            in_view_only=True,
-        ),
-        *(_see(number, view) for number, view in enumerate(("front", "side", "top"), 1)),
-        Action(
-            *("see_photo", "Photo", "4", "from where the last photo was found to be taken"),
-            lambda c: c.workspace.see_from("photo"),
-            lambda c: c.ready and c.fitting.history.last is not None,
-        ),
-        Action(
-            *("orthographic", "Orthographic", "5", "without perspective, or with it again; as large as before"),
-            lambda c: c.workspace.set_orthographic(not c.workspace.orthographic),
-            checked=lambda c: c.workspace.orthographic,
-        ),
-        Action(
-            *("copy_camera", "Copy camera", "", "angles, distance and focal length as a line of text"),
-            lambda c: c.copy_camera(),
-        ),
-        Action(
-            *("paste_camera", "Paste camera", "", "see the object from the camera in the clipboard's text"),
-            lambda c: c.paste_camera(),
-        ),
-        Action(
-            *(
-                "next_mode",
-                "Next mode",
-                "V",
-                "colour, depth, normals, opacity, samples of each ray, source of each colour",
-            ),
-            lambda c: c.next_view_mode(),
+            "next_mode", "Next mode", "V", "colour, depth, normals, opacity, samples of each ray, source of each colour"
         ),
         Gesture("The badge", "green and Sharp: every pixel of the view is rendered; amber: on the way"),
         Gesture("Options, OpenGL while turning", "a baked copy at every pixel while you turn; exact at rest"),
@@ -106,10 +82,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
     ),
     "Grid": (Gesture("Click", "make a pair current; at the border: take the object out"),),
     "Sliders": (
-        Action(
-            *("sample_all", "Random", "R", "a random shape and texture; what is locked stays"),
-            lambda c: c.editor.sample_all(),
-        ),
+        Action("sample_all", "Random", "R", "a random shape and texture; what is locked stays"),
         Gesture("Click a thumbnail", "under a slider: go to -2, 0 or +2"),
         Gesture("Hover over a slider", "which pixels it changes, and whether the silhouette moves"),
         Gesture("Ctrl+click", "type a value"),
@@ -118,36 +91,22 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Click a name", "rename it, remove it"),
     ),
     "Timeline": (
-        Action(
-            *("add_key", "Keyframe", "K", "what is shown becomes a keyframe; after the last one where one is there"),
-            lambda c: c.player.add_key(),
-        ),
-        Action(
-            *("play", "Play", "Space", "play the timeline in the view, or pause"),
-            lambda c: c.player.toggle(),
-            lambda c: c.ready and bool(c.player.timeline.keys),
-        ),
-        Action("previous_key", "Previous keyframe", ",", "show the keyframe before", lambda c: c.player.step(-1)),
-        Action("next_key", "Next keyframe", ".", "show the keyframe after", lambda c: c.player.step(1)),
+        Action("add_key", "Keyframe", "K", "what is shown becomes a keyframe; after the last one where one is there"),
+        Action("play", "Play", "Space", "play the timeline in the view, or pause"),
+        Action("previous_key", "Previous keyframe", ",", "show the keyframe before"),
+        Action("next_key", "Next keyframe", ".", "show the keyframe after"),
         Gesture("Click or drag a keyframe", "show it, move it in time; right click for more"),
         Gesture("Drag a dot of the path", "on the map over the view: from where a keyframe sees the object"),
         Gesture("Right click the ruler", "paste the copied keyframe at the playhead"),
     ),
     "History": (Gesture("Click a thumbnail", "go back, or forward, to that state"),),
     "Photo": (
-        Action(
-            *("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and rebuild it"),
-            lambda c: c.fit_image(),
-        ),
-        Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard", lambda c: c.paste()),
+        Action("fit_image", "Open photo…", "Ctrl+I", "choose a photo of one object, and rebuild it"),
+        Action("paste", "Paste photo", "Ctrl+V", "rebuild the photo in the clipboard"),
         Gesture("Drag in wipe, onion skin", "more of the photo, or of the render"),
         Gesture("Hold F", "the photo in place of the render"),
         Gesture("Drag along the curves", "under Details: see any step of the search, here and in the view"),
-        Action(
-            *("follow", "Follow", "", "show what is being rebuilt, from where the photo was taken"),
-            lambda c: c.fitting.follow(),
-            lambda c: c.ready and c.fitting.can_follow,
-        ),
+        Action("follow", "Follow", "", "show what is being rebuilt, from where the photo was taken"),
         Gesture("Click a candidate", "prefer it: the search continues from there alone"),
         Gesture("Rebuild", "from the step shown, from the camera in the view, or from the beginning"),
     ),
@@ -161,99 +120,84 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Gesture("Drop a photo", "rebuild the object in it"),
         Gesture("Drop several", "of one object: rebuilt from all; poses (.txt) go with images of their names"),
         Gesture("Drop an image saved here", "a png brings its shape, texture and camera back"),
-        Gesture("Drop a project", "bring all back that was made, with every model"),
-        Action(
-            "new_project", "New", "Ctrl+N", "begin afresh; what was rebuilt stays in Mine", lambda c: c.session.new()
-        ),
-        Action(
-            *("open_scene", "Open…", "Ctrl+O", "open a project, a scene, or an image saved here; or drop it"),
-            lambda c: c.open_file(),
-        ),
-        Action(
-            *("save_project", "Save project", "Ctrl+S", "save all that was made, with every model, as one file"),
-            lambda c: c.save_project(),
-        ),
-        Action(
-            *("save_project_as", "Save project as…", "Ctrl+Shift+S", "save it as another file"),
-            lambda c: c.save_project_as(),
-        ),
-        Action(
-            *("save_scene", "Save look…", "", "save shape, texture and camera alone, exact, as a small file"),
-            lambda c: c.save_scene(),
-        ),
-        Action("share", "Share…", "Ctrl+E", "save a turntable, a video, a picture or a mesh", lambda c: c.share()),
-        Action(
-            *(
-                "copy_image",
-                "Copy image",
-                "Ctrl+C",
-                "the view on white, without its shadow, into the clipboard",
-            ),
-            lambda c: c.copy_image(),
-            lambda c: c.ready and c.viewport.frame is not None and c.viewport.baked_frame is None,
-        ),
+        Gesture("Drop a project", "bring all back that was made"),
+        Action("new_project", "New", "Ctrl+N", "begin afresh; what was rebuilt stays in Mine"),
+        Action("open_scene", "Open…", "Ctrl+O", "open a project, a scene, an image saved here, or a model; or drop it"),
+        Action("save_project", "Save project", "Ctrl+S", "save all that was made as one file"),
+        Action("save_project_as", "Save project as…", "Ctrl+Shift+S", "save it as another file"),
+        Action("save_scene", "Save look…", "", "save shape, texture and camera alone, exact, as a small file"),
+        Action("share", "Share…", "Ctrl+E", "save a turntable, a video, a picture or a mesh"),
+        Action("copy_image", "Copy image", "Ctrl+C", "the view on white, without its shadow, into the clipboard"),
     ),
     "Everywhere": (
-        Action(
-            *("undo", "Undo", "Ctrl+Z", "undo the last edit; a drag is one step"),
-            lambda c: c.editor.undo(),
-            lambda c: c.ready and bool(c.editor.history.past),
-        ),
-        Action(
-            *("redo", "Redo", "Ctrl+Y, Ctrl+Shift+Z", "redo what was undone"),
-            lambda c: c.editor.redo(),
-            lambda c: c.ready and bool(c.editor.history.future),
-        ),
-        Action(
-            *("larger_text", "Larger text", "Ctrl++", "larger text"),
-            lambda c: c.resize_text(1),
-            lambda c: c.preferences.text < LARGEST,
-        ),
-        Action(
-            *("smaller_text", "Smaller text", "Ctrl+-", "smaller text"),
-            lambda c: c.resize_text(-1),
-            lambda c: c.preferences.text > SMALLEST,
-        ),
-        Action(
-            *("dark", "Dark", "", "dark colours, or light ones"),
-            lambda c: c.set_preference(dark=not c.preferences.dark),
-            _always,
-            checked=lambda c: c.preferences.dark,
-        ),
-        Action(
-            *("smooth", "Smooth the picture", "", "without visible pixels, in previews too"),
-            lambda c: c.set_preference(smooth=not c.preferences.smooth),
-            _always,
-            checked=lambda c: c.preferences.smooth,
-        ),
-        Action(
-            *("shadow", "Shadow", "", "on the ground, where the object stands; in shared pictures and videos too"),
-            lambda c: c.set_preference(shadow=not c.preferences.shadow),
-            _always,
-            checked=lambda c: c.preferences.shadow,
-        ),
-        Action(
-            *("idle_turn", "Turn a result", "", "slowly, once it is rebuilt, until you touch something"),
-            lambda c: c.set_preference(idle_turn=not c.preferences.idle_turn),
-            _always,
-            checked=lambda c: c.preferences.idle_turn,
-        ),
-        Action(
-            "reset_layout", "Reset layout", "", "all panels as they were first", lambda c: c.reset_layout(), _always
-        ),
+        Action("undo", "Undo", "Ctrl+Z", "undo the last edit; a drag is one step"),
+        Action("redo", "Redo", "Ctrl+Y, Ctrl+Shift+Z", "redo what was undone"),
+        Action("larger_text", "Larger text", "Ctrl++", "larger text"),
+        Action("smaller_text", "Smaller text", "Ctrl+-", "smaller text"),
+        Action("dark", "Dark", "", "dark colours, or light ones"),
+        Action("smooth", "Smooth the picture", "", "without visible pixels, in previews too"),
+        Action("shadow", "Shadow", "", "on the ground, where the object stands; in shared pictures and videos too"),
+        Action("idle_turn", "Turn a result", "", "slowly, once it is rebuilt, until you touch something"),
+        Action("reset_layout", "Reset layout", "", "all panels as they were first"),
         Gesture("Esc", "close what is on top: a menu, a dialog, the help"),
-        Action(
-            *("help", "Keys and mouse", "F1, ?", "this help; type what you look for, Enter does it"),
-            lambda c: setattr(c, "help_open", not c.help_open),
-            _always,
-            checked=lambda c: c.help_open,
-        ),
-        Action("quit", "Quit", "Ctrl+Q", "end the program", lambda c: c.quit(), _always),
+        Action("help", "Keys and mouse", "F1, ?", "this help; type what you look for, Enter does it"),
+        Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
 }
 """By where it works; the order is that of the help."""
 
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
+
+
+_TOGGLES = "dark", "smooth", "shadow", "idle_turn"  # preferences that are on or off
+_IN_VIEW_ONLY = ("reset_view",)  # their keys work only while the mouse or the focus is in the view
+_RUN: dict[str, Callable[[PanelContext], object]] = {
+    "reset_view": lambda c: c.session.viewport.reset_view(),
+    "see_front": lambda c: c.session.see_from("front"),
+    "see_side": lambda c: c.session.see_from("side"),
+    "see_top": lambda c: c.session.see_from("top"),
+    "see_photo": lambda c: c.session.see_from("photo"),
+    "orthographic": lambda c: c.session.set_orthographic(not c.session.orthographic),
+    "copy_camera": lambda c: c.copy_camera(),
+    "paste_camera": lambda c: c.paste_camera(),
+    "next_mode": lambda c: c.next_view_mode(),
+    "sample_all": lambda c: c.session.editor.sample_all(),
+    "add_key": lambda c: c.session.player.add_key(),
+    "play": lambda c: c.session.player.toggle(),
+    "previous_key": lambda c: c.session.player.step(-1),
+    "next_key": lambda c: c.session.player.step(1),
+    "fit_image": lambda c: c.fit_image(),
+    "paste": lambda c: c.paste(),
+    "follow": lambda c: c.session.fitting.follow(),
+    "new_project": lambda c: c.session.new(),
+    "open_scene": lambda c: c.open_file(),
+    "save_project": lambda c: c.save_project(),
+    "save_project_as": lambda c: c.save_project_as(),
+    "save_scene": lambda c: c.save_scene(),
+    "share": lambda c: c.share(),
+    "copy_image": lambda c: c.copy_image(),
+    "undo": lambda c: c.session.editor.undo(),
+    "redo": lambda c: c.session.editor.redo(),
+    "larger_text": lambda c: c.resize_text(1),
+    "smaller_text": lambda c: c.resize_text(-1),
+    "reset_layout": lambda c: c.reset_layout(),
+    "help": lambda c: setattr(c, "help_open", not c.help_open),
+    "quit": lambda c: c.quit(),
+}
+_ENABLED: dict[str, Test] = {
+    "see_photo": lambda c: c.session.fitting.history.last is not None,
+    "play": lambda c: bool(c.session.player.timeline.keys),
+    "follow": lambda c: c.session.fitting.can_follow,
+    "copy_image": lambda c: c.session.viewport.frame is not None and c.session.viewport.baked_frame is None,
+    "undo": lambda c: bool(c.session.editor.history.past),
+    "redo": lambda c: bool(c.session.editor.history.future),
+    "larger_text": lambda c: c.preferences.text < LARGEST,
+    "smaller_text": lambda c: c.preferences.text > SMALLEST,
+}
+_CHECKED: dict[str, Test] = {
+    "orthographic": lambda c: c.session.orthographic,
+    "help": lambda c: c.help_open,
+}
 
 
 def find_actions(search: str) -> list[Action]:
@@ -273,14 +217,14 @@ def run_keys(context: PanelContext, in_view: bool = False) -> None:
     typing = context.files.asking or context.share_open
     for action in ACTIONS.values():
         keys = ", ".join(key for key in action.keys.split(", ") if "Ctrl" in key) if typing else action.keys
-        pressed = action.in_view_only == in_view and any(map(is_pressed, chords(keys)))
+        pressed = (action.id in _IN_VIEW_ONLY) == in_view and any(map(is_pressed, chords(keys)))
         if pressed and _is_allowed(action, context) and action.enabled(context):
             action.run(context)
 
 
 def _is_allowed(action: Action, context: PanelContext) -> bool:
     """The segmentation dialog has keys of its own, and would hide the help; a popup is closed first."""
-    if context.ready and context.segmenting.active:
+    if context.session.segmenting.active:
         return action.id in ("quit", "larger_text", "smaller_text")
     return action.id != "next_mode" or not imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
 

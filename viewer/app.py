@@ -2,14 +2,12 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import moderngl
 from imgui_bundle import hello_imgui, imgui
 
-from core.models.library import shipped_models
-from core.runtime.files import THUMBNAILS, cache_folder
+from core.runtime.signals import TERMINATION, on_signals
 from viewer.actions import run_keys
 from viewer.autosave import Autosave
 from viewer.context import Panel, PanelContext
@@ -19,12 +17,10 @@ from viewer.panels.share import ShareDialog
 from viewer.screen import fonts, theme, window
 from viewer.screen.baked_canvas import BakedCanvas, is_fast
 from viewer.screen.canvas import Canvas, Images
-from viewer.screen.file_dialog import FileDialog, is_there
+from viewer.screen.file_dialog import FileDialog
 from viewer.services.clipboard import Clipboard
-from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.services.messages import error_text
 from viewer.services.single_instance import SingleInstance, Start
-from viewer.services.user_objects import UserObjects
 from viewer.session import Session
 from viewer.values.preferences import Preferences
 from viewer.values.quality import QUALITIES
@@ -32,12 +28,10 @@ from viewer.values.quality import QUALITIES
 _RATE, _RATE_BESIDE_WORKER, _RATE_OF_PROGRESS, _RATE_OF_IDLE_TURN = 60.0, 30.0, 8.0, 20.0
 """Frames per second at the most; the second where OpenGL and the worker share the processor, the third where nobody
 touches anything meanwhile."""
-_TOUCHED = 0.7
-"""s for which a touch counts."""
+_TOUCHED = 0.7  # s for which a touch counts
 _INSPECTOR, _LIBRARY = (345.0, 0.3, 540.0), (195.0, 0.18, 330.0)
 """px of a 96 ppi screen at the least (text of twice the size fits), share of the window's width, px at the most"""
-_STRIP, _DRAWER = 66.0, 250.0
-"""px of a 96 ppi screen: height of the strip and of the drawer"""
+_STRIP, _DRAWER = 66.0, 250.0  # px of a 96 ppi screen: height of the strip and of the drawer
 
 
 class App:
@@ -72,10 +66,9 @@ class App:
         self._size, self._folder, self._headless, self._instance = size, folder, headless, instance
         if folder:
             self.context.preferences = Preferences.load(folder)
-            session.view = replace(session.view, quality=QUALITIES[self.context.preferences.quality])
-            session.user_objects, self.context.clipboard = UserObjects(folder / "mine"), Clipboard(folder / "pasted")
+            session.viewport.change(quality=QUALITIES[self.context.preferences.quality])
+            self.context.clipboard = Clipboard(folder / "pasted")
             self.context.autosave = Autosave(session, folder)
-            session.kept_thumbnails = KeptThumbnails(cache_folder() / THUMBNAILS)
         self._saved_preferences = self.context.preferences
         self._gl: moderngl.Context | None = None
         self._surface: moderngl.Framebuffer | None = None
@@ -83,22 +76,17 @@ class App:
         self._frame_started = 0.0
         self._themed: bool | None = None
         self._failed: dict[str, str] = {}
-        self._reported: dict[str, str] = {}
-        """by what failed in the last frame, why"""
+        self._reported: dict[str, str] = {}  # by what failed in the last frame, why
         if headless:
             self.context.attended = False
             window.make_headless(self.params, self._finish_frame)
         self._dock()
         self._connect()
-
-    @property
-    def last_model(self) -> str:
-        """The name of the model that was open when the last run ended; empty where there is no such model any more."""
-        name = self.context.autosave.model if self.context.autosave else ""
-        return name if name in shipped_models() or is_there(Path(name)) else ""
+        session.start()
 
     def run(self) -> None:
-        """Open the window; returns when it is closed."""
+        """Open the window; returns when it is closed, also by a signal."""
+        on_signals(lambda _: self._quit(), (*TERMINATION, "SIGINT"))
         window.run(self.params)
 
     def _finish_frame(self) -> None:
@@ -177,12 +165,9 @@ class App:
 
     def _draw_panel(self, panel: Panel) -> None:
         """Draw a panel; one that fails says so, and the others work on."""
-        if panel.needs_model and not self.context.ready:
-            imgui.text_disabled("It comes with the model")
-            return
         if panel.title in self._failed:
             imgui.text_wrapped(f"This panel failed: {self._failed[panel.title]}")
-            added = self.context.editor.objects.added if self.context.ready else ()
+            added = self.context.session.editor.objects.added
             if imgui.button("Try again") or (added and self._offers_to_remove(added[-1].name)):
                 del self._failed[panel.title]
             return
@@ -193,7 +178,7 @@ class App:
         """The object that came last, as what a panel fails of may be that; whether it was removed."""
         removed = imgui.button(f"Remove {name}###remove newest")
         if removed:
-            self.context.workspace.remove(name)
+            self.context.session.remove(name)
         return removed
 
     def _guard(self, what: str, draw: Callable[[], None]) -> Exception | None:
@@ -239,7 +224,7 @@ class App:
         """A second start, which leaves its wishes to this window."""
         window.bring_to_front()
         if start.model:
-            self.session.when_ready(lambda: self.session.change_model(start.model))
+            self.session.open_model(start.model)
         if start.image:
             self.context.fit(Path(start.image))
 
@@ -282,7 +267,7 @@ class App:
         io = imgui.get_io()
         if any(io.mouse_delta) or any(io.mouse_down) or io.mouse_wheel or imgui.is_any_item_active():
             self._touched = time.monotonic()
-        if self.context.ready and self.context.workspace.idle_turn.turning:
+        if self.session.idle_turn.turning:
             return _RATE_OF_IDLE_TURN
         if not (self._software and self.session.jobs.busy()):
             return _RATE
@@ -298,13 +283,12 @@ class App:
         self._guard("This key failed", lambda: self._close_top(context))
         self._guard("The messages failed", lambda: messages.draw(context))
         self._guard("The help failed", lambda: help.draw(context))
-        if context.ready and self._guard("The Share dialog failed", lambda: self._share.draw(context)):
+        if self._guard("The Share dialog failed", lambda: self._share.draw(context)):
             context.share_open = False
-        if context.ready:
-            self._guard("The search cannot be shown", lambda: running_fit.draw(context))
+        self._guard("The search cannot be shown", lambda: running_fit.draw(context))
         self._guard("Cannot take this file", context.files.draw)
-        if context.ready and self._guard("The photo cannot be segmented", lambda: self._segmenting.draw(context)):
-            context.segmenting.close()
+        if self._guard("The photo cannot be segmented", lambda: self._segmenting.draw(context)):
+            context.session.segmenting.close()
         if context.focus:
             docking = self.params.docking_params
             docking.dockable_window_of_name(context.focus).is_visible = True

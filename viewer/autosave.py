@@ -1,22 +1,24 @@
 """Autosave: the work, written down while it is edited, kept from launch to launch, and after a run that ended badly."""
 
-import os
 import secrets
-import sys
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
+from filelock import FileLock, Timeout
+
+from core.runtime.reading import TooLargeError
 from viewer.services.messages import Button, MessageKind
 from viewer.session import Session
 from viewer.values.project import SUFFIX, Project
 
-_EVERY = 5.0
-"""s between two writings at the least"""
-_EARLIER = 10
-"""sessions that were replaced, kept"""
+_EVERY = 5.0  # s between two writings at the least
+_EARLIER = 10  # sessions that were replaced, kept
+_DAY = 86_400.0  # s, after which a file that a killed run was writing is removed
 
 
 class Autosave:
@@ -37,16 +39,20 @@ class Autosave:
         self._session, self._clock, self.every = session, clock, every
         self._kept_file = folder / f"session{SUFFIX}"
         self._earlier = folder / "earlier"
-        self._own_file = folder / f"session-{os.getpid()}-{secrets.token_hex(4)}{SUFFIX}"
-        self._written: tuple[object, ...] = ()
-        """what the file holds"""
+        self._own_file = folder / f"session-{secrets.token_hex(8)}{SUFFIX}"
+        self._lock = _lock(self._own_file)
+        self._written: tuple[object, ...] = ()  # what the file holds
         self._when = clock()
+        self._thread = ThreadPoolExecutor(1, "autosave")
+        self._writing: Future[int] | None = None
         found = [path for path in folder.glob(f"session-*{SUFFIX}") if not _runs(path)]
+        with suppress(Timeout, OSError):  # of a folder that takes no files
+            self._lock.acquire(timeout=0)
+        _sweep(folder)
         self.recoverable: tuple[Path, ...] = tuple(sorted(found, key=lambda path: path.stat().st_mtime))
         """what was left, the last one at the end, which is offered; those before it, once that has been answered"""
         session.archive.connect(self._archive)
-        self.model = self._resume()
-        """the name of the model that was open last; empty on the first launch"""
+        self._resume()
         self._offer()
 
     @property
@@ -55,14 +61,22 @@ class Autosave:
         return tuple(sorted(self._earlier.glob(f"*{SUFFIX}"), reverse=True))
 
     def tick(self) -> None:
-        """Once a frame: write, if there is something new and no drag is under way."""
-        workspace, parts = self._session.workspace, self._session.parts
-        if workspace is None or workspace.editor.history.gesture or _are_same(parts, self._written):
+        """Once a frame: begin to write, if there is something new and no drag is under way."""
+        if self._writing and self._writing.done():
+            self.finish()
+        parts = self._session.parts
+        if self._session.editor.history.gesture or _are_same(parts, self._written):
             return
-        if self._clock() - self._when >= self.every:
+        if self._writing is None and self._clock() - self._when >= self.every:
             self._when, self._written = self._clock(), parts
-            if (project := self._session.project()).sessions:
-                self._write(project, self._own_file)
+            if not (project := self._session.project()).is_empty:
+                self._writing = self._thread.submit(self._save, project, self._own_file)
+
+    def finish(self) -> None:
+        """Wait for the file that is being written, and tell how that went."""
+        if self._writing:
+            writing, self._writing = self._writing, None
+            self._tell(writing.result)
 
     def _offer(self) -> None:
         """Ask whether to restore what was left last, telling what it holds; where that is nothing, it goes."""
@@ -70,7 +84,7 @@ class Autosave:
             return
         path, held = self.recoverable[-1], "nobody knows what"
         with suppress(ValueError):
-            held = Project.load(path).summary
+            held = Project.load(path, self._session.models).summary
         if not held:
             self.discard()
             return
@@ -82,17 +96,13 @@ class Autosave:
     def restore(self) -> None:
         """Add what was left last to what there is. Where that cannot be, it stays until it is discarded."""
         path = self.recoverable[-1]
-
-        def add() -> None:
-            try:
-                self._session.add(Project.load(path))
-            except ValueError as error:
-                self._session.messages.report("Cannot restore the session", error)
-                self._offer()
-            else:
-                self._discard(path)
-
-        self._session.when_ready(add)
+        try:
+            self._session.restore(Project.load(path, self._session.models))
+        except ValueError as error:
+            self._session.messages.report("Cannot restore the session", error)
+            self._offer()
+        else:
+            self._discard(path)
 
     def discard(self) -> None:
         """Delete what was left last, and offer what was left before it."""
@@ -105,29 +115,32 @@ class Autosave:
 
     def close(self) -> None:
         """The run ends well; what an earlier one left stays until someone has decided."""
-        if self._session.workspace is None:  # nothing could be made
-            if self._own_file.exists() and not self._kept_file.exists():
-                self._own_file.replace(self._kept_file)
-            return
+        self.finish()
+        self._thread.shutdown()
+        self._keep()
+        self._lock.release()
+        Path(self._lock.lock_file).unlink(missing_ok=True)
+
+    def _keep(self) -> None:
+        """The file of this run becomes the one that the next run begins with."""
         # Where another window was closed meanwhile, the next launch begins with its session, and offers this one.
         to = self._own_file if self._kept_file.exists() else self._kept_file
         if self._write(self._session.project(), to) and to == self._kept_file:
             self._own_file.unlink(missing_ok=True)
 
-    def _resume(self) -> str:
+    def _resume(self) -> None:
         """Take over the file by renaming it: a project that crashes the program is not loaded at the next start."""
         try:
             self._kept_file.replace(self._own_file)
-            project = Project.load(self._own_file)
+            project = Project.load(self._own_file, self._session.models)
+            self._session.restore(project)
+            self._session.project_path = project.path
         except FileNotFoundError:
-            return ""
+            pass
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot go on with the last session", error)
             if self._own_file.exists():
                 self._own_file.replace(self._archive_path())
-            return ""
-        self._session.adopt(project)
-        return project.model
 
     def _archive(self, project: Project) -> None:
         self._write(project, self._archive_path())
@@ -139,12 +152,37 @@ class Autosave:
         return self._earlier / f"{datetime.now():%Y-%m-%d %H.%M.%S.%f}{SUFFIX}"
 
     def _write(self, project: Project, path: Path) -> bool:
+        return self._tell(lambda: self._save(project, path))
+
+    def _tell(self, save: Callable[[], int]) -> bool:
+        """Whether a file was saved; a person is told why not, or what had to be left out."""
         try:
-            project.save(path)
+            dropped = save()
         except (ValueError, OSError) as error:
             self._session.messages.report("Cannot save the session", error)
             return False
+        if dropped:
+            text = f"The session was too large: its file lacks the oldest {dropped} steps of undo"
+            self._session.messages.notify(text, MessageKind.NOTE)
         return True
+
+    def _save(self, project: Project, path: Path) -> int:
+        """Save a project, without its oldest half of undo where it is too large; how many steps were left out."""
+        steps = len(project.history.past)
+        while True:
+            left = len(project.history.past)
+            try:
+                project.save(path, self._session.models)
+            except ValueError as error:
+                if not (_is_too_large(error) and left):
+                    raise
+                project = replace(project, history=project.history.newer(left // 2))
+            else:
+                return steps - left
+
+
+def _is_too_large(error: BaseException | None) -> bool:
+    return error is not None and (isinstance(error, TooLargeError) or _is_too_large(error.__cause__))
 
 
 def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:
@@ -152,15 +190,28 @@ def _are_same(first: tuple[object, ...], second: tuple[object, ...]) -> bool:
     return len(first) == len(second) and all(one is other for one, other in zip(first, second, strict=True))
 
 
+def _lock(path: Path) -> FileLock:
+    """The lock that a run holds on its file as long as it lives."""
+    return FileLock(path.with_name(f".{path.stem}.lock"), thread_local=False)
+
+
 def _runs(path: Path) -> bool:
-    """Whether the program that writes this file is still there. On Windows this cannot be found out."""
-    number = path.stem.removeprefix("session-").partition("-")[0]
-    if not number.isdigit() or sys.platform == "win32" or int(number) == os.getpid():
-        return False  # an earlier run had this one's number
+    """Whether the run that writes a file is still there, on whatever machine."""
+    lock = _lock(path)
     try:
-        os.kill(int(number), 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except PermissionError:
+        lock.acquire(timeout=0)
+    except Timeout:
         return True
-    return True
+    except (NotImplementedError, OSError):  # no locks here
+        return False
+    lock.release()
+    Path(lock.lock_file).unlink(missing_ok=True)
+    return False
+
+
+def _sweep(folder: Path) -> None:
+    """Remove unfinished files of runs that were killed."""
+    for path in folder.glob(".*.partial*"):
+        with suppress(OSError):
+            if time.time() - path.stat().st_mtime > _DAY:
+                path.unlink()

@@ -1,4 +1,4 @@
-"""The context of panels: the open workspace, and the window's own things around it."""
+"""The context of panels: the session, and the window's own things around it."""
 
 from collections import deque
 from collections.abc import Callable
@@ -12,15 +12,7 @@ from imgui_bundle import ImVec2, imgui
 
 from core.models.scene import embedded_scene
 from core.photos.decode import IMAGE_SUFFIXES
-from viewer.activities.exporting import Exporting
-from viewer.activities.fitting import Fitting
-from viewer.activities.grid import Grid
-from viewer.activities.player import Player
-from viewer.activities.segmenting import Segmenting
-from viewer.activities.thumbnails import Thumbnails
-from viewer.activities.viewport import Viewport
 from viewer.autosave import Autosave
-from viewer.editor import Editor
 from viewer.screen.baked_canvas import BakedCanvas
 from viewer.screen.canvas import Canvas, Images
 from viewer.screen.file_dialog import FileDialog, FileRequest, is_there
@@ -33,15 +25,15 @@ from viewer.values.camera_text import camera_from_text, camera_text
 from viewer.values.preferences import Preferences
 from viewer.values.project import SUFFIX, is_project
 from viewer.values.view_modes import MODES
-from viewer.workspace import Workspace
 
 SCENES = (".json", ".png")
 PROJECTS = (SUFFIX,)
+MODELS = (".safetensors", ".pth", ".pt")
 
 
 @dataclass(eq=False)
 class PanelContext:
-    """Given to every panel. Canvas and images are there once the window is, the workspace once a model is open."""
+    """Given to every panel. Canvas and images are there once the window is."""
 
     session: Session
     files: FileDialog
@@ -51,82 +43,20 @@ class PanelContext:
     share_open: bool = False
     canvas: Canvas | None = None
     baked_canvas: BakedCanvas | None = None
-    fast_opengl: bool = False
-    """measured at start: a baked object is drawn in no more than a frame's time"""
-    attended: bool = True
-    """somebody may look at the window; nothing moves by itself in one that nobody sees"""
+    fast_opengl: bool = False  # measured at start: a baked object is drawn in no more than a frame's time
+    attended: bool = True  # somebody may look at the window; nothing moves by itself in one that nobody sees
     images: Images | None = None
-    bold: imgui.ImFont | None = None
-    """the font of headings"""
-    focus: str = "Mix"
-    """the panel to bring to the front"""
-    dragged: str = ""
-    """the object that is dragged to a slot"""
-    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))
-    """two corners of the view on screen"""
-    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))
-    """s of the window thread's own processor time, of the last frames"""
-    overlay: np.ndarray | None = None
-    """RGBA, square: what a panel shows over the object in the next frame, as the scene's camera sees it"""
+    bold: imgui.ImFont | None = None  # the font of headings
+    focus: str = "Mix"  # the panel to bring to the front
+    dragged: str = ""  # the object that is dragged to a slot
+    view: tuple[ImVec2, ImVec2] = (ImVec2(0, 0), ImVec2(0, 0))  # two corners of the view on screen
+    frame_times: deque[float] = field(default_factory=lambda: deque(maxlen=120))  # s of the window's thread
+    overlay: np.ndarray | None = None  # RGBA, square: drawn over the object in the next frame
     quit: Callable[[], None] = lambda: None
     reset_layout: Callable[[], None] = lambda: None
-    autosave: Autosave | None = None
-    """None where nothing is kept"""
+    autosave: Autosave | None = None  # None where nothing is kept
     clipboard: Clipboard = field(default_factory=Clipboard)
     file_manager: Callable[[Path], None] = show_in_folder
-
-    # What belongs to the open model; panels are drawn only once there is one
-
-    @property
-    def ready(self) -> bool:
-        """A model is open."""
-        return self.session.workspace is not None
-
-    @property
-    def workspace(self) -> Workspace:
-        """Everything around the open model."""
-        assert self.session.workspace is not None, "no model yet"
-        return self.session.workspace
-
-    @property
-    def editor(self) -> Editor:
-        """The editor."""
-        return self.workspace.editor
-
-    @property
-    def viewport(self) -> Viewport:
-        """The view."""
-        return self.workspace.viewport
-
-    @property
-    def thumbnails(self) -> Thumbnails:
-        """Small renders."""
-        return self.workspace.thumbnails
-
-    @property
-    def grid(self) -> Grid:
-        """Shapes crossed with textures."""
-        return self.workspace.grid
-
-    @property
-    def player(self) -> Player:
-        """The timeline."""
-        return self.workspace.player
-
-    @property
-    def fitting(self) -> Fitting:
-        """The fit under way, or the last one."""
-        return self.workspace.fitting
-
-    @property
-    def segmenting(self) -> Segmenting:
-        """The photo whose object is pointed out."""
-        return self.workspace.segmenting
-
-    @property
-    def exporting(self) -> Exporting:
-        """Files on their way."""
-        return self.workspace.exporting
 
     # Preferences
 
@@ -152,13 +82,13 @@ class PanelContext:
     def next_view_mode(self) -> None:
         """Show the next of the view's modes."""
         modes = list(MODES)
-        self.viewport.change(mode=modes[(modes.index(self.viewport.settings.mode) + 1) % len(modes)])
+        self.session.viewport.change(mode=modes[(modes.index(self.session.viewport.settings.mode) + 1) % len(modes)])
 
     def copy_image(self) -> None:
         """The view on white, without its shadow, into the clipboard."""
-        assert self.viewport.frame is not None, "nothing is shown yet"
+        assert self.session.viewport.frame is not None, "nothing is shown yet"
         try:
-            copy_image(self.viewport.frame.image)
+            copy_image(self.session.viewport.frame.image)
         except ValueError as error:
             self.session.messages.report("Cannot copy the image", error)
         else:
@@ -168,29 +98,19 @@ class PanelContext:
 
     def copy_camera(self) -> None:
         """The camera as a line of text into the clipboard."""
-        imgui.set_clipboard_text(camera_text(self.editor.scene.camera))
+        imgui.set_clipboard_text(camera_text(self.session.editor.scene.camera))
         self.session.messages.notify("Copied the camera")
 
     def paste_camera(self) -> None:
         """See the object from the camera that the clipboard's text names."""
         try:
-            self.editor.set_camera(camera_from_text(imgui.get_clipboard_text(), self.editor.scene.camera))
+            self.session.editor.set_camera(
+                camera_from_text(imgui.get_clipboard_text(), self.session.editor.scene.camera)
+            )
         except ValueError as error:
             self.session.messages.report("Cannot paste the camera", error)
 
     # Files
-
-    def ask(self, request: FileRequest) -> None:
-        """Ask for a file of the open model. An answer that comes after another model was opened does nothing."""
-        workspace = self.workspace
-
-        def answer(path: Path) -> None:
-            if self.session.workspace is workspace:
-                request.answer(path)
-            else:
-                self.session.messages.notify(f"Another model was opened before {path.name} was chosen")
-
-        self.files.ask(replace(request, answer=answer))
 
     def fit_image(self) -> None:
         """Ask for an image, and fit it."""
@@ -206,7 +126,7 @@ class PanelContext:
     def rebuild(self, *paths: Path) -> None:
         """Fit images that are not to be among the recent files, and show how it goes."""
         self.focus = "Photo"
-        self.session.fit_photos(*paths)
+        self.session.fitting.start(*paths)
 
     def paste(self) -> None:
         """Fit the images in the clipboard."""
@@ -215,13 +135,18 @@ class PanelContext:
         jobs.submit(Job("paste", images, lambda paths: self.rebuild(*paths), ended))
 
     def open_file(self) -> None:
-        """Ask for a project, a scene, or an image that holds one, and open it."""
-        self.files.ask(FileRequest("Project or scene to open", self.load, (*PROJECTS, *SCENES)))
+        """Ask for a project, a scene, an image that holds one, or a model, and open it."""
+        self.files.ask(FileRequest("Project, scene or model to open", self.load, (*PROJECTS, *SCENES, *MODELS)))
 
     def load(self, path: Path) -> None:
-        """Open a project, a scene, or an image that holds one."""
+        """Open a project, a scene, an image that holds one, or a model."""
         self._remember(path)
-        self.session.open_project(path) if is_project(path) else self.session.open_scene(path)
+        if is_project(path):
+            self.session.open_project(path)
+        elif path.suffix.lower() in MODELS:
+            self.session.open_model(str(path))
+        else:
+            self.session.open_scene(path)
 
     def save_project(self) -> None:
         """Save all that was made, where it was saved before; ask where, if it was not."""
@@ -240,7 +165,7 @@ class PanelContext:
 
     def save_scene(self) -> None:
         """Ask where to, and save the scene."""
-        self.ask(FileRequest("Save the scene as", self.exporting.scene, (".json",), True, "scene.json"))
+        self.files.ask(FileRequest("Save the scene as", self.session.exporting.scene, (".json",), True, "scene.json"))
 
     def share(self, kind: str = "") -> None:
         """Open the Share dialog, at one of :data:`viewer.values.share_settings.KINDS`, else at the last one."""
@@ -256,12 +181,12 @@ class PanelContext:
             self.session.messages.report("Cannot show the folder", error)
 
     def drop(self, paths: list[str]) -> None:
-        """Take files dropped on the window: scenes, and images that hold one, are opened; all others are photos of one
-        object, which is fitted.
+        """Take files dropped on the window: projects, models, scenes, and images that hold one, are opened; all others
+        are photos of one object, which is fitted.
         """
         others = []
         for path in map(Path, paths):
-            if path.suffix.lower() in (SUFFIX, ".json") or embedded_scene(path):
+            if path.suffix.lower() in (SUFFIX, ".json", *MODELS) or embedded_scene(path):
                 self.load(path)
             else:
                 others.append(path)
@@ -277,14 +202,9 @@ class Panel:
     """A dockable window, one subject each."""
 
     title: str
-    dock: str
-    """View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)"""
-    folded = False
-    """not shown until it is chosen in the menu Panels"""
-    bare = False
-    """its subject needs no words: it has no tab, unless another panel is beside it"""
-    needs_model = True
-    """drawn only while a model is open"""
+    dock: str  # View, Left (the library), Right (the inspector), Strip (below) or Drawer (above the strip)
+    folded = False  # not shown until it is chosen in the menu Panels
+    bare = False  # its subject needs no words: it has no tab, unless another panel is beside it
 
     def draw(self, context: PanelContext) -> None:
         """Draw it; called once a frame, between imgui's begin and end."""

@@ -1,6 +1,7 @@
-"""The editor: an object's codes, its camera and the timeline, of one model. Every edit can be undone."""
+"""The editor: an object's codes, its camera and the timeline. Every edit can be undone."""
 
 from dataclasses import replace
+from itertools import chain
 
 import torch
 from torch import Tensor
@@ -9,6 +10,7 @@ from core.export.keyframes import Timeline
 from core.geometry.camera import Camera
 from core.models.codes import Codes, CodeSpace
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.models.photo_detail import PhotoDetail
 from core.models.scene import Scene
 from viewer.services.signal import Signal
@@ -17,27 +19,28 @@ from viewer.values.direction import Direction
 from viewer.values.history import History, Mix, Pair, State
 from viewer.values.objects import EditableObject, ObjectLibrary
 from viewer.values.part import PARTS, Part
-from viewer.values.saved_session import SavedSession
+from viewer.values.project import Project
 
 
 class Editor:
-    """Each edit is one step of undo, or joins the drag (``gesture``) that it belongs to until :meth:`end_gesture`."""
+    """Each edit is one step of undo, or joins the drag (``gesture``) that it belongs to until :meth:`end_gesture`.
 
-    def __init__(self, model: Model, generator: torch.Generator, directions: tuple[Direction, ...] = ()) -> None:
-        self.model = model
-        self.objects = ObjectLibrary(model)
-        self.locked: frozenset[Part] = frozenset()
-        """what no edit of codes changes; opening a scene or a fit does, and undo"""
-        first, second = self.objects.names[0], self.objects.names[min(1, len(self.objects.names) - 1)]
-        scene = Scene(model.fingerprint, self.objects[first].codes, orbit.home(model))
-        self.history = History(State(scene, Mix(Pair(first, first), second), directions=directions))
-        self.scene_changed = Signal[[]]()
-        """emitted after every change of the scene, undo included"""
-        self.object_chosen = Signal[[]]()
-        """emitted after that when another object was chosen"""
+    The object may be of any open model. What it is mixed with is of the same one.
+    """
+
+    def __init__(
+        self, models: OpenModels, first: Model, generator: torch.Generator, directions: tuple[Direction, ...] = ()
+    ) -> None:
+        """Show the first object of the model ``first``."""
+        self.models, self.objects = models, ObjectLibrary(models)
+        self._locked: frozenset[tuple[str, Part]] = frozenset()
+        mix = self._first_mix(first)
+        scene = Scene(self.objects[mix.a.shape].codes, orbit.home(first))
+        self.history = History(State(scene, mix, directions=directions))
+        self.scene_changed = Signal[[]]()  # emitted after every change of the scene, undo included
+        self.object_chosen = Signal[[]]()  # emitted after that when another object was chosen
         self._generator = generator
-        self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}
-        """for each part the code that was looked up last, and the answer"""
+        self._nearest: dict[Part, tuple[Tensor, tuple[str, float]]] = {}  # code that was looked up, and the answer
 
     # What there is
 
@@ -50,6 +53,20 @@ class Editor:
     def scene(self) -> Scene:
         """The scene on screen."""
         return self.state.scene
+
+    @property
+    def model(self) -> Model:
+        """The model of the object on screen."""
+        return self.models.of(self.scene.codes)
+
+    @property
+    def locked(self) -> frozenset[Part]:
+        """The parts of this model's objects that no edit of codes changes; opening a scene or a fit does, and undo."""
+        return frozenset(part for model, part in self._locked if model == self.scene.codes.model)
+
+    def is_mixable(self, name: str) -> bool:
+        """Whether an object can be mixed with the one on screen: both are of one model."""
+        return self.objects[name].codes.model == self.scene.codes.model
 
     def space(self, part: Part) -> CodeSpace:
         """The distribution of the trained codes of one part."""
@@ -150,7 +167,7 @@ class Editor:
 
     def show_pair(self, pair: Pair) -> None:
         """Make current the shape of one object in the texture of another; the pair becomes A."""
-        self._set_codes(self.pair(pair), Mix(pair, self.state.mix.b))
+        self._set_codes(self.pair(pair), self._mix_from(pair))
         self.object_chosen.emit()
 
     def take(self, part: Part, name: str) -> None:
@@ -188,11 +205,11 @@ class Editor:
     def show_added(self, name: str, camera: Camera) -> None:
         """Make an object current, as A, seen from a camera, whatever is locked."""
         codes = self.objects[name].codes
-        self._edit(replace(self.scene, codes=codes, camera=camera), Mix(Pair(name, name), self.state.mix.b))
+        self._edit(Scene(codes, camera), self._mix_from(Pair(name, name)))
 
     def show(self, codes: Codes, camera: Camera, gesture: str = "") -> None:
         """Show codes and the camera they belong to, such as a step of a fit, or a time of the timeline."""
-        self._edit(replace(self.scene, codes=codes, camera=camera), gesture=gesture)
+        self._edit(Scene(codes, camera), self._mix_of(self.models.of(codes)), gesture)
 
     def join(self, scene: Scene) -> None:
         """Change the scene as a part of the edit before."""
@@ -224,11 +241,11 @@ class Editor:
         """Change the timeline; what is shown stays."""
         self._go(self.history.changed(replace(self.state, timeline=timeline), gesture))
 
-    def restore(self, saved: SavedSession) -> None:
-        """Go on with a saved session, its undo included, and with the named directions of now. What has been made here
+    def restore(self, saved: Project) -> None:
+        """Go on with a project, its undo included, and with the named directions of now. What has been made here
         stays: the saved states come before it. Raises ``ValueError`` where that cannot be, and changes nothing then.
         """
-        saved.check(self.model)
+        self.check(saved)
         names = self.objects.add_missing(saved.objects)
         known = {one.name for one in saved.objects}
         self.objects.remove(*(names.get(name, name) for name in saved.removed if name in known))
@@ -258,8 +275,34 @@ class Editor:
     # No edit
 
     def lock(self, part: Part, locked: bool) -> None:
-        """Keep the shape, or the texture, from being changed; or let it go again."""
-        self.locked = self.locked | {part} if locked else self.locked - {part}
+        """Keep the shape, or the texture, of this model's objects from being changed; or let it go again."""
+        this = frozenset({(self.scene.codes.model, part)})
+        self._locked = self._locked | this if locked else self._locked - this
+
+    def _mix_of(self, model: Model) -> Mix:
+        """The mix of now, or the last one of another model's objects, or the first two of those."""
+        used = (state.mix for state in (self.state, *reversed(self.history.past)))
+        of_model = (mix for mix in used if self.objects[mix.b].codes.model == model.fingerprint)
+        return next(of_model, None) or self._first_mix(model)
+
+    def _first_mix(self, model: Model) -> Mix:
+        forms = self.objects.families[model.fingerprint]
+        first, second = ([*forms, *chain(*forms.values())] * 2)[:2]
+        return Mix(Pair(first, first), second)
+
+    def _mix_from(self, pair: Pair) -> Mix:
+        """The way from a pair to B."""
+        return Mix(pair, self._mix_of(self.models.of(self.objects[pair.shape].codes)).b)
+
+    def check(self, saved: Project) -> None:
+        """Raise ``ValueError`` where a project mixes objects that nobody has."""
+        known = {one.name: one for one in saved.objects}
+        for state in saved.history.states:
+            for name in state.mix.names:
+                if name not in known and name not in self.objects:
+                    raise ValueError("it mixes objects that are not here")
+                if (known.get(name) or self.objects[name]).codes.model != state.scene.codes.model:
+                    raise ValueError("it mixes objects of different models")
 
     def _mix(self, mix: Mix, parts: tuple[Part, ...], gesture: str = "") -> None:
         mixed = self.pair(mix.a).mixed(self.objects[mix.b].codes, mix.shape, mix.texture)
@@ -271,7 +314,7 @@ class Editor:
     def _set_codes(self, codes: Codes, mix: Mix, gesture: str = "") -> None:
         """An edit of codes. What is locked stays as it is: its code, where it is from, and its slider."""
         now = self.state
-        for part in self.locked:
+        for part in self.locked if codes.model == now.scene.codes.model else ():
             codes = codes.taking(part, now.scene.codes)
             a = mix.a._replace(**{part: getattr(now.mix.a, part)})
             mix = replace(mix, a=a).with_amount(part, getattr(now.mix, part))

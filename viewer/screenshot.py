@@ -8,12 +8,9 @@ from PIL import Image
 
 from viewer.app import App
 
-_RATE = 12.0
-"""Frames per second: the processor is the worker's."""
-_SETTLED = 5
-"""Frames after which the layout is stable."""
-_FOR_THUMBNAILS = 20.0
-"""s that are waited for thumbnails, of which a model may have hundreds"""
+_RATE = 12.0  # Frames per second: the processor is the worker's
+_SETTLED = 5  # Frames after which the layout is stable
+_FOR_THUMBNAILS = 20.0  # s that are waited for thumbnails, of which a model may have hundreds
 
 
 class Screenshot:
@@ -23,8 +20,7 @@ class Screenshot:
         """Wait ``longest`` seconds at the most."""
         self._app = app
         self._until = time.monotonic() + longest
-        self._busy = 0.0
-        """s on the monotonic clock, when the last large frame was finished"""
+        self._busy = 0.0  # s on the monotonic clock, when the last large frame was finished
         self._still = 0
         app.each_frame = self._check
         app.params.fps_idling.fps_max = _RATE
@@ -36,7 +32,7 @@ class Screenshot:
 
     def _check(self) -> None:
         session, now = self._app.session, time.monotonic()
-        if session.loading or session.jobs.busy("model", "view", "fit", "fit frame"):
+        if session.jobs.busy("view", "fit", "fit frame"):
             self._busy, self._still = now, 0
         elif not session.jobs.busy() or now - self._busy > _FOR_THUMBNAILS:
             self._still += 1

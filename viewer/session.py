@@ -1,164 +1,311 @@
-"""A run of the program: the model that is open, and what stays when another is opened. No window here."""
+"""A run of the program: the editor, all activities around it, and what is kept of them. No window here."""
 
-from collections.abc import Callable, Iterator
+from itertools import zip_longest
 from pathlib import Path
 
 import torch
 
-from core.models.library import shipped_models
+from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.models.scene import open_scene, scene_model
+from core.photos.direction_words import Words
+from core.runtime.folders import THUMBNAILS, cache_folder
+from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions
+from viewer.activities.fitting import Fitting
+from viewer.activities.grid import Grid
+from viewer.activities.idle_turn import IdleTurn
+from viewer.activities.player import Player
+from viewer.activities.segmenting import Segmenting
+from viewer.activities.thumbnails import Thumbnails
+from viewer.activities.viewport import Viewport
+from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.jobs import Jobs
+from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.kept_thumbnails import KeptThumbnails
-from viewer.services.messages import Button, MessageKind, Messages
+from viewer.services.messages import Messages
 from viewer.services.photo_thumbnails import PhotoThumbnails
 from viewer.services.signal import Signal
 from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Job, Worker
-from viewer.values.fit_history import PhotoSource, Waiting
+from viewer.values import orbit
+from viewer.values.fit_history import FitHistory, FitRequest, PhotoSource
 from viewer.values.objects import EditableObject
+from viewer.values.part import Part
 from viewer.values.printable import printable
 from viewer.values.project import Project
-from viewer.values.saved_session import SavedSession
 from viewer.values.view_request import ViewSettings
-from viewer.workspace import Workspace
 
 
 class Session:
-    """Composition only: opens models, gives each a workspace, and defers what has to wait for one."""
+    """Makes the parts and connects them; opens, saves and replaces what is made with them."""
 
-    def __init__(self, worker: Worker, backend: Backend | None = None, seed: int | None = None) -> None:
-        self.messages = Messages()
-        self.jobs = Jobs(worker, backend or Backend(), self.messages)
+    def __init__(
+        self,
+        worker: Worker,
+        backend: Backend | None = None,
+        seed: int | None = None,
+        folder: Path | None = None,
+        first: str = DEFAULT_MODEL,
+    ) -> None:
+        """Open the shipped models, and show the first object of one.
+
+        Args:
+            folder: of objects and directions that last from launch to launch; None keeps nothing.
+            first: a shipped name, or the path of another model.
+
+        Raises ``ValueError`` where a model cannot be opened.
+        """
+        backend = backend or Backend()
+        self.messages, self.models = Messages(), OpenModels(backend.load_model)
+        self.jobs = Jobs(worker, backend, self.messages, self.models)
         self.photo_thumbnails = PhotoThumbnails(self.jobs)
-        self.view, self.fit_options = ViewSettings(), FitOptions()
-        self.workspace: Workspace | None = None
-        """None until the first model is open"""
-        self.model_name = ""
-        """of the model that is open"""
-        self.loading = ""
-        """the name of the model on its way"""
-        self.user_objects = UserObjects()
-        """the objects that last from launch to launch"""
-        self.kept_thumbnails = KeptThumbnails()
-        """of a model's objects, which last too"""
-        self.archive = Signal[Project]()
-        """emitted with what is about to be replaced, or cannot be continued with"""
-        self._deferred: list[Callable[[], None]] = []
-        """what waits for the model on its way"""
-        self._elsewhere: tuple[Waiting, ...] = ()
-        """photos of another category, which wait until the model can be changed"""
-        self._left: tuple[SavedSession, ...] = ()
-        """sessions that go on when their model is opened next"""
-        self.project_path: Path | None = None
-        """where the project was saved, or opened from"""
-        self._replacing: tuple[Project, Callable[[], None]] | None = None
-        """what takes the place of everything once its model is there, and what to do then"""
+        self.fit_options = FitOptions()
+        self.archive = Signal[Project]()  # emitted with what is about to be replaced, or cannot be continued with
+        self.project_path: Path | None = None  # where the project was saved, or opened from
+        self._user_objects = UserObjects(folder and folder / "mine")
+        self._kept_thumbnails = KeptThumbnails(folder and cache_folder() / THUMBNAILS)
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
+        self._words: dict[str, Words] = {}  # by fingerprint, of principal directions
+        self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
+        for name in dict.fromkeys((*shipped_models(), first)):
+            self.models.open(name)
+        self._begin(self.models.open(first), ViewSettings())
 
-    @property
-    def fitting_runs(self) -> bool:
-        """A fit is under way."""
-        return self.workspace is not None and self.workspace.fitting.running
+    def _begin(self, first: Model, view: ViewSettings) -> None:
+        """All parts as they are at first, with the objects that are kept."""
+        jobs = self.jobs
+        directions = tuple(one for model in self.models for one in self._user_objects.directions(model))
+        self._kept_directions = directions
+        self.editor = Editor(self.models, first, self._generator, directions)
+        self._initially_there = frozenset[str]()  # names of objects that were there from the beginning
+        for model in self.models:
+            self._add_user_objects(model)
+        self._awaiting_box: tuple[tuple[tuple[PhotoSource, ...], int], ...] = ()  # to be pointed out next
+        self._prompting: tuple[PhotoSource, ...] = ()  # whose object is being pointed out, as it was not found
+        self.viewport = Viewport(jobs, self.editor, view)
+        self.thumbnails = Thumbnails(jobs, self._kept_thumbnails)
+        self.idle_turn = IdleTurn(jobs, self.editor, self.viewport)
+        self.grid = Grid(jobs, self.editor.objects)
+        self.player = Player(jobs, self.editor, self.viewport)
+        self.fitting = Fitting(jobs, self.editor, self.viewport, self.fit_options)
+        self.segmenting = Segmenting(jobs, self.editor, self.fitting.fit)
+        self.fitting.no_background.connect(self._ask_for_box)
+        self.exporting = Exporting(jobs, self.editor, self.grid)
+
+    def start(self) -> None:
+        """Render the first image, and make the view banks that fits wait for."""
+        self.viewport.render()
+        for model in self.models:
+            self._build_view_bank(model)
 
     def tick(self) -> None:
         """Once a frame: what came from the worker, and what advances with time."""
         self.jobs.worker.deliver()
-        if self.workspace:
-            self.workspace.tick()
-            if self._elsewhere and self._is_idle(self.workspace):
-                self._fit_with_other_model()
+        self.viewport.tick()
+        self.player.tick()
+        self.thumbnails.tick()
+        self.fitting.tick()
+        if self._awaiting_box and not self.segmenting.active:
+            first, *others = self._awaiting_box
+            self._awaiting_box, self._prompting = tuple(others), first[0]
+            self.segmenting.open(*first)
+        if (self._kept, self._kept_directions) != (self.editor.objects.version, self.editor.state.directions):
+            self._keep_user_objects()
+
+    def close(self) -> None:
+        """End what is under way."""
+        for part in (self.viewport, self.thumbnails, self.player, self.fitting, self.segmenting):
+            part.close()
+        self.exporting.cancel()
+
+    # Models and their objects
 
     def open_model(self, name: str) -> None:
-        """Load a model, by shipped name or path. The open one stays until it is there; what was made with the model
-        comes back with it. A project that is on its way comes first.
-        """
-        if self._replacing and name != self._replacing[0].model:
-            self.when_ready(lambda: self.open_model(name))
-            return
-        self.loading = name
-
-        def ended(error: Exception | None) -> None:
-            if error:
-                self.loading, self._replacing = "", None
-                self._deferred.clear()
-                self.messages.report(f"Cannot open the model {name}", error)
-
+        """Add the objects of a model, a shipped name or a path, to the library, and show the first one."""
         load = self.jobs.backend.load_model
-        self.jobs.submit(Job("model", lambda: (load(name),), lambda model: self._opened(name, model), ended))
 
-    def change_model(self, name: str) -> None:
-        """Open another model, at once unless something is under way that this would end: a person decides then."""
-        if name == self.model_name:
-            return
-        if self._is_idle(self._workspace()):
-            self.open_model(name)
-            return
-        offer = Button("Open it", lambda: self.open_model(name))
-        text = f"Open {Path(name).name}? What is under way would end"
-        self.messages.notify(text, MessageKind.NOTE, buttons=(offer,))
+        def loaded(model: Model) -> None:
+            self.models.add(name, model)
+            self.show_model(name)
+            self.messages.notify(f"Opened {Path(name).name}")
 
-    def when_ready(self, action: Callable[[], None]) -> None:
-        """Do something now, or once the model on its way is open."""
-        if self.workspace is not None and not self.loading:
-            action()
-        else:
-            self._deferred.append(action)
+        self.jobs.submit(
+            Job(f"model {name}", lambda: (load(name),), loaded, self.jobs.reporting("Cannot open the model"))
+        )
 
-    def fit_photos(self, *paths: Path) -> None:
-        """Fit the object in images; see :meth:`viewer.activities.fitting.Fitting.start`."""
-        self.when_ready(lambda: self._workspace().fitting.start(*paths))
+    def show_model(self, name: str) -> None:
+        """Show the first object of an open model, unless one of its objects is shown."""
+        model = self.models.open(name)
+        self._add_models()
+        if self.editor.model is not model:
+            self.editor.show_object(next(iter(self.editor.objects.families[model.fingerprint])))
+
+    def _add_models(self) -> None:
+        """Bring the objects of models that were opened into the library."""
+        for model in self.models:
+            if model.fingerprint not in self.editor.objects.families:
+                self.editor.objects.add_model(model)
+                self._add_user_objects(model)
+                self._build_view_bank(model)
+
+    def word(self, part: Part, index: int) -> str:
+        """What more of a principal direction makes of the object, such as *wider*; empty where that is not known."""
+        model, measure = self.editor.model, self.jobs.backend.direction_words
+        if (known := self._words.get(model.fingerprint)) is None:
+            known = self._words[model.fingerprint] = {}
+
+            def keep(words: Words) -> None:
+                self._words[model.fingerprint] = words
+
+            name = f"words {model.fingerprint}"
+            self.jobs.submit(Job(name, lambda: measure(model), keep, share=BACKGROUND_SHARE))
+        words = known.get(part, ())
+        return words[index] if index < len(words) else ""
+
+    @property
+    def preparing(self) -> float | None:
+        """Which share (0..1) of the view banks is made; None once all are there."""
+        busy = [key for key in self._banks if self.jobs.busy(f"view bank {key}")]
+        return sum(self._banks.values()) / len(self._banks) if busy else None
+
+    def _build_view_bank(self, model: Model) -> None:
+        key, build = model.fingerprint, self.jobs.backend.view_bank
+        self._banks[key] = 0.0
+
+        def keep(share: float) -> None:
+            self._banks[key] = share
+
+        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=BACKGROUND_SHARE))
+
+    def rename(self, name: str, to: str) -> None:
+        """Give an added object another name, wherever it is mentioned."""
+        new = self.editor.rename(name, to)
+        self.grid.rename(name, new)
+        self.fitting.rename(name, new)
+
+    def remove(self, name: str) -> None:
+        """Take an added object out of all lists; what is shown stays."""
+        self.editor.objects.remove(name)
+        self.grid.remove(name)
+        self.fitting.results.unseen.pop(name, None)
+
+    def _add_user_objects(self, model: Model) -> None:
+        objects = self.editor.objects
+        self._initially_there |= frozenset(map(objects.add, self._user_objects.open(model)))
+        self._kept = objects.version
+
+    def _keep_user_objects(self) -> None:
+        """Keep fitted objects and named directions for the next launch."""
+        objects = self.editor.objects
+        self._kept, self._kept_directions = objects.version, self.editor.state.directions
+        try:
+            self._user_objects.sync(self.models, [one for one in objects.added if one.fitted])
+            self._user_objects.keep_directions(self.models, self._kept_directions)
+        except (ValueError, OSError) as error:
+            self.messages.report("Cannot keep what was made", error)
+
+    @property
+    def samples(self) -> tuple[Path, ...]:
+        """Photos to try, of every category in turn."""
+        paths = zip_longest(*(sample_images(model.category) for model in self.models))
+        return tuple(path for several in paths for path in several if path)
+
+    # The view
+
+    def see_from(self, view: str) -> None:
+        """One of :data:`viewer.values.orbit.VIEWS`, the first view (home), or the last photo's camera, if any."""
+        if view == "home":
+            self.viewport.reset_view()
+        elif view == "photo" and self.fitting.history.last:
+            self.editor.set_camera(self.fitting.view.camera)
+        elif view in orbit.VIEWS:
+            self.editor.set_camera(orbit.seen_from(self.viewport.camera, view))
+
+    @property
+    def orthographic(self) -> bool:
+        """The view has no perspective."""
+        return orbit.is_orthographic(self.viewport.camera, self.editor.model)
+
+    def set_orthographic(self, orthographic: bool) -> None:
+        """See the object without perspective, or with the model's own."""
+        self.editor.set_camera(orbit.with_perspective(self.viewport.camera, self.editor.model, not orthographic))
+
+    # Photos whose object a person points out
+
+    def segment_photo(self) -> None:
+        """Point out the object in the photo of the fit that is shown."""
+        history = self.fitting.history
+        self.segmenting.open(history.sources, history.photo_index, history.model)
+
+    @property
+    def _not_found(self) -> tuple[tuple[PhotoSource, ...], ...]:
+        """Photos whose object is still to be pointed out."""
+        asked = self.segmenting.active and self._prompting and self.segmenting.sources == self._prompting
+        return (*((self._prompting,) if asked else ()), *(sources for sources, _ in self._awaiting_box))
+
+    def _ask_for_box(self, sources: tuple[PhotoSource, ...], index: int) -> None:
+        """In this photo the object was not found: a person is asked, for one photo at a time."""
+        self._awaiting_box = (*self._awaiting_box, (sources, index))
+
+    # Scenes and projects
 
     def open_scene(self, path: Path) -> None:
-        """Open a scene, or an image that holds one: its object joins the objects. One of another shipped model opens
-        that first; what cannot be read, or is of no such model, changes nothing.
+        """Open a scene, or an image that holds one: its object joins the objects, and is shown. What cannot be read, or
+        is of a model that is not open, changes nothing.
         """
-        self.when_ready(lambda: self._open_scene(path))
-
-    # What was made
+        try:
+            wanted = scene_model(path)
+            scene = open_scene(path, self.models[wanted] if wanted else self.editor.model)
+        except ValueError as error:
+            self.messages.report("Cannot open the scene", error)
+        else:
+            self.editor.add_and_show(EditableObject(printable(path.stem), scene.codes), scene.camera)
+            self.messages.notify(f"Opened {path.name}")
 
     def project(self) -> Project:
-        """All that was made, with every model."""
-        saved = self.workspace.saved(self.model_name) if self.workspace else None
-        return Project(self.model_name, (*self._left, *((saved,) if saved else ())), self.project_path)
+        """All that was made."""
+        history, objects, fitting = self.editor.history, self.editor.objects, self.fitting
+        used = frozenset(self.grid.names).union(*(state.mix.names for state in history.states))
+        return Project(
+            history.without_gesture(),
+            tuple(one for one in objects.ever_added if one.name in used or one.name not in self._initially_there),
+            tuple(objects.removed),
+            self.grid.names,
+            FitHistory() if fitting.running and not fitting.results.checking else fitting.history,
+            fitting.candidates.saved(),
+            (*fitting.pending, *(FitRequest(FitHistory(sources)) for sources in self._not_found)),
+            self.models.names,
+            self.project_path,
+        )
 
     @property
     def parts(self) -> tuple[object, ...]:
         """Everything :meth:`project` is made of: as long as these are the same, so is that."""
-        return (self.project_path, *self._left, *(self.workspace.parts if self.workspace else ()))
+        objects, fitting = self.editor.objects, self.fitting
+        fit = fitting.request, fitting.queue, fitting.results.checking, fitting.history.photos
+        steps = None if fitting.running else fitting.history.steps
+        added = objects.ever_added
+        named = self.editor.history, objects.removed, self.grid.names, self.project_path
+        return (*named, *fit, steps, *self._not_found, *added)
 
-    def adopt(self, project: Project) -> None:
-        """Resume the saved session of each model when it is next opened."""
-        self.project_path, self._left = project.path, project.sessions
-
-    def add(self, project: Project) -> None:
-        """Put a project beside all that was made: its states before those of now, its objects among the others; its
-        model is opened where nothing was made with this one. Raises ``ValueError`` where this model cannot go on with
-        it, and changes nothing then.
+    def restore(self, project: Project) -> None:
+        """Go on with a project: its states come before those of now, its objects join the others. Raises ``ValueError``
+        where that cannot be, and changes nothing then.
         """
-        for saved in project.sessions:
-            if saved.model == self.model_name:
-                saved.check(self._workspace().model)
-        fresh = self._workspace().saved(self.model_name) is None
-        self._left = (*self._left, *project.sessions)
-        for saved in self._take(self.model_name):
-            self._restore(saved)
-        if fresh and project.model != self.model_name:
-            self.open_model(project.model)
-
-    def _take(self, model: str) -> tuple[SavedSession, ...]:
-        """Of what waits for its model, the sessions of this one, which wait no more."""
-        taken = tuple(saved for saved in self._left if saved.model == model)
-        self._left = tuple(saved for saved in self._left if saved.model != model)
-        return taken
+        self._add_models()
+        self.editor.restore(project)
+        self.grid.add(*(name for name in project.grid if name in self.editor.objects))
+        if not self.fitting.history.sources:
+            self.fitting.candidates.restore(project.tiles)
+        self.fitting.restore(project.fit, project.pending)
 
     def save_project(self, path: Path) -> bool:
         """Write all that was made into one file, which names no folder of this machine; whether that could be done."""
         try:
-            self.project().shared().save(path)
+            self.project().shared().save(path, self.models)
         except Exception as error:
             self.messages.report("Cannot save the project", error)
             return False
@@ -172,179 +319,23 @@ class Session:
         Args:
             keep_path: it is saved there again.
         """
-
-        def opened() -> None:
-            self.project_path = path if keep_path else None
-            self.messages.notify(f"Opened {path.name}")
-
         try:
-            project = Project.load(path).beside(path.parent)
+            project = Project.load(path, self.models).beside(path.parent)
+            self._add_models()
+            self.editor.check(project)
         except ValueError as error:
             self.messages.report("Cannot open the project", error)
         else:
-            self.replace(project, opened)
-
-    def replace(self, project: Project, done: Callable[[], None] = lambda: None) -> None:
-        """Put another project in the place of all that was made; its model is opened first.
-
-        Args:
-            done: called once it is there.
-        """
-        self._replacing = project, done
-        if self.workspace is not None and not self.loading and self.model_name == project.model:
-            self._opened(self.model_name, self.workspace.model)
-        else:
-            self.open_model(project.model)
-
-    def new(self) -> None:
-        """Begin afresh with the open model; fitted objects stay."""
-        self.when_ready(lambda: self.replace(Project(self.model_name, ())))
-
-    def _workspace(self) -> Workspace:
-        assert self.workspace is not None, "no model yet"
-        return self.workspace
-
-    def _opened(self, name: str, model: Model) -> None:
-        replacing, self._replacing, self.loading = self._replacing, None, ""
-        try:
-            if not replacing:
-                if self.workspace and (left := self.workspace.saved(self.model_name)):
-                    self._left = (*self._left, left)
-                self._begin(name, model)
-            elif self._archive_current(replacing[0], model):
-                self._begin(name, model)
-                replacing[1]()
-        except Exception as error:  # of a model that stands in no window
-            self.messages.report(f"Cannot open the model {name}", error)
-        deferred, self._deferred = self._deferred, []
-        for action in deferred:
-            action()
-
-    def _begin(self, name: str, model: Model) -> None:
-        """Give a model a workspace, once that stands in place of the old one, and go on with what was made with it."""
-        if self.workspace:
-            self.view = self.workspace.viewport.settings
-        kept = self.user_objects, self.kept_thumbnails
-        begun = Workspace(model, self.jobs, self._generator, self.view, self.fit_options, *kept)
-        if self.workspace:
-            self.workspace.close()
-        self.model_name, self.workspace = name, begun
-        self.workspace.fitting.other_category.connect(self._fit_with_its_model)
-        self.workspace.start()
-        for left in self._take(name):
-            self._restore(left)
-
-    def _archive_current(self, project: Project, model: Model) -> bool:
-        """Keep aside what a project replaces; not if its session cannot be continued with."""
-        for saved in project.sessions:
-            if saved.model == project.model:
-                try:
-                    saved.check(model)
-                except ValueError as error:
-                    self.messages.report("Cannot open the project", error)
-                    return False
-        if (before := self.project()).sessions:
-            self.archive.emit(before)
-        self.adopt(project)
-        return True
-
-    def _open_scene(self, path: Path) -> None:
-        workspace = self._workspace()
-        try:
-            scene = open_scene(path, workspace.model)
-        except ValueError as error:
-            self._open_with_another_model(path, error)
-        else:
-            workspace.editor.add_and_show(EditableObject(printable(path.stem), scene.codes), scene.camera)
+            self.new()
+            self.restore(project)
+            self.project_path = path if keep_path else None
             self.messages.notify(f"Opened {path.name}")
 
-    def _open_with_another_model(self, path: Path, error: ValueError) -> None:
-        """Look for the shipped model that a scene belongs to."""
-        wanted, load, here = scene_model(path), self.jobs.backend.load_model, self.model_name
-        if not wanted or self._workspace().model.shares_codes_with(wanted):
-            self.messages.report("Cannot open the scene", error)
-            return
-
-        def search() -> Iterator[str]:
-            for name in shipped_models():
-                if name != here and load(name).shares_codes_with(wanted):
-                    yield name
-                    return
-            raise error
-
-        def found(name: str) -> None:
-            self.open_model(name)
-            self.open_scene(path)
-
-        self.jobs.submit(Job(f"model of {path}", search, found, self.jobs.reporting("Cannot open the scene")))
-
-    def _fit_with_its_model(self, sources: tuple[PhotoSource, ...], category: str) -> None:
-        """Photos of another category are fitted with the model of that, once nothing here would be lost by it."""
-        here, exporting = self._workspace().model.category, self._workspace().exporting
-        waits = Waiting(sources, category)
-        text = f"{waits.name} looks like {category}, not {here}: that model opens for it"
-        buttons: tuple[Button, ...] = (Button(f"Rebuild as {here} anyway", lambda: self._insist(waits, here)),)
-        if exporting.path:
-            text += f" once {exporting.path.name} is saved"
-            buttons = (Button("Do it now", lambda: self.do_now(waits)), *buttons)
-        self._elsewhere = (*self._elsewhere, waits)
-        self.messages.notify(text, MessageKind.NOTE, buttons=buttons, holds=lambda: waits in self._elsewhere)
-
-    def _insist(self, waits: Waiting, category: str) -> None:
-        """A person knows better than the classifier."""
-        known = tuple(source._replace(category=category) for source in waits.sources)
-        self._elsewhere = _without(self._elsewhere, waits)
-        if self._workspace().model.category == category:
-            self._workspace().fitting.fit(*known)
-        else:
-            self._elsewhere = (*self._elsewhere, Waiting(known, category))
-
-    def _is_idle(self, workspace: Workspace) -> bool:
-        """Nothing is under way that another model would end."""
-        busy = workspace.fitting.running, workspace.segmenting.active, workspace.exporting.running
-        return not (self.loading or self._replacing or any(busy))
-
-    def _fit_with_other_model(self) -> None:
-        category = self._elsewhere[0].category
-        photos = [waits.sources for waits in self._elsewhere if waits.category == category]
-        self._elsewhere = tuple(waits for waits in self._elsewhere if waits.category != category)
-
-        def begin() -> None:
-            for sources in photos:
-                self._workspace().fitting.fit(*sources)
-
-        self.open_model(category)
-        self.when_ready(begin)
-
-    @property
-    def waiting(self) -> tuple[Waiting, ...]:
-        """Photos that are not fitted yet: those of the open model, then those of others, in their order."""
-        queue = self.workspace.fitting.queue if self.workspace else ()
-        return (*(Waiting(request.history.sources) for request in queue), *self._elsewhere)
-
-    def do_now(self, waits: Waiting) -> None:
-        """Fit photos before all others. A fit under way waits then; a file under way is given up where the model of
-        another category has to open.
-        """
-        if not waits.category:
-            self._workspace().fitting.begin_now(waits.sources)
-        elif waits in self._elsewhere:
-            self._elsewhere = (waits, *_without(self._elsewhere, waits))
-            self._workspace().exporting.cancel()
-            self._fit_with_other_model()
-
-    def forget(self, waits: Waiting) -> None:
-        """Do not fit photos that wait."""
-        self._elsewhere = _without(self._elsewhere, waits)
-        self._workspace().fitting.forget(waits.sources)
-
-    def _restore(self, saved: SavedSession) -> None:
-        try:
-            self._workspace().restore(saved)
-        except ValueError as error:
-            self.archive.emit(Project(saved.model, (saved,)))
-            self.messages.report(f"Cannot go on with what was made with {saved.model}", error)
-
-
-def _without(all_of_them: tuple[Waiting, ...], one: Waiting) -> tuple[Waiting, ...]:
-    return tuple(other for other in all_of_them if other is not one)
+    def new(self) -> None:
+        """Begin afresh; fitted objects stay."""
+        if not (before := self.project()).is_empty:
+            self.archive.emit(before)
+        self.close()
+        self.project_path = None
+        self._begin(self.editor.model, self.viewport.settings)
+        self.viewport.render()

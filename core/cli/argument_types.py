@@ -59,7 +59,7 @@ def paints(text: str) -> tuple[tuple[str, tuple[float, float, float]], ...]:
     found = []
     for word in text.split(","):
         part, _, colour = word.rpartition("=")
-        match = re.fullmatch("#([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})", colour.strip())
+        match = re.fullmatch("#?([0-9a-fA-F]{2})([0-9a-fA-F]{2})([0-9a-fA-F]{2})", colour.strip())
         if not match:
             raise argparse.ArgumentTypeError(f"a paint is #rrggbb or PART=#rrggbb, not {text!r}")
         red, green, blue = (int(channel, 16) / 255 for channel in match.groups())

@@ -2,7 +2,7 @@
 
 import argparse
 
-from core.runtime.files import THUMBNAILS, VIEW_BANKS, cache_folder
+from core.runtime.folders import THUMBNAILS, VIEW_BANKS, cache_folder
 
 
 def cache(chosen: argparse.Namespace) -> None:

@@ -1,6 +1,7 @@
 """``fit``: from images to a camera and codes."""
 
 import argparse
+import io
 import json
 import math
 import sys
@@ -16,7 +17,13 @@ from tqdm import tqdm
 
 from core.cli.explain import write_page
 from core.cli.progress import wait_for_view_bank
-from core.fitting.category_check import describe_category, guess_category, likelier_model, other_model
+from core.fitting.category_check import (
+    describe_category,
+    describe_difference,
+    guess_category,
+    likelier_model,
+    other_model,
+)
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.explain import explain
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -26,11 +33,11 @@ from core.geometry.pose_files import read_pose
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
-from core.photos.decode import read_mask, read_rgba, upright_size
+from core.photos.decode import NOTE, read_mask, read_rgba, upright_size
 from core.photos.photo import DOUBTFUL_MASK, Photo, naming, prepare_photo
 from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
-from core.runtime.files import require_writable, save_or_elsewhere
+from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
 _TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
@@ -61,7 +68,9 @@ def fit(chosen: argparse.Namespace) -> None:
     with clock("view_bank"):
         wait_for_view_bank(model)
     photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
-    guess = guess_category(photos[0].pixels, photos[0].mask)
+    guess, *others = (guess_category(photo.pixels, photo.mask) for photo in photos)
+    for path, other in zip(chosen.images[1:], others, strict=True):
+        _say(path, describe_difference(guess, other))
     if said := describe_category(guess, model.category) or ("" if chosen.model else other_model(guess)):
         print(f"python -m core: {said}", file=sys.stderr)
     with clock("search"):
@@ -78,7 +87,7 @@ def fit(chosen: argparse.Namespace) -> None:
         write_page(model, job, explain(model, job, steps), chosen.explain)
     if chosen.out:
         codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
-        save_or_elsewhere(Scene(model.fingerprint, codes, last.cameras[0]).save, chosen.out)
+        save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)
 
 
 def probable_model(cut: CutOut) -> str:
@@ -106,15 +115,24 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
             with clock("decode"):
                 image = read_rgba(path)
                 if mask:
-                    image.putalpha(read_mask(mask, image.size))
+                    opacity = read_mask(mask, path, image.size)
+                    image.putalpha(opacity)
+                    _say(path, opacity.info[NOTE])
             with clock("cut_out"):
                 cut = cut_out(image, hints)
+        _say(path, cut.note)
         if cut.confidence < DOUBTFUL_MASK:
-            told = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by}): --point, --box or --mask helps"
-            print(f"python -m core: {path}: {told}", file=sys.stderr)
+            doubt = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by})"
+            _say(path, f"{doubt}: --point, --box or --mask helps")
         return cut
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
+
+
+def _say(path: Path, text: str) -> None:
+    """A line about an image on stderr, if there is something to say."""
+    if text:
+        print(f"python -m core: {path}: {text}", file=sys.stderr)
 
 
 def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) -> Photo:
@@ -125,7 +143,7 @@ def _photo(path: Path, cut: CutOut, model: Model, pose: Path | None, axes: str) 
 def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
     """The steps of a fit; they go to a log, if there is one."""
     steps, bar = list[FitStep](), tqdm(unit="step", leave=False, disable=None)
-    with bar, log.open("w") if log else nullcontext() as lines:
+    with bar, io.TextIOWrapper(open_output(log), line_buffering=True) if log else nullcontext() as lines:
         for step in fit_as_set(model, job):
             steps.append(step)
             bar.total = step.steps

@@ -39,7 +39,7 @@ from core.lab.evaluation.report import format_disentanglement, format_table, wri
 from core.models.library import DEFAULT_MODEL, load_model
 from core.models.model import Model
 from core.photos.photo import load_photo, read_cut_out
-from core.runtime.files import require_writable
+from core.runtime.files import is_stream, require_writable
 
 _Score = TypeVar("_Score", ObjectScore, PairScore)
 _Item = TypeVar("_Item")
@@ -70,7 +70,7 @@ def evaluate(chosen: argparse.Namespace) -> None:
 
     def keep(score: ObjectScore) -> None:
         scores.append(score)
-        if chosen.report:  # after each, so that whatever ends the next loses none
+        if chosen.report and not is_stream(chosen.report):  # after each, so that whatever ends the next loses none
             write_report(chosen.report, scores, protocol, about)
 
     views = _with_objects((entry.read() for entry in entries), protocol)
@@ -78,6 +78,8 @@ def evaluate(chosen: argparse.Namespace) -> None:
     if not scores:
         raise ValueError("no object of the dataset shows anything")
     print(format_table(scores, protocol), flush=True)
+    if chosen.report and is_stream(chosen.report):
+        write_report(chosen.report, scores, protocol, about)
 
 
 def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) -> Iterator[ObjectViews]:

@@ -38,7 +38,7 @@ def render(chosen: argparse.Namespace) -> None:
         image = to_bytes(render_reference(model, codes, camera).colour)
     else:
         image = render_frame(model, codes, camera).image
-    save_image(image, chosen.out, Scene(model.fingerprint, codes, camera))
+    save_image(image, chosen.out, Scene(codes, camera))
 
 
 def turntable(chosen: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ of an object, as those of a morph, are rendered sooner than it is baked.
 import math
 from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 import torch
@@ -21,6 +21,7 @@ from core.geometry.camera import Camera
 from core.metrics import psnr
 from core.models.codes import Codes
 from core.models.model import Model
+from core.models.open_models import OpenModels, model_of
 from core.rendering.background import Background, background_rows
 from core.rendering.baked_field import BakedField
 from core.rendering.baking import Box, ObjectViews, bake_shape, box_of, mixed
@@ -49,7 +50,7 @@ STILL_STEPS = 384
 
 
 def render_frames(
-    model: Model,
+    models: Model | OpenModels,
     views: Sequence[View],
     size: int,
     background: Background | None,
@@ -60,13 +61,18 @@ def render_frames(
 
     Args:
         size: px, width and height.
+        models: of all views, or the open ones; each cut to an object of another model begins another part.
         shadow: with the object's shadow on the ground.
     """
-    if exact:
-        return exact_frames(model, views, size, background, shadow)
-    if are_few(views, size):
-        return exact_frames(model, views, size, background, shadow, few_samples(views))
-    return baked_frames(model, views, size, background, shadow)
+    for _, part in groupby(views, lambda view: view.codes.model):
+        shots = list(part)
+        model = model_of(models, shots[0].codes)
+        if exact:
+            yield from exact_frames(model, shots, size, background, shadow)
+        elif are_few(shots, size):
+            yield from exact_frames(model, shots, size, background, shadow, few_samples(views))
+        else:
+            yield from baked_frames(model, shots, size, background, shadow)
 
 
 def are_few(views: Sequence[View], size: int) -> bool:

@@ -13,6 +13,7 @@ from core.export.keyframes import View
 from core.geometry.camera import Camera
 from core.models.codes import Codes
 from core.models.model import Model
+from core.models.open_models import OpenModels, model_of
 from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
@@ -32,7 +33,7 @@ _NEAREST = 0.05
 """scene units in front of the camera: what is nearer, or behind, counts as if it were there"""
 
 
-def filling_frame(model: Model, views: Sequence[View], zoom_out: bool = True) -> list[View]:
+def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: bool = True) -> list[View]:
     """The views with one zoom for all, by which the object just stays in every frame.
 
     The zoom changes the focal length: the perspective stays.
@@ -42,7 +43,7 @@ def filling_frame(model: Model, views: Sequence[View], zoom_out: bool = True) ->
     """
     step = max(1, math.ceil((len(views) - 1) / (_SHAPES - 1)))
     shapes = {view.codes for view in [*views[::step], *views[-1:]]}
-    points = torch.cat([_outline(model, codes) for codes in shapes])
+    points = torch.cat([_outline(model_of(models, codes), codes) for codes in shapes])
     zoom = min(_largest_zoom(view.camera, points) for view in [*views[:: -(-len(views) // _CAMERAS)], *views[-1:]])
     zoom = zoom if zoom_out else max(1.0, zoom)
     return [View(view.codes, replace(view.camera, focal=zoom * view.camera.focal)) for view in views]

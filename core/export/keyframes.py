@@ -1,10 +1,14 @@
-"""Keyframes in time, and what is shown between them: the camera goes along the sphere, codes from one to the next."""
+"""Keyframes in time, and the views between them: the camera goes along the sphere, codes from one to the next.
+
+Between objects of two models the video cuts.
+"""
 
 import math
 from bisect import bisect_left
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from itertools import groupby
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
@@ -15,6 +19,8 @@ from core.models.codes import Codes
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline, CubicHermiteSpline
+
+    _Path: TypeAlias = BSpline | CubicHermiteSpline
 
 MIN_GAP = 0.04
 """s between two keys at the least: one frame"""
@@ -125,19 +131,19 @@ class Timeline:
         """
         first = self._first
         seconds = seconds % self.length if self.loop else min(max(seconds, self.keys[0].seconds), self.keys[-1].seconds)
-        row = self._row(seconds) + self._turns_row(seconds)
-        shape = len(first.codes.shape)
-        numbers = torch.from_numpy(row[4:]).float()
-        detail = min(self.keys, key=lambda key: abs(key.seconds - seconds)).view.codes.detail
-        elevation = max(-_MAX_ELEVATION, min(_MAX_ELEVATION, float(row[1])))
+        azimuth, elevation, distance, focal = (
+            _camera_row(first.camera) if self._camera is None else self._camera(seconds)
+        )
+        azimuth += 2 * math.pi * self.turns * seconds / self.length
         camera = replace(
             first.camera,
-            azimuth=math.remainder(row[0], 2 * math.pi),
-            elevation=elevation,
-            distance=math.exp(row[2]),
-            focal=math.exp(row[3]) * first.camera.height,
+            azimuth=math.remainder(azimuth, 2 * math.pi),
+            elevation=max(-_MAX_ELEVATION, min(_MAX_ELEVATION, float(elevation))),
+            distance=math.exp(distance),
+            focal=math.exp(focal) * first.camera.height,
         )
-        return View(Codes(numbers[:shape], numbers[shape:], detail), camera)
+        run = next((run for run in self._runs if run.begin <= seconds), self._runs[-1])
+        return View(run.at(seconds), camera)
 
     def frame_count(self, rate: float) -> int:
         """The number of frames at so many a second."""
@@ -154,7 +160,8 @@ class Timeline:
 
         Cameras are compared by position and codes by value; at most about 1 where a loop has no jump.
         """
-        rows = np.stack([_comparable_row(view) for view in self.views(rate)])
+        several = len({key.view.codes.model for key in self.keys}) > 1  # a cut is no jump, and codes cannot be compared
+        rows = np.stack([_comparable_row(view, with_codes=not several) for view in self.views(rate)])
         longest = np.linalg.norm(np.diff(rows, axis=0), axis=1).max(initial=0.0)
         return float(np.linalg.norm(rows[0] - rows[-1]) / max(longest, 1e-9))
 
@@ -165,39 +172,71 @@ class Timeline:
         return self.keys[0].view
 
     @cached_property
-    def _spline(self) -> "CubicHermiteSpline | BSpline":
-        from scipy.interpolate import CubicHermiteSpline, make_interp_spline  # a third of a second: a turn needs none
-
-        times, rows = self._knots()
-        if not self.smooth:
-            return make_interp_spline(times, rows, k=1)
-        slopes = np.zeros_like(rows)
-        slopes[1:-1] = (rows[2:] - rows[:-2]) / (times[2:] - times[:-2])[:, None]
-        return CubicHermiteSpline(times, rows, slopes)
-
-    def _row(self, seconds: float) -> Float64[np.ndarray, "numbers"]:
-        return _row(self._first) if len(self.keys) == 1 else self._spline(seconds)
-
-    def _turns_row(self, seconds: float) -> Float64[np.ndarray, "numbers"]:
-        row = np.zeros(4 + len(self._first.codes.shape) + len(self._first.codes.texture))
-        row[0] = 2 * math.pi * self.turns * seconds / self.length
-        return row
-
-    def _knots(self) -> tuple[Float64[np.ndarray, "knots"], Float64[np.ndarray, "knots numbers"]]:
-        """Times and rows of the keys, the azimuth without leaps; of a loop also those of its neighbours in time."""
-        times = np.array([key.seconds for key in self.keys])
-        rows = np.stack([_row(key.view) for key in (*self.keys, self.keys[0])])
+    def _camera(self) -> "_Path | None":
+        """The camera's row by the time; None where one key has it for all times."""
+        if len(self.keys) == 1:
+            return None
+        rows = np.stack([_camera_row(key.view.camera) for key in (*self.keys, self.keys[0])])
         rows[:, 0] = np.unwrap(rows[:, 0])
-        round_it = np.zeros(rows.shape[1])
+        round_it = np.zeros(4)
         round_it[0] = rows[-1, 0] - rows[0, 0]
-        rows = rows[:-1]
-        if not self.loop:
-            return times, rows
-        laps = (-1, 0, 1)
-        return (
-            np.concatenate([times + lap * self.length for lap in laps]),
-            np.concatenate([rows + lap * round_it for lap in laps]),
-        )
+        return _path(self._times, np.concatenate([rows[:-1] + lap * round_it for lap in self._laps]), self.smooth)
+
+    @cached_property
+    def _runs(self) -> "list[_Run]":
+        """Keys of one model that follow each other, the last ones first: from one run to the next it cuts."""
+        keys = zip(self._times, [key.view.codes for _ in self._laps for key in self.keys], strict=True)
+        groups = [list(group) for _, group in groupby(keys, lambda key: key[1].model)]
+        return [_Run(tuple(group), self.smooth) for group in reversed(groups)]
+
+    @property
+    def _laps(self) -> tuple[int, ...]:
+        """A loop is what it is between the lap before and the next."""
+        return (-1, 0, 1) if self.loop and len(self.keys) > 1 else (0,)
+
+    @property
+    def _times(self) -> Float64[np.ndarray, "knots"]:
+        return np.array([key.seconds + lap * self.length for lap in self._laps for key in self.keys])
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """Codes of one model in time; before the first and after the last they rest."""
+
+    knots: tuple[tuple[float, Codes], ...]
+    smooth: bool
+
+    @property
+    def begin(self) -> float:
+        """s"""
+        return self.knots[0][0]
+
+    def at(self, seconds: float) -> Codes:
+        """The codes at a time, with the photo's detail of the nearest knot."""
+        seconds = max(self.begin, min(seconds, self.knots[-1][0]))
+        nearest = min(self.knots, key=lambda knot: abs(knot[0] - seconds))[1]
+        if self._path is None:
+            return nearest
+        numbers, shape = torch.from_numpy(self._path(seconds)).float(), len(nearest.shape)
+        return replace(nearest, shape=numbers[:shape], texture=numbers[shape:])
+
+    @cached_property
+    def _path(self) -> "_Path | None":
+        if len(self.knots) == 1:
+            return None
+        times, rows = [knot[0] for knot in self.knots], [_codes_row(knot[1]) for knot in self.knots]
+        return _path(np.array(times), np.stack(rows), self.smooth)
+
+
+def _path(times: Float64[np.ndarray, "knots"], rows: Float64[np.ndarray, "knots numbers"], smooth: bool) -> "_Path":
+    """Catmull-Rom through rows, or straight from one to the next."""
+    from scipy.interpolate import CubicHermiteSpline, make_interp_spline  # a third of a second: a turn needs none
+
+    if not smooth:
+        return make_interp_spline(times, rows, k=1)
+    slopes = np.zeros_like(rows)
+    slopes[1:-1] = (rows[2:] - rows[:-2]) / (times[2:] - times[:-2])[:, None]
+    return CubicHermiteSpline(times, rows, slopes)
 
 
 def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[View]:
@@ -208,21 +247,18 @@ def turntable(codes: Codes, camera: Camera, frames: int = 72) -> list[View]:
     return [View(codes, replace(camera, azimuth=angle)) for angle in angles]
 
 
-def _row(view: View) -> Float64[np.ndarray, "numbers"]:
-    """A view as numbers between which one can go straight: angles, logarithms of distance and focal length, codes."""
-    camera = view.camera
-    angles_and_logs = (
-        camera.azimuth,
-        camera.elevation,
-        math.log(camera.distance),
-        math.log(camera.focal / camera.height),
-    )
-    return np.concatenate(
-        [angles_and_logs, *(code.double().cpu().numpy() for code in (view.codes.shape, view.codes.texture))]
-    )
+def _camera_row(camera: Camera) -> Float64[np.ndarray, "4"]:
+    """A camera as numbers between which one can go straight: angles, logarithms of distance and focal length."""
+    logs = math.log(camera.distance), math.log(camera.focal / camera.height)
+    return np.array((camera.azimuth, camera.elevation, *logs))
 
 
-def _comparable_row(view: View) -> Float64[np.ndarray, "numbers"]:
+def _codes_row(codes: Codes) -> Float64[np.ndarray, "numbers"]:
+    return np.concatenate([code.double().cpu().numpy() for code in (codes.shape, codes.texture)])
+
+
+def _comparable_row(view: View, with_codes: bool) -> Float64[np.ndarray, "numbers"]:
     """A view as numbers that are close where its renders are: the azimuth as a point on the circle."""
-    row = _row(view)
-    return np.concatenate([[math.cos(row[0]), math.sin(row[0])], row[1:]])
+    row = _camera_row(view.camera)
+    place = np.array([math.cos(row[0]), math.sin(row[0]), *row[1:]])
+    return np.concatenate([place, _codes_row(view.codes)]) if with_codes else place

@@ -21,6 +21,7 @@ from core.export.glb import place_camera
 from core.export.mesh_formats import FORMATS, TEXTURED, Mesh
 from core.export.normals import face_normals, vertex_normals
 from core.export.parts import by_part
+from core.export.simplify import simplify
 from core.export.texture import TRIANGLES, TexturedMesh, textured
 from core.geometry.camera import WORLD_FROM_GLTF, Camera
 from core.models.codes import Codes
@@ -167,7 +168,7 @@ def extract_mesh(
     Args:
         resolution: cells along the longest side of the model's box; None: the first of :data:`RESOLUTIONS` whose
             surface is as large as the one before and lies where it belongs to within :data:`TOLERANCE`, else the last.
-        triangles: at the most, by quadric error; 0: all. The surface stays closed but for rare places.
+        triangles: at the most, by quadric error; 0: all.
     """
     if resolution is not None and not 8 <= resolution <= MAX_RESOLUTION:
         raise ValueError(f"a mesh has a resolution of 8 to {MAX_RESOLUTION}, got {resolution}")
@@ -192,22 +193,12 @@ def extract_mesh(
     if found is None:
         raise ValueError("the object has no surface: it is nowhere dense enough")
     if 0 < triangles < len(faces):
-        vertices, faces = _simplified(vertices, faces, triangles)
+        vertices, faces = yield from subprogress(simplify(vertices, faces, triangles), end, end)
         of_faces = face_normals(vertices, faces)
     normals = vertex_normals(len(vertices), faces, of_faces)
     faces, parts = by_part(model, folded, vertices, faces)
     colours = yield from subprogress(_vertex_colours(folded, vertices, normals, grid.interval), end, 1.0)
     return Mesh(vertices, normals, colours, faces, parts)
-
-
-def _simplified(vertices: np.ndarray, faces: np.ndarray, triangles: int) -> tuple[np.ndarray, np.ndarray]:
-    """At most so many triangles, by quadric error."""
-    import fast_simplification
-
-    points, corners = fast_simplification.simplify(
-        vertices.astype(np.float32), faces.astype(np.int32), target_count=triangles
-    )
-    return points, corners.astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from PIL import Image
 from core.export.frames import render_frames
 from core.export.keyframes import View
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.rendering.background import Background, Rgb
 from core.runtime.files import atomic_file, atomic_folder
 
@@ -54,7 +55,7 @@ class VideoSettings:
 
 
 def write_video(
-    model: Model, views: Sequence[View], path: Path, settings: VideoSettings | None = None
+    models: Model | OpenModels, views: Sequence[View], path: Path, settings: VideoSettings | None = None
 ) -> Generator[int, None, None]:
     """Render and write views, one after another.
 
@@ -73,7 +74,7 @@ def write_video(
         raise ValueError(f"{path.name}: only {able} can have a transparent background")
     atomic = atomic_folder if chosen.folder else atomic_file
     shadow = settings.shadow and chosen.shows_shadow(settings.background)
-    frames = render_frames(model, views, settings.size, settings.background, settings.exact, shadow)
+    frames = render_frames(models, views, settings.size, settings.background, settings.exact, shadow)
     with atomic(path) as partial, closing(chosen.sink(partial, settings)) as sink, _Encoder(sink) as encoder:
         done = 0
         for image in frames:

@@ -70,6 +70,22 @@ def other_model(guess: Mapping[str, float]) -> str:
     return f"it may also be a {singular(second[0])}: --model {second[0]}" if unsure else ""
 
 
+def describe_difference(first: Mapping[str, float], other: Mapping[str, float]) -> str:
+    """The warning for a person who fits two images as one object; "" where they may show one.
+
+    Example:
+        >>> describe_difference({"cars": 0.9, "chairs": 0.05}, {"cars": 0.1, "chairs": 0.8})
+        'this looks like a chair, the first image like a car: the images of one fit show one object'
+        >>> describe_difference({"cars": 0.9}, {"cars": 0.2})
+        ''
+    """
+    names = likeliest_category(other), likeliest_category(first)
+    if None in names or names[0] == names[1]:
+        return ""
+    here, there = map(singular, filter(None, names))
+    return f"this looks like a {here}, the first image like a {there}: the images of one fit show one object"
+
+
 def describe_category(guess: Mapping[str, float], category: str) -> str:
     """The warning for a person who fits a photo with a model of ``category``; "" where it shows one.
 

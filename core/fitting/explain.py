@@ -49,15 +49,10 @@ def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
 
 
 def _last_of_stages(steps: Iterable[FitStep]) -> tuple[FitStep, ...]:
-    """A stage has as many hypotheses from its first step to its last."""
-    ends: list[FitStep] = []
-    for step in steps:
-        if ends and (step.active, step.restart) == (ends[-1].active, ends[-1].restart):
-            ends.pop()
-        ends.append(step)
+    ends = {step.stage: step for step in steps}
     if not ends:
         raise ValueError("the fit made no step")
-    return tuple(ends)
+    return tuple(ends.values())
 
 
 @torch.no_grad()

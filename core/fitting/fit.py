@@ -17,7 +17,7 @@ from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, 
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_detail import with_photo_detail
 from core.fitting.problem import Problem
-from core.fitting.schedule import Schedule, build_schedule
+from core.fitting.schedule import Schedule, build_schedule, stage_numbers
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
 from core.fitting.steps import FitJob, FitStep, RunnerUp, SearchState
@@ -36,6 +36,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
     """
     if type(job.settings) is PaperSettings:
         raise ValueError("these settings are of the paper's recipe: core.fitting.paper.fit")
+    job = replace(job, settings=job.settings.for_box(model.extent))
     began, generator = time.perf_counter(), torch.Generator().manual_seed(job.seed)
     problem = Problem.of(model.soft, job.photos, job.settings, job.components, generator)
     unknown = int(problem.unknown.sum())
@@ -60,9 +61,11 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator) -> Iterator[SearchState]:
     """The five steps."""
     # 1. Rank the view bank.
-    initial = yield from _initial(problem, schedule, job, generator)
+    initial, first_stage = yield from _initial(problem, schedule, job, generator)
     result: SearchResult | None = None
     for attempt in range(1 + job.settings.max_restarts):
+        numbers = stage_numbers(schedule.stages, first_stage + attempt * len(schedule.stages))
+        last_stage = first_stage + (attempt + 1) * len(schedule.stages) - 1
         if attempt:
             problem = replace(problem, occluded=True)
         state = partial(SearchState, problem, range(len(job.photos)), restart=attempt > 0)
@@ -70,18 +73,18 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             # 2. Optimise all hypotheses in one batch and prune: from everywhere, then around the best cameras.
             coarse = initial
             for coarse in optimise(problem, initial, schedule.coarse, generator):
-                yield state(coarse, result)
+                yield state(next(numbers), coarse, result)
             batch = local = (
                 local_hypotheses(problem, coarse, schedule.local[0].hypotheses) if schedule.coarse else coarse
             )
             for batch in optimise(problem, local, schedule.local, generator):
                 # The coarse winner stands beside them, as it was: whoever stops early gets the better one.
-                yield state(concatenate(batch, coarse.best) if schedule.coarse else batch, result)
+                yield state(next(numbers), concatenate(batch, coarse.best) if schedule.coarse else batch, result)
             # 3. Refine the best.
             selected = select(problem, batch, coarse, schedule.final, job.resume_from is not None)
             for refined in refine(problem, selected.winner, schedule.final, generator):
                 if not refined.finished:
-                    yield state(refined.best, result or selected._replace(winner=refined.best))
+                    yield state(last_stage, refined.best, result or selected._replace(winner=refined.best))
             # 4. Runner-up, uncertainty, confidence.
             found = assess(problem, selected, refined.best, schedule.final)
         except DivergedError:
@@ -95,27 +98,30 @@ def _search(problem: Problem, schedule: Schedule, job: FitJob, generator: torch.
             result = found
         # 5. Restart once if in doubt: by other pixels, and something in front may hide parts of the object.
         again = attempt < job.settings.max_restarts and not job.resume_from and is_doubtful(result)
-        yield state(result.winner, result, restart_follows=again, finished=True)
+        yield state(last_stage, result.winner, result, restart_follows=again, finished=True)
         if not again:
             return
 
 
 def _initial(
     problem: Problem, schedule: Schedule, job: FitJob, generator: torch.Generator
-) -> Generator[SearchState, None, HypothesisBatch]:
-    """The first hypotheses. Of several unknown cameras, each has a coarse search of its own before they meet."""
+) -> Generator[SearchState, None, tuple[HypothesisBatch, int]]:
+    """The first hypotheses, and the number of the next stage. Of several unknown cameras, each has a coarse search of
+    its own before they meet.
+    """
     if job.resume_from:
-        return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces)
+        return resume_from(problem.model, job.photos, problem.cameras, job.resume_from, problem.spaces), 0
     count, unknown = schedule.stages[0].hypotheses, problem.unknown.nonzero()[:, 0].tolist()
     if len(unknown) < 2:
-        return initial_hypotheses(problem, count, generator)
+        return initial_hypotheses(problem, count, generator), 0
     parts, known = [], [view for view, photo in enumerate(job.photos) if photo.camera]
+    numbers = stage_numbers(schedule.coarse * len(unknown))
     for view in unknown:
         views, own = [*known, view], torch.Generator().manual_seed(job.seed)
         photos = tuple(job.photos[other] for other in views)
         part = Problem.of(problem.model, photos, job.settings, job.components, own)
         batch = first = initial_hypotheses(part, count, own)
         for batch in optimise(part, first, schedule.coarse, own):
-            yield SearchState(part, views, batch)
+            yield SearchState(part, views, next(numbers), batch)
         parts.append((views, batch))
-    return combine_views(parts, len(job.photos), count)
+    return combine_views(parts, len(job.photos), count), len(schedule.coarse) * len(unknown)

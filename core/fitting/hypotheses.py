@@ -245,7 +245,7 @@ def to_hypotheses(
             int(batch.origin[index]),
             losses[index],
             to_cameras(model, parameters, index, cameras),
-            Codes(shapes[index], textures[index]),
+            Codes(shapes[index], textures[index], model=model.fingerprint),
             parameters.crop_transform[index],
         )
         for index in batch.loss.argsort(stable=True).tolist()

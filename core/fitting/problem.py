@@ -105,9 +105,14 @@ class Problem:
         scale[~self.unknown] = math.inf
         weight = torch.tensor(CAMERA_PRIOR_WEIGHT) * self.components.camera_prior
         mask_weight = MASK_WEIGHT if self.components.mask_loss and not self.model.white_from_network else 0.0
-        occluder = OCCLUDER_SCALE if self.occluded else math.inf
         return Objective(
-            self.settings.code_prior, scale, weight, self.expected_scale, mask_weight, robust_scale, occluder
+            self.settings.code_prior,
+            camera_scale=scale,
+            camera_weight=weight,
+            expected_scale=self.expected_scale,
+            mask_weight=mask_weight,
+            robust_scale=robust_scale,
+            occluder_scale=OCCLUDER_SCALE if self.occluded else math.inf,
         )
 
     @cached_property

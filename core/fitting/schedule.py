@@ -1,7 +1,8 @@
 """How a fit spends its steps: how many hypotheses are alive when, and how finely each is rendered."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import chain, repeat
 from typing import NamedTuple
 
 from core.fitting.settings import Components, FitSettings
@@ -42,6 +43,11 @@ class Schedule(NamedTuple):
     def steps(self) -> int:
         """How many there are at most."""
         return sum(stage.steps for stage in self.stages)
+
+
+def stage_numbers(stages: Sequence[Stage], first: int = 0) -> Iterator[int]:
+    """Yield for each step the number of its stage, from ``first`` on."""
+    return chain.from_iterable(repeat(number, stage.steps) for number, stage in enumerate(stages, first))
 
 
 class _Row(NamedTuple):

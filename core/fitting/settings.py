@@ -1,7 +1,7 @@
 """The settings of a fit, its presets, and its components for ablations."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,8 @@ class FitSettings:
     rays: int = 1024
     """per photo and step while the best hypothesis is refined; the many before get fewer each"""
     samples: int = 64
-    """along a ray while the best hypothesis is refined; the stages before, which sort, have fewer"""
+    """along a ray through a box of one scene unit while the best hypothesis is refined; fewer through a smaller box,
+    and in the stages before, which sort"""
     code_prior: float = 1e-5
     """of a squared standard deviation of a code, against the squared error of a pixel (Eq. 5's 1 / nu^2)"""
     max_restarts: int = 1
@@ -30,6 +31,12 @@ class FitSettings:
         counts = min(self.hypotheses, self.steps, self.rays, self.samples - 1, self.max_restarts + 1)
         if counts < 1 or not 0 <= self.code_prior < math.inf:
             raise ValueError(f"no fit has these settings: {self}")
+
+    def for_box(self, extent: tuple[float, float, float]) -> "FitSettings":
+        """Return the settings with equally long intervals in a box of this half size: samples go by its mean chord."""
+        x, y, z = (2 * half for half in extent)
+        chord = 3 * x * y * z / (x * y + y * z + z * x)  # relative to that of a unit cube
+        return replace(self, samples=max(2, round(self.samples * chord)))
 
 
 @dataclass(frozen=True)

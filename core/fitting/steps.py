@@ -82,6 +82,8 @@ class FitStep:
     """the probability that the photos show an object of the model's category"""
     mask_confidence: float = 1.0
     """the probability that all masks are the object"""
+    stage: int = 0
+    """number of the stage of the schedule, counted through all searches of the fit"""
 
     @property
     def confidence(self) -> float | None:
@@ -98,6 +100,7 @@ class SearchState(NamedTuple):
     problem: Problem
     views: Sequence[int]
     """which photos of the job are searched with"""
+    stage: int
     batch: HypothesisBatch
     """what is optimised"""
     result: SearchResult | None = None
@@ -124,6 +127,7 @@ class SearchState(NamedTuple):
             len(self.batch),
             self.restart,
             hypotheses=hypotheses,
+            stage=self.stage,
         )
         if not (self.result and runner_up and math.isfinite(self.result.margin) and self.problem.unknown.sum() == 1):
             return shown

@@ -19,6 +19,8 @@ class Codes:
     texture: Float[Tensor, "*batch texture_latent"]
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They lie on its surface, so they go with the shape; a texture repaints them."""
+    model: str = ""
+    """fingerprint of the model that gives them a meaning; empty for codes of no object, such as a batch"""
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
@@ -27,7 +29,11 @@ class Codes:
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Codes):
             return NotImplemented
-        same = torch.equal(self.shape, other.shape) and torch.equal(self.texture, other.texture)
+        same = (
+            self.model == other.model
+            and torch.equal(self.shape, other.shape)
+            and torch.equal(self.texture, other.texture)
+        )
         return same and (self.detail is other.detail or self.detail == other.detail)
 
     def __hash__(self) -> int:
@@ -36,18 +42,26 @@ class Codes:
     def mixed(self, other: "Codes", shape: float, texture: float) -> "Codes":
         """These codes at 0, the other's at 1, straight lines between, for shape and texture separately.
 
-        The photo's detail is that of the nearer shape.
+        The photo's detail is that of the nearer shape. Raises ``ValueError`` for codes of another model.
         """
+        self._require_same_model(other)
         detail = self.detail if shape <= 0.5 else other.detail
-        return Codes(
-            torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture), detail
-        )
+        codes = torch.lerp(self.shape, other.shape, shape), torch.lerp(self.texture, other.texture, texture)
+        return Codes(*codes, detail, self.model)
 
     def taking(self, part: str, other: "Codes") -> "Codes":
-        """With the shape and the detail that goes with it, or the texture, of others."""
+        """With the shape and the detail that goes with it, or the texture, of others.
+
+        Raises ``ValueError`` for codes of another model.
+        """
+        self._require_same_model(other)
         if part == "shape":
             return replace(self, shape=other.shape, detail=other.detail)
         return replace(self, texture=other.texture)
+
+    def _require_same_model(self, other: "Codes") -> None:
+        if self.model and other.model and self.model != other.model:
+            raise ValueError("codes of different models cannot be mixed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +144,8 @@ class CodeBook:
     objects: tuple[Entry, ...]
     collapsed: frozenset[int] = frozenset()
     """Objects that collapsed in training and show next to nothing: still indexed, but not part of the code spaces."""
+    model: str = ""
+    """fingerprint of the model that holds the book"""
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shapes).all() and torch.isfinite(self.textures).all()):
@@ -147,7 +163,7 @@ class CodeBook:
         if not 0 <= index < len(self.objects):
             raise ValueError(f"object must be 0 to {len(self.objects) - 1}, got {index}")
         entry = self.objects[index]
-        return Codes(self.shapes[entry.shape], self.textures[entry.texture])
+        return Codes(self.shapes[entry.shape], self.textures[entry.texture], model=self.model)
 
     @cached_property
     def index(self) -> dict[str, int]:
@@ -172,7 +188,7 @@ class CodeBook:
     @property
     def mean(self) -> Codes:
         """The mean shape in the mean texture, where the paper's fit begins."""
-        return Codes(self.shape_space.mean, self.texture_space.mean)
+        return Codes(self.shape_space.mean, self.texture_space.mean, model=self.model)
 
     def nearest_shape(self, code: Float[Tensor, "shape_latent"]) -> int:
         """The valid object with the nearest shape, by :meth:`CodeSpace.distance`.
@@ -192,7 +208,7 @@ class CodeBook:
             space.code(torch.randn(len(space.std), generator=generator))
             for space in (self.shape_space, self.texture_space)
         )
-        return Codes(shape, texture)
+        return Codes(shape, texture, model=self.model)
 
     def _nearest(
         self, space: CodeSpace, codes: Float[Tensor, "rows latent"], rows: list[int], code: Float[Tensor, "latent"]

@@ -18,6 +18,7 @@ def shipped_models() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
 
 
+@cache
 def sample_images(category: str) -> tuple[Path, ...]:
     """Images to try a model with: objects of its category that it was not trained on."""
     return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))

@@ -84,6 +84,7 @@ class Model:
         if self.part_head and self.part_head.weight.shape[1] != self.field.config.width:
             raise ValueError("the part head of a model does not fit its field")
         self.field.requires_grad_(False).eval()
+        object.__setattr__(self, "codes", replace(self.codes, model=self.fingerprint))
         if self.viewpoint_classifier:
             self.viewpoint_classifier.requires_grad_(False).eval()
 

@@ -1,4 +1,4 @@
-"""A scene is what a person edits: which model, which codes, from where. Saved as JSON, exact to float32.
+"""A scene is what a person edits: the codes of an object, and a camera. Saved as JSON, exact to float32.
 
 A PNG image can hold the scene that it shows: its JSON is a text of the file, so the image alone brings it back.
 """
@@ -32,8 +32,6 @@ _KEY = "CodeNeRF scene"
 class Scene:
     """One state of the editor. Edits make a new one."""
 
-    model: str
-    """the fingerprint of the model whose codes these are"""
     codes: Codes
     camera: Camera
 
@@ -46,7 +44,7 @@ class Scene:
         """The scene as JSON text."""
         camera = {name: getattr(self.camera, name) for name in Camera.__dataclass_fields__}
         about = {
-            "model": self.model,
+            "model": self.codes.model,
             "camera": camera,
             "shape": self.codes.shape.tolist(),
             "texture": self.codes.texture.tolist(),
@@ -68,7 +66,8 @@ class Scene:
         A scene of a model that this one extends becomes one of this model: it looks nearly as it did.
         """
         about = typed(_About, parse_json(text), name="scene")
-        codes = Codes(torch.tensor(about.shape), torch.tensor(about.texture), about.detail and about.detail.read())
+        detail = about.detail and about.detail.read()
+        codes = Codes(torch.tensor(about.shape), torch.tensor(about.texture), detail, model.fingerprint)
         config = model.field.config
         sizes = (config.shape_latent,), (config.texture_latent,)
         pairs = [(one.shape.shape, one.texture.shape) for one in (codes, codes.detail) if one]
@@ -76,7 +75,7 @@ class Scene:
             raise ValueError(
                 f"the scene belongs to another model than this one of {model.category or 'unnamed things'}"
             )
-        return cls(model.fingerprint, codes, about.camera)
+        return cls(codes, about.camera)
 
 
 class _View(NamedTuple):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
 
-from core.runtime.reading import open_image, optional, reading
+from core.runtime.reading import open_image, optional, read_bytes, reading
 
 WORKING_SIDE = 1024
 """px: the longer side at which images are cut out"""
@@ -22,6 +22,13 @@ _LENSES = 8, 600
 """mm, the shortest and the longest focal length that is believed"""
 _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
 """of whole photographs, longer by shorter side; and how far they may be off"""
+NOTE = "note"  # in ``Image.info``: which of several readings of a file was used
+_DEPTHS = 255, 1023, 4095, 16383, 65535
+"""white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into files of 16"""
+_MAX_FRAMES, _MAX_LOOKED = 64, 100_000_000
+"""frames of an animation that are looked at, and their pixels in all"""
+_FADED = 0.8
+"""of the contrast of the clearest frame, below which a frame is fading in or out"""
 _TRANSPOSED = (5, 6, 7, 8)
 """EXIF orientations that exchange width and height"""
 _TURNS = {
@@ -41,6 +48,7 @@ _NO_COLOURS_OF_SCREENS = ("L", "CMYK")
 def read_rgba(path: Path) -> Image.Image:
     """The image upright, in sRGB, as RGBA with 8 bits, its longer side at most :data:`WORKING_SIDE`.
 
+    Of several images in a file the largest is read, and of an animation the first clear frame; ``info[NOTE]`` says so.
     Raises ``ValueError`` naming the file for what is no image, or one that is too large.
     """
     with reading(path, "an image"), warnings.catch_warnings():
@@ -48,29 +56,68 @@ def read_rgba(path: Path) -> Image.Image:
         with open_image(path, WORKING_SIDE) as image:
             if max(image.size) > _NARROWEST * min(image.size):
                 raise ValueError(f"the image is too narrow ({image.width} x {image.height} px)")
-            image.load()
-            return _small_rgba(image)
+            _seek_clearest(image)
+            number, count = image.tell() + 1, getattr(image, "n_frames", 1)
+            found = _small_rgba(_deep_colours(image, path))
+            if count > 1:
+                found.info[NOTE] = f"image {number} of the {count} in this file is used"
+            return found
 
 
-def read_mask(path: Path, size: tuple[int, int]) -> Image.Image:
-    """The opacity of an object, from an image that is white on it, or clear elsewhere, at a size.
+def read_mask(path: Path, photo: Path, size: tuple[int, int]) -> Image.Image:
+    """The opacity of a photo's object, from an image that is white on it, or clear elsewhere.
 
-    Raises ``ValueError`` naming the file where it is no image, or all of it is object or none.
+    A mask of the proportions that the photo has before it is turned upright is turned too.
+
+    Args:
+        size: of the result in px, upright.
+
+    Raises ``ValueError`` naming the file where it is no image, has other proportions than the photo, or all of it is
+    object or none.
     """
-    image = read_rgba(path)
+    image, note = read_rgba(path), ""
+    upright, drawn, orientation = upright_size(photo), upright_size(path), _orientation(photo)
+    fits = _same_proportions(drawn, upright)
+    fits_turned = orientation in _TURNS and _same_proportions(
+        drawn[::-1] if orientation in _TRANSPOSED else drawn, upright
+    )
+    if not (fits or fits_turned):
+        raise ValueError(f"{path}: a mask of {_by(drawn)} px does not fit a photo of {_by(upright)} px")
+    if not fits:
+        image = image.transpose(_TURNS[orientation])
+        note = f"{path.name} is turned as {photo.name} is: it was drawn on pixels that are not upright"
+    elif fits_turned:
+        note = f"{path.name} is taken as drawn on the upright photo"
     alpha = image.getchannel("A")
     mask = alpha if (np.asarray(alpha) < 255).any() else image.convert("L")
     object_there = np.asarray(mask) > 127
     if object_there.all() or not object_there.any():
         raise ValueError(f"{path}: a mask is white on the object and black elsewhere; this has one of both only")
-    return mask.resize(size, Image.Resampling.BILINEAR)
+    mask = mask.resize(size, Image.Resampling.BILINEAR)
+    mask.info = {NOTE: note}
+    return mask
 
 
 def upright_size(path: Path) -> tuple[int, int]:
     """(width, height) in px of a file's upright image. Raises ``ValueError`` naming the file for what is no image."""
+    transposed = _orientation(path) in _TRANSPOSED
     with reading(path, "an image"), open_image(path) as image:
-        transposed = _exif(image).get(ExifTags.Base.Orientation) in _TRANSPOSED
         return (image.height, image.width) if transposed else image.size
+
+
+def _orientation(path: Path) -> int:
+    """The EXIF orientation; 1, upright, where the file does not tell."""
+    with reading(path, "an image"), open_image(path) as image:
+        return int(_exif(image).get(ExifTags.Base.Orientation, 1))
+
+
+def _same_proportions(first: tuple[int, int], second: tuple[int, int]) -> bool:
+    """Sizes that differ in scale alone, but for a px of rounding."""
+    return abs(first[0] * second[1] - first[1] * second[0]) <= max(*first, *second)
+
+
+def _by(size: tuple[int, int]) -> str:
+    return f"{size[0]}x{size[1]}"
 
 
 def lens_focal(image: Image.Image) -> float | None:
@@ -88,6 +135,43 @@ def lens_focal(image: Image.Image) -> float | None:
 def _exif(image: Image.Image) -> Image.Exif:
     """Empty where it cannot be read: the image is there without it."""
     return optional(image.getexif) or Image.Exif()
+
+
+def _seek_clearest(image: Image.Image) -> None:
+    """Go to the first frame of an animation that does not fade in from, or out to, one colour."""
+    frames = getattr(image, "n_frames", 1) if image.format in ("GIF", "WEBP", "PNG", "AVIF") else 1
+    frames = min(frames, _MAX_FRAMES, _MAX_LOOKED // (image.width * image.height))
+    if frames < 2:
+        return
+    contrast = list[float]()
+    for number in range(frames):
+        image.seek(number)
+        frame = _shrunk(image, WORKING_SIDE // 4).convert("RGBA")  # expanded, all of it takes four times the memory
+        contrast.append(float(np.asarray(Image.alpha_composite(Image.new("RGBA", frame.size, "white"), frame)).std()))
+    image.seek(next(number for number, one in enumerate(contrast) if one >= _FADED * max(contrast)))
+
+
+def _deep_colours(image: Image.Image, path: Path) -> Image.Image:
+    """Colours of fewer than 16 bits in a file of 16, which Pillow would show nearly black."""
+    deep = image.mode in ("RGB", "RGBA") and any(";16" in str(tile[3]) for tile in getattr(image, "tile", ()))
+    if not deep or np.asarray(image)[..., :3].max() > _DEPTHS[-2] >> 8:
+        return image
+    import cv2  # takes long to import, and few images need it
+
+    values = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
+    if values is None or values.dtype != np.uint16:
+        return image
+    colours = values[..., 2::-1] / _white(float(values[..., :3].max()))
+    deeper = Image.fromarray((colours.clip(0, 1) * 255 + 0.5).astype(np.uint8))
+    if image.mode == "RGBA":
+        deeper.putalpha(image.getchannel("A"))
+    deeper.info = image.info
+    return deeper
+
+
+def _white(largest: float) -> int:
+    """The number that is white, by the largest one that an image holds."""
+    return next((depth for depth in _DEPTHS if largest <= depth), _DEPTHS[-1])
 
 
 def _small_rgba(image: Image.Image) -> Image.Image:
@@ -139,5 +223,5 @@ def _eight_bits(image: Image.Image) -> Image.Image:
     """Grey of 16 or 32 bits or of floating point, by the range its numbers use."""
     values = np.nan_to_num(np.asarray(image, dtype=np.float32))
     largest = float(values.max(initial=0))
-    full = 1.0 if largest <= 1 and image.mode == "F" else 255.0 if largest <= 255 else 65535.0
+    full = 1.0 if largest <= 1 and image.mode == "F" else _white(largest)
     return Image.fromarray((np.clip(values / max(full, largest), 0, 1) * 255 + 0.5).astype(np.uint8))

@@ -59,6 +59,7 @@ class Photo:
     :func:`core.models.photo_detail.compressed` has it: colours on white and opacity; None where no more is known"""
     mask_confidence: float = 1.0
     """the probability that the mask is the object, the whole of it and little else"""
+    note: str = ""  # which of several readings of the file was used
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -242,6 +243,7 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
         blur=blur,
         fine=fine,
         mask_confidence=cut.confidence,
+        note=cut.note,
     )
 
 

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_ed
 
 from core.geometry.pixels import bounding_box, widened
 from core.photos.candidates import Candidate, Seen, guess
-from core.photos.decode import lens_focal
+from core.photos.decode import NOTE, lens_focal
 from core.photos.frames import Box, fill, find_frame, is_sliver
 from core.photos.grabcut import grabcut
 from core.photos.mask_score import rank_candidates
@@ -61,6 +61,7 @@ class CutOut:
     """the next masks, the likeliest first"""
     focal: float | None = None
     """px, where the image tells"""
+    note: str = ""  # which of several readings of the file was used
 
 
 class Stroke(NamedTuple):
@@ -117,7 +118,7 @@ def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
     """
     if min(image.size) < MIN_SIDE:
         raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
-    return replace(_cut_out(image, hints), focal=lens_focal(image))
+    return replace(_cut_out(image, hints), focal=lens_focal(image), note=image.info.get(NOTE, ""))
 
 
 def _cut_out(image: Image.Image, hints: Hints | None) -> CutOut:

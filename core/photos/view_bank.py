@@ -25,7 +25,8 @@ from core.models.model import Model
 from core.models.occupied_cells import pack
 from core.rendering.surface import surface_points
 from core.runtime.caches import CACHE, Kind
-from core.runtime.files import VIEW_BANKS, atomic_file, cache_folder
+from core.runtime.files import atomic_file
+from core.runtime.folders import VIEW_BANKS, cache_folder
 
 PROTOTYPES = 120
 """With 60 of them, fits of a model's own objects end in worse codes; with 240, fits of others are no better."""

@@ -1,50 +1,62 @@
-"""Files that are there whole or not at all, numbers as JSON, and the folder of what can be made again."""
+"""Files that are there whole or not at all, and numbers as JSON."""
 
 import json
 import math
 import os
+import secrets
 import shutil
+import stat
+import sys
 import tempfile
-import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-
-from platformdirs import user_cache_path
-
-VIEW_BANKS, THUMBNAILS = "view-banks", "thumbnails"
-"""folders of the cache folder"""
-_CACHE_VARIABLE = "CODENERF_CACHE"
-"""of the environment: another folder than the platform's"""
-
-
-def cache_folder() -> Path:
-    """The folder for what takes long to make and can be made again: ``CODENERF_CACHE``, else the platform's own."""
-    named = os.environ.get(_CACHE_VARIABLE)
-    return Path(named) if named else user_cache_path("codenerf-viewer", appauthor=False)
+from typing import BinaryIO
 
 
 @contextmanager
 def atomic_file(path: Path, check: Callable[[Path], object] | None = None) -> Iterator[Path]:
-    """A place beside ``path`` to write to, renamed to it at the end and removed should the end not come.
+    """Yield an empty file to write to, which takes the place of ``path`` at the end and is removed after an error.
+
+    Links lead to their target; mode, owner and hard links of a file that is there stay. Of processes that write the
+    same file at once the last one wins, whole. The content goes to a device, a pipe or standard output as it is.
 
     Args:
         check: reads what was written, before it takes the place of what was there.
 
-    Of processes that write the same file at once the last one wins, whole. Raises ``ValueError`` naming ``path`` where
-    it cannot be written, and where ``check`` does.
+    Raises ``ValueError`` naming ``path`` where it cannot be written, and where ``check`` does.
     """
-    partial = _partial(path)
-    try:
-        partial.touch()  # at once, so that a place that cannot be written to is refused before the work
-        yield partial
-        _read_back(partial, check)
-        partial.replace(path)
-    except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        with suppress(OSError):  # of a place that is gone, which would hide why
-            partial.unlink(missing_ok=True)
+    with _naming(path):
+        partial = _partial(path)  # at once, so that a place that cannot be written to is refused before the work
+        try:
+            yield partial
+            _read_back(partial, check)
+            _put(partial, path)
+        finally:
+            with suppress(OSError):  # of a place that is gone, which would hide why
+                partial.unlink(missing_ok=True)
+
+
+@contextmanager
+def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
+    """Yield a new folder to write to, as :func:`atomic_file`.
+
+    Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already and not to be replaced.
+    """
+    target = Path(os.path.realpath(path))
+    partial, former = _beside(target), _beside(target)
+    if target.exists() and not replace:
+        raise ValueError(f"cannot write {path}: it is there already")
+    with _naming(path):
+        try:
+            partial.mkdir()
+            yield partial
+            with suppress(FileNotFoundError):
+                target.rename(former)
+            partial.rename(target)
+        finally:
+            for left in (partial, former):
+                shutil.rmtree(left, ignore_errors=True)
 
 
 def require_writable(path: Path) -> None:
@@ -54,13 +66,10 @@ def require_writable(path: Path) -> None:
     """
     if path.is_dir():
         raise ValueError(f"cannot write {path}: it is a folder")
-    if not path.absolute().parent.is_dir():
+    if not Path(os.path.realpath(path)).parent.is_dir() and not is_stream(path):
         raise ValueError(f"cannot write {path}: there is no folder {path.parent}")
-    try:
-        _partial(path).touch()
+    with _naming(path):
         _partial(path).unlink()
-    except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
@@ -76,10 +85,115 @@ def save_or_elsewhere(save: Callable[[Path], None], path: Path) -> None:
         raise ValueError(f"{error}; it is in {other} instead") from error
 
 
+def write_json(path: Path, content: dict) -> None:
+    """Write numbers as JSON, and null for infinity and NaN."""
+    with atomic_file(path) as partial:
+        partial.write_text(json.dumps(_without_nan(content), indent=1) + "\n")
+
+
+def is_stream(path: Path) -> bool:
+    """Whether a path leads to a device, a pipe, or where standard output or error of this process go."""
+    with suppress(OSError):
+        found = path.stat()
+        plain = stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
+        return not plain or _standard(found) is not None
+    return False
+
+
+def open_output(path: Path) -> BinaryIO:
+    """Open a file or a stream to write to as the work goes on; standard output and error continue where they are."""
+    standard = _standard(path.stat()) if path.exists() else None
+    if standard is None:
+        return path.open("wb")
+    sys.stdout.flush()
+    return os.fdopen(os.dup(standard), "wb")
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+def _standard(found: os.stat_result) -> int | None:
+    """The number, 1 or 2, of the standard stream that is this file; None where neither is."""
+    for number in (1, 2):
+        with suppress(OSError):  # closed
+            if os.path.samestat(found, os.fstat(number)):
+                return number
+    return None
+
+
 def _partial(path: Path) -> Path:
-    """Beside a path, of the same ending; short, as a name has 255 bytes at the most."""
+    """An empty file beside a path's target with its mode and owner; in the folder of temporary files for a stream."""
+    if is_stream(path):
+        partial = _beside(Path(tempfile.gettempdir()) / path.name)
+        partial.touch(0o600, exist_ok=False)
+        return partial
+    target = Path(os.path.realpath(path))
+    partial = _beside(target)
+    partial.touch(exist_ok=False)
+    if target.is_file():
+        try:
+            target.open("r+b").close()  # refuses a file that is write-protected
+        except OSError:
+            partial.unlink()
+            raise
+        with suppress(OSError):  # of a file system without modes
+            shutil.copystat(target, partial)
+        _copy_owner(target, partial)
+    return partial
+
+
+def _beside(path: Path) -> Path:
+    """A name in the same folder that no other process uses, of the same ending; short, as a name has 255 bytes."""
     ending = path.suffix if len(path.suffix) <= 16 else ""
-    return path.with_name(f".{zlib.crc32(os.fsencode(path.name)):08x}-{os.getpid()}.partial{ending}")
+    return path.with_name(f".{secrets.token_hex(8)}.partial{ending}")
+
+
+def _copy_owner(target: Path, partial: Path) -> bool:
+    """Whether a new file belongs to whom the present one belongs."""
+    there, new = target.stat(), partial.stat()
+    with suppress(PermissionError):
+        if (there.st_uid, there.st_gid) != (new.st_uid, new.st_gid):
+            os.chown(partial, there.st_uid, there.st_gid)
+        return True
+    return False
+
+
+def _put(partial: Path, path: Path) -> None:
+    """Put the content of a finished file where it belongs, onto the disk."""
+    if is_stream(path):
+        with partial.open("rb") as source, open_output(path) as stream:
+            shutil.copyfileobj(source, stream)
+        return
+    target = Path(os.path.realpath(path))
+    with partial.open("r+b") as file:
+        os.fsync(file.fileno())
+    if target.is_file() and (target.stat().st_nlink > 1 or not _copy_owner(target, partial)):
+        _overwrite(partial, target)  # a new file would part hard links, or change hands
+    else:
+        partial.replace(target)
+    with suppress(OSError):  # Windows opens no folders
+        folder = os.open(target.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
+
+
+def _overwrite(partial: Path, target: Path) -> None:
+    """Write over a file. Where that fails half way, keep the whole content beside, and name it in the ``OSError``."""
+    try:
+        with partial.open("rb") as source, target.open("r+b") as file:
+            shutil.copyfileobj(source, file)
+            file.truncate()
+            os.fsync(file.fileno())
+    except OSError as error:
+        kept = partial.rename(target.with_name(f"{target.stem} (whole){target.suffix}"))
+        raise OSError(f"{error.strerror}; its whole content is in {kept}") from error
 
 
 def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:
@@ -88,33 +202,6 @@ def _read_back(partial: Path, check: Callable[[Path], object] | None) -> None:
             check(partial)
     except ValueError as error:
         raise ValueError(f"what was written cannot be read back, and was not kept ({error})") from error
-
-
-@contextmanager
-def atomic_folder(path: Path, replace: bool = False) -> Iterator[Path]:
-    """A new folder beside ``path`` to write to, as :func:`atomic_file`.
-
-    Raises ``ValueError`` naming ``path`` where it cannot be written, or is there already and not to be replaced.
-    """
-    partial = _partial(path)
-    if path.exists() and not replace:
-        raise ValueError(f"cannot write {path}: it is there already")
-    try:
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir()
-        yield partial
-        shutil.rmtree(path, ignore_errors=True)
-        partial.rename(path)
-    except OSError as error:
-        raise ValueError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-
-
-def write_json(path: Path, content: dict) -> None:
-    """Numbers as JSON, what is not a number as null."""
-    with atomic_file(path) as partial:
-        partial.write_text(json.dumps(_without_nan(content), indent=1) + "\n")
 
 
 def _without_nan(value: object) -> object:

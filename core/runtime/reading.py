@@ -11,7 +11,7 @@ import pickle
 import types
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from io import BytesIO
@@ -29,6 +29,10 @@ _MAX_TEXT = 16_000_000
 """bytes of JSON or numbers as text; objects of Python take up to twenty times as much"""
 _MAX_MEMBERS = 10_000
 """files in a zip"""
+_MAX_PAGES = 100
+"""of an image that are looked at"""
+_MAX_MESSAGE, _MAX_REASON = 200, 100
+"""characters of an error, and of its reason at least where the path is long"""
 _LARGEST = 1e300
 """of a number: integers in JSON may be of any size"""
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
@@ -43,6 +47,10 @@ _COEFFICIENTS = 3
 
 # Pillow refuses photographs whose colour profile or description takes more than a megabyte.
 PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, _MAX_TEXT)
+
+
+class TooLargeError(ValueError):
+    """A file holds more than this program reads."""
 
 
 @contextmanager
@@ -61,13 +69,27 @@ def reading(path: Path | str, kind: str = "a file") -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if isinstance(error, ValueError) and str(path) in str(error):
+        named = isinstance(error, ValueError) and str(path) in str(error)
+        text = str(error) if named else _reason(error, path, kind)
+        if named and len(text) <= _most(path):
             raise
-        raise ValueError(_reason(error, path, kind)) from error
+        raise ValueError(shortened(text, _most(path))) from error
+
+
+def shortened(text: str, most: int) -> str:
+    """A text of at most so many characters: of a longer one the begin and the last 30."""
+    return text if len(text) <= most else f"{text[: most - 33]}...{text[-30:]}"
+
+
+def _most(path: Path | str) -> int:
+    """Characters of an error about a file."""
+    return max(_MAX_MESSAGE, len(str(path)) + _MAX_REASON)
 
 
 def _reason(error: Exception, path: Path | str, kind: str) -> str:
     if isinstance(error, FileNotFoundError):
+        if Path(path).parts[:1] in (("http:",), ("https:",)):
+            return f"{path} is an address: save {kind} from there, and give the path of the file"
         return f"no such {kind.partition(' ')[2]}: {error.filename or path}"
     if isinstance(error, IsADirectoryError):
         return f"{path} is a folder, not {kind}"
@@ -106,7 +128,7 @@ def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
     with path.open("rb") as file:
         content = file.read(most + 1)
     if len(content) > most:
-        raise ValueError(f"a file of this kind has at most {most / 1e6:.0f} MB")
+        raise TooLargeError(f"a file of this kind has at most {most / 1e6:.0f} MB")
     return content
 
 
@@ -118,7 +140,7 @@ def read_text(path: Path) -> str:
 def parse_json(text: bytes | str) -> Any:
     """JSON in UTF-8, UTF-16 or UTF-32, with or without a byte order mark."""
     if len(text) > _MAX_TEXT:
-        raise ValueError(f"JSON has at most {_MAX_TEXT / 1e6:.0f} MB here")
+        raise TooLargeError(f"JSON has at most {_MAX_TEXT / 1e6:.0f} MB here")
     return json.loads(text.removeprefix("\ufeff") if isinstance(text, str) else text)
 
 
@@ -262,6 +284,7 @@ def open_image(file: Path | BytesIO, side: int | None = None, most: int = MAX_DE
     Raises ``ValueError`` for other kinds of file and for what is too large; decoding raises what it likes.
     """
     with _opened(file) as image:
+        _seek_largest(image)
         full = image.size
         if side:
             image.draft("RGB", (side, side))
@@ -282,6 +305,17 @@ def _opened(file: Path | BytesIO) -> Image.Image:
         raise ValueError("this is not an image (PNG, JPEG, WebP, ...)") from None
     finally:
         Image.MAX_IMAGE_PIXELS = limit
+
+
+def _seek_largest(image: Image.Image) -> None:
+    """Go to the largest of a file's pages, the first of them: the others are previews. HEIC and MPO name their own."""
+    sizes = []
+    with suppress(Exception):  # a damaged page ends the file
+        for page in range(min(getattr(image, "n_frames", 1), _MAX_PAGES) if image.format == "TIFF" else 0):
+            image.seek(page)
+            sizes.append(image.width * image.height)
+    if sizes:
+        image.seek(sizes.index(max(sizes)))
 
 
 def _is_heif(file: Path | BytesIO) -> bool:
@@ -316,5 +350,5 @@ def open_zip(path: Path, most: int = MAX_DECODED) -> Iterator[zipfile.ZipFile]:
     with zipfile.ZipFile(path) as file:
         members = file.infolist()
         if len(members) > _MAX_MEMBERS or sum(member.file_size for member in members) > most:
-            raise ValueError(f"it unpacks to more than {_MAX_MEMBERS} files or {most / 1e6:.0f} MB")
+            raise TooLargeError(f"it unpacks to more than {_MAX_MEMBERS} files or {most / 1e6:.0f} MB")
         yield file

@@ -13,9 +13,19 @@ from PIL import Image
 
 from core.detail.frames import render_progressively
 from core.models.model import Model
+from core.photos.segmentation import CutOut
 from tests.conftest import no_opengl, random_model, unchecked_shapes
 from tests.viewer.driver import Drive, Driver, finish
-from tests.viewer.stand_ins import Clock, no_guess, quick_fit, quick_frames, quick_pace, quick_photo, quick_pictures
+from tests.viewer.stand_ins import (
+    Clock,
+    no_guess,
+    quick_fit,
+    quick_frames,
+    quick_pace,
+    quick_photo,
+    quick_pictures,
+    two_models,
+)
 from viewer.app import App
 from viewer.editor import Editor
 from viewer.screen import window
@@ -25,7 +35,6 @@ from viewer.services.single_instance import SingleInstance
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.quality import Quality
-from viewer.workspace import Workspace
 
 
 @pytest.fixture(autouse=True)
@@ -50,16 +59,30 @@ def backend(model: Model) -> Backend:
     """Stand-ins for all that takes time. Turntables are real."""
     return Backend(
         lambda name: model,
-        quick_photo,
-        quick_frames,
-        quick_fit,
-        lambda model: iter(()),
+        frame_photo=quick_photo,
+        frames=quick_frames,
+        fit=quick_fit,
+        view_bank=lambda model: iter(()),
         pictures=quick_pictures,
         pace=quick_pace,
         guess_category=no_guess,
         distance=lambda model, codes, camera, share: camera.distance,
         direction_words=lambda model: iter(({"shape": ("wider", ""), "texture": ("redder",)},)),
     )
+
+
+@pytest.fixture
+def both(backend: Backend) -> Backend:
+    """The same with two models: a blue block is a car, any other a chair."""
+
+    def guess(cut: CutOut) -> dict[str, float]:
+        return (
+            {"cars": 0.95, "chairs": 0.01}
+            if bool((cut.pixels[..., 2] > cut.pixels[..., 0]).any())
+            else {"chairs": 0.95}
+        )
+
+    return replace(backend, load_model=two_models().__getitem__, guess_category=guess)
 
 
 @pytest.fixture
@@ -81,23 +104,16 @@ def worker() -> Iterator[Worker]:
 def session(worker: Worker, backend: Backend) -> Session:
     """A session with its model open and everything rendered, without a window."""
     session = Session(worker, backend, seed=0)
-    session.view = replace(session.view, quality=Quality(32, 96))
-    session.open_model("chairs")
+    session.viewport.change(quality=Quality(32, 96))
+    session.start()
     finish(session)
     return session
 
 
 @pytest.fixture
-def workspace(session: Session) -> Workspace:
+def editor(session: Session) -> Editor:
     """Of the model that is open."""
-    assert session.workspace is not None
-    return session.workspace
-
-
-@pytest.fixture
-def editor(workspace: Workspace) -> Editor:
-    """Of the model that is open."""
-    return workspace.editor
+    return session.editor
 
 
 @pytest.fixture
@@ -158,8 +174,8 @@ def drive(
         folder: Path | None = None,
         instance: SingleInstance | None = None,
     ) -> None:
-        session = Session(Worker(), backend, seed=0)
-        session.view = replace(session.view, quality=Quality(32, 96))
+        session = Session(Worker(), backend, 0, folder)
+        session.viewport.change(quality=Quality(32, 96))
         app = App(session, size, folder, headless=True, native_dialogs=False, instance=instance)
         if folder is None:  # else a fast machine would draw other pictures than a slow one
             app.context.set_preference(turning="off")
@@ -167,7 +183,6 @@ def drive(
         def test(ctx: imgui.test_engine.TestContext) -> None:
             imgui.get_io().config_error_recovery_enable_assert = strict
             driver = Driver(app, ctx, captures)
-            session.open_model("chairs")
             driver.wait_for_view() if backend.frames is render_progressively else driver.wait()
             act(driver)
 

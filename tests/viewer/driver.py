@@ -14,7 +14,6 @@ from tests.viewer.machine import Patience
 from viewer.actions import chord
 from viewer.app import App
 from viewer.session import Session
-from viewer.workspace import Workspace
 
 Drive = Callable[..., None]
 _RASTERIZER_DISCARD = 0x8C89
@@ -48,11 +47,6 @@ class Driver:
         # A slow machine takes as long as it takes; waits end by themselves.
         io.config_watchdog_warning = io.config_watchdog_kill_test = io.config_watchdog_kill_app = 1e9
 
-    @property
-    def workspace(self) -> Workspace:
-        """Of the model that is open."""
-        return self.context.workspace
-
     def wait(self, until: Callable[[], bool] | None = None, longest: float = 60.0) -> None:
         """Draw until a condition holds; without one, until nothing is under way."""
         patience = Patience(longest)
@@ -64,7 +58,7 @@ class Driver:
 
     def wait_for_view(self) -> None:
         """Draw until the view shows its finished render; thumbnails may still be missing."""
-        self.wait(lambda: self.context.ready and not self.session.jobs.busy("model", "view"))
+        self.wait(lambda: not self.session.jobs.busy("view"))
 
     def click(self, name: str, button: int = 0) -> None:
         """Click a widget: ``Panel/widget`` or, at any depth, ``**/widget``."""
@@ -137,7 +131,7 @@ class Driver:
     def fit(self, *photos: Path) -> None:
         """Drop photos and wait for the result."""
         self.context.drop([str(photo) for photo in photos])
-        self.wait(lambda: not self.session.fitting_runs and not self.session.jobs.busy("fit"))
+        self.wait(lambda: not self.session.fitting.running and not self.session.jobs.busy("fit"))
         self.wait()
 
     def capture(self) -> np.ndarray:

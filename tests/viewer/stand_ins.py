@@ -6,22 +6,27 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from PIL import Image
 
 from core.export.frames import over
 from core.export.keyframes import View
 from core.export.pace import Pace
+from core.export.video import VideoSettings, write_video
 from core.fitting.fit import FitJob, FitStep, Hypothesis, RunnerUp
 from core.models.codes import Codes
+from core.models.field_config import FieldConfig
 from core.models.model import Model
-from core.photos.photo import Photo, load_photo
+from core.models.open_models import OpenModels
+from core.photos.photo import Photo
+from core.photos.segmentation import CutOut
 from core.rendering.background import Background
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
+from tests.conftest import random_model
+from viewer.services.backend import frame_photo
+from viewer.values.fit_history import PhotoSource
 
 
 class Clock:
@@ -31,6 +36,13 @@ class Clock:
 
     def __call__(self) -> float:
         return self.now
+
+
+def two_models() -> dict[str, Model]:
+    """By name: chairs, and cars, which are called ``car 0`` and so on."""
+    cars = random_model(5)
+    named = tuple(entry._replace(name=entry.name.replace("object", "car")) for entry in cars.codes.objects)
+    return {"chairs": random_model(), "cars": replace(cars, category="cars", codes=replace(cars.codes, objects=named))}
 
 
 def quick_frames(model: Model, job: RenderJob) -> Iterator[Frame | None]:
@@ -62,12 +74,16 @@ def quick_pictures(
             yield over(frame, background) if frame else None
 
 
-def quick_photo(path: Path, model: Model, *more: Any) -> Photo:
-    """The real thing refuses what is no image, but cannot frame a block for a model of mists."""
-    if not path.stem.startswith("block"):
-        return load_photo(path, model, *more)
-    with Image.open(path) as image:
-        pixels = torch.from_numpy(np.array(image.resize((32, 32)))) / 255
+def small_video(models: OpenModels, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
+    """A film with a sixteenth of the pixels along each side."""
+    return write_video(models, views, path, replace(settings, size=settings.size // 16))
+
+
+def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+    """The real thing cannot frame a block for a model of mists."""
+    if not source.path.stem.startswith("block"):
+        return frame_photo(cut, model, source)
+    pixels = torch.from_numpy(cut.pixels)[::3, ::3].contiguous()
     return Photo(pixels, pixels.mean(-1) < 0.9)
 
 
@@ -77,7 +93,7 @@ def quick_pace(model: Model, view: View) -> Iterator[Pace | None]:
     yield Pace(6e-6, start=1.0, view=0.1, frame=0.01, ray=1.3e-7, baked=True)
 
 
-def no_guess(photo: Photo) -> dict[str, float]:
+def no_guess(cut: CutOut) -> dict[str, float]:
     """Nothing is said about the category."""
     return {}
 
@@ -155,4 +171,4 @@ class Bakery:
         for cells in (64, 128):
             yield None
             texels = np.zeros((cells + 1,) * 3 + (4,), np.uint8)
-            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, 30.0, 0.0, len(texels) - 1)
+            yield BakedField(texels, np.ones((64,) * 3, np.uint8), model.extent, FieldConfig(), 0.0, len(texels) - 1)

@@ -10,13 +10,14 @@ from pathlib import Path
 
 import pytest
 from imgui_bundle import hello_imgui, imgui
+from PIL import Image
 
 from core.models.model import Model
 from core.models.scene import Scene
 from core.rendering.progressive import Frame, RenderJob
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.machine import slowness
-from tests.viewer.stand_ins import endless_fit, quick_frames
+from tests.viewer.stand_ins import endless_fit, quick_frames, small_video
 from viewer import app
 from viewer.panels import all_panels
 from viewer.services.backend import Backend
@@ -50,10 +51,9 @@ def test_preferences_and_layout_are_kept_between_launches(drive: Drive, tmp_path
         window.drag("View/orbit", 30)
 
     def second(window: Driver) -> None:
-        workspace = window.workspace
         assert window.context.preferences == kept[0]
         assert not (kept[0].dark or kept[0].newcomer)
-        assert workspace.viewport.settings.quality == QUALITIES[2]
+        assert window.session.viewport.settings.quality == QUALITIES[2]
 
     kept: list[Preferences] = []
     drive(first, folder=folder)
@@ -65,25 +65,25 @@ def test_a_session_goes_on_at_the_next_launch(drive: Drive, photo: Path, tmp_pat
     folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.fit(photo)
         window.press(imgui.Key.k)
         window.drag("View/orbit", 80)
         made.append(editor.history)
 
     def second(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         assert not window.context.autosave.recoverable
         assert window.session.messages.errors == []
         assert editor.history == made[0]
-        assert workspace.fitting.history.photo is not None
+        assert session.fitting.history.photo is not None
         window.undo()
         assert editor.state == made[0].past[-1]
         window.menu("File/###new_project")
-        assert not window.workspace.editor.history.past
-        assert window.workspace.editor.objects.names[0] == "block"
+        assert not window.session.editor.history.past
+        assert window.session.editor.objects.names[0] == "block"
         window.menu("File/Earlier sessions/###earlier 1")
-        assert window.workspace.editor.history.past == made[0].past[:-1]
+        assert window.session.editor.history.past == made[0].past[:-1]
 
     made: list[History] = []
     drive(first, folder=folder)
@@ -98,21 +98,20 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        workspace = window.workspace
         window.click("Library/**/show object 3")
         window.context.drop([str(photo)])
-        window.wait(lambda: len(workspace.fitting.history.steps) > 3)
+        window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         window.context.autosave.every = 0.0
-        window.wait(lambda: any(folder.glob("session-*")))
-        (written,) = folder.glob("session-*")
+        window.wait(lambda: any(folder.glob("session-*.codenerf")))
+        (written,) = folder.glob("session-*.codenerf")
         (folder / "session-999999999.codenerf").write_bytes(written.read_bytes())  # of a run that is no more
-        made.append(workspace.editor.history)
+        made.append(window.session.editor.history)
 
     def second(window: Driver) -> None:
         window.click("Messages/###restore 0")
-        window.wait(lambda: not window.session.fitting_runs)
+        window.wait(lambda: not window.session.fitting.running)
         window.wait()
-        editor = window.workspace.editor
+        editor = window.session.editor
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert editor.objects.names[0] == "block"
@@ -129,33 +128,29 @@ def test_a_session_that_ended_badly_in_a_fit_is_offered_back(
     assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
 
 
-def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, backend: Backend, photo: Path, tmp_path: Path) -> None:
-    folder, name = tmp_path / "config", "cars"  # not the model that is open at first
+def test_ending_the_program_in_a_fit_loses_nothing(drive: Drive, both: Backend, photo: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        window.click(f"##MainMenuBar/##MenuBar/###model {name}")
-        window.wait(lambda: window.session.model_name == name and window.context.ready)
-        window.click("Library/**/show object 3")
-        made.append(window.workspace.editor.history)
+        window.click("Library/**/show car 3")
+        made.append(window.session.editor.history)
         window.context.drop([str(photo)])
-        window.wait(lambda: len(window.workspace.fitting.history.steps) > 3)
+        window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         window.press(imgui.Key.mod_ctrl, imgui.Key.q)
 
     def second(window: Driver) -> None:
-        assert window.app.last_model == name
-        window.session.open_model(name)
-        window.wait(lambda: window.session.model_name == name and not window.session.fitting_runs)
+        window.wait(lambda: not window.session.fitting.running)
         window.wait()
-        editor = window.workspace.editor
+        editor = window.session.editor
         assert window.session.messages.errors == []
         assert editor.history == made[0]
         assert editor.objects.names[0] == "block"
 
     made: list[History] = []
     with pytest.raises(RuntimeError, match="exited before"):  # as the toolkit says where a test ends the program
-        drive(first, replace(backend, fit=endless_fit), folder=folder)
+        drive(first, replace(both, fit=endless_fit), folder=folder)
     assert [path.name for path in folder.glob("session*")] == ["session.codenerf"]
-    drive(second, folder=folder)
+    drive(second, both, folder=folder)
 
 
 def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,7 +162,7 @@ def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(app, "all_panels", lambda: panels)
 
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         before = editor.scene.camera
         window.show("Place")
         window.click("Place/###other side")
@@ -180,7 +175,7 @@ def test_the_panel_of_the_manual_works(drive: Drive, monkeypatch: pytest.MonkeyP
 
 def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        session, editor = window.session, window.workspace.editor
+        session, editor = window.session, window.session.editor
 
         def fail(context: object) -> None:
             imgui.begin_child("left open")
@@ -196,7 +191,7 @@ def test_a_panel_that_fails_does_not_take_the_window_with_it(drive: Drive) -> No
         assert session.messages.log[-1].detail == "KeyError: 'a mistake'"
         window.drag("View/orbit", 30)
         assert editor.history.past
-        editor.add_and_show(EditableObject("hostile", window.workspace.model.codes[1]), editor.scene.camera)
+        editor.add_and_show(EditableObject("hostile", window.session.editor.model.codes[1]), editor.scene.camera)
         window.wait()
         window.click("Library/###remove newest")
         assert not editor.objects.added
@@ -215,9 +210,9 @@ def test_a_photo_whose_name_is_no_text_is_rebuilt_shown_and_removed(drive: Drive
     path = photo.rename(photo.with_name(os.fsdecode(b"block_\xff\xfe.png")))
 
     def act(window: Driver) -> None:
-        objects = window.workspace.editor.objects
+        objects = window.session.editor.objects
         window.context.drop([str(path)])
-        window.wait(lambda: bool(objects.added) and not window.workspace.fitting.running)
+        window.wait(lambda: bool(objects.added) and not window.session.fitting.running)
         for panel in ("Library", "Photo", "Messages log"):
             if any(one.title == panel for one in window.app.panels):
                 window.show(panel)
@@ -225,7 +220,7 @@ def test_a_photo_whose_name_is_no_text_is_rebuilt_shown_and_removed(drive: Drive
         window.wait(lambda: bool(window.session.messages.errors))
         assert [one.name for one in objects.added] == ["block_??"]
         assert all("failed" not in error for error in window.session.messages.errors)
-        window.workspace.remove("block_??")
+        window.session.remove("block_??")
         window.wait()
         assert not objects.added
 
@@ -234,9 +229,8 @@ def test_a_photo_whose_name_is_no_text_is_rebuilt_shown_and_removed(drive: Drive
 
 def test_closing_while_a_fit_runs_ends_at_once(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace = window.workspace
         window.context.drop([str(photo)])
-        window.wait(lambda: len(workspace.fitting.history.steps) > 3)
+        window.wait(lambda: len(window.session.fitting.history.steps) > 3)
         ended.append(time.monotonic())
 
     ended: list[float] = []
@@ -275,7 +269,7 @@ def test_the_layout_at_first_comes_back_by_a_reset(drive: Drive) -> None:
 @pytest.mark.parametrize("size", [(900, 600), (1900, 1000)])
 def test_windows_of_any_size_can_be_worked_in(drive: Drive, size: tuple[int, int]) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         viewport = imgui.get_main_viewport().size
         assert (viewport.x, viewport.y) == size
         window.drag("View/orbit", 30)
@@ -299,7 +293,7 @@ def too_wide() -> dict[str, float]:
 def test_nothing_is_cut_off_at_the_right_where_the_window_is_small_and_texts_are_large(drive: Drive) -> None:
     def act(window: Driver) -> None:
         window.context.set_preference(text=2.0)
-        window.workspace.player.add_key()
+        window.session.player.add_key()
         window.wait()
         for panel in window.app.panels:
             window.show(panel.title)
@@ -323,7 +317,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         for kind in KINDS:
             context.share(kind)
             look()
-        context.workspace.exporting.saved = tmp_path / "a folder of a long name" / "a turntable of a long name.mp4"
+        context.session.exporting.saved = tmp_path / "a folder of a long name" / "a turntable of a long name.mp4"
         look()
         window.click("Share/###save")
         look()
@@ -340,19 +334,19 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
         look()
         window.press(imgui.Key.escape)
         window.context.drop([str(photo)])
-        window.wait(lambda: window.workspace.viewport.source == "fit")
+        window.wait(lambda: window.session.viewport.source == "fit")
         window.press(imgui.Key.r)  # another object: the fit is not followed any more
         look()
         assert window.exists("###Running fit/###follow")
-        window.workspace.fitting.stop()
+        window.session.fitting.stop()
         window.wait()
         look()
         window.show("Candidates")
         look()
         window.session.messages.report("Cannot open this", ValueError("a reason of many words, " * 6))
         look()
-        window.workspace.segment_photo()
-        window.wait(lambda: window.workspace.segmenting.plain is not None)
+        window.session.segment_photo()
+        window.wait(lambda: window.session.segmenting.plain is not None)
         look()
 
     (tmp_path / "config").mkdir()
@@ -363,7 +357,7 @@ def test_no_dialog_is_cut_off_where_the_window_is_small_and_texts_are_large(
 def test_a_chord_that_is_let_go_within_a_slow_frame_is_no_letter(drive: Drive) -> None:
     def act(window: Driver) -> None:
         key, io = imgui.Key, imgui.get_io()
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.ctx.run_flags |= imgui.test_engine.TestRunFlags_.enable_raw_inputs.value
         for letter in (key.e, key.r):
             for frame in (((key.mod_ctrl, True),), ((letter, True), (key.mod_ctrl, False)), ((letter, False),)):
@@ -378,7 +372,7 @@ def test_a_chord_that_is_let_go_within_a_slow_frame_is_no_letter(drive: Drive) -
 
 def test_letters_typed_while_a_dialog_is_open_change_no_object(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor, key = window.workspace.editor, imgui.Key
+        editor, key = window.session.editor, imgui.Key
         before = editor.history
         window.press(key.mod_ctrl, key.e)
         window.press(key.r)
@@ -394,11 +388,11 @@ def test_letters_typed_while_a_dialog_is_open_change_no_object(drive: Drive) -> 
 def test_bad_files_are_reported_and_change_nothing(
     drive: Drive, bad_files: dict[str, Path], tmp_path: Path, model: Model
 ) -> None:
-    Scene("another", model.codes[0], model.camera(0, 0)).save(tmp_path / "other.json")
+    Scene(replace(model.codes[0], model="another"), model.camera(0, 0)).save(tmp_path / "other.json")
     (tmp_path / "torn.json").write_text('{"model": ')
 
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         before = editor.history
         for path in (*bad_files.values(), tmp_path / "other.json", tmp_path / "torn.json"):
             session.messages.clear()
@@ -406,7 +400,7 @@ def test_bad_files_are_reported_and_change_nothing(
             window.wait(lambda: bool(session.messages.errors))
             window.wait()
             assert editor.history is before, path.name
-            assert not workspace.fitting.running
+            assert not session.fitting.running
         window.context.drop([])
 
     drive(act)
@@ -423,7 +417,7 @@ def test_objects_have_their_thumbnails_at_once_at_the_next_launch(
         return quick_frames(model, job)
 
     def tiles(window: Driver) -> None:
-        objects, thumbnails = window.workspace.editor.objects, window.workspace.thumbnails
+        objects, thumbnails = window.session.editor.objects, window.session.thumbnails
         window.wait(lambda: all(thumbnails.of_object(objects[name].codes) for name in objects.names[:2]))
         window.wait()
         counts.append(rendered.count(32))  # coarse ones, which come before all others
@@ -434,3 +428,44 @@ def test_objects_have_their_thumbnails_at_once_at_the_next_launch(
         drive(tiles, replace(backend, frames=counted), folder=tmp_path / "config")
     assert counts[0] > counts[1]
     assert len(list((tmp_path / "cache" / "thumbnails").iterdir())) == 1
+
+
+def test_a_car_beside_a_chair_both_rebuilt_edited_undone_and_filmed(
+    drive: Drive, both: Backend, photo: Path, tmp_path: Path
+) -> None:
+    blue = photo.with_name("block blue.png")
+    with Image.open(photo) as image:
+        red, green, blue_channel = image.split()
+        Image.merge("RGB", (blue_channel, green, red)).save(blue)  # a car, as the guess of ``both`` has it
+
+    def act(window: Driver) -> None:
+        session, editor = window.session, window.session.editor
+        window.fit(blue)
+        window.fit(photo)
+        assert editor.objects.own == ["block", "block blue"]
+        for name, category in (("block blue", "cars"), ("block", "chairs")):
+            window.click(f"Library/**/show {name}")
+            window.show("Mix")
+            window.drag("Mix/mix pad", 30, -20)
+            assert editor.model.category == category
+            window.press(imgui.Key.k)
+            window.context.share("turntable")
+            window.click("Share/###save")
+            window.type(str(tmp_path / f"{category}.gif"))
+            window.wait(lambda: not session.exporting.running)
+            window.context.share_open = False
+        window.context.share("video")  # of both, with a cut
+        window.click("Share/###save")
+        window.type(str(tmp_path / "both.gif"))
+        window.wait(lambda: not session.exporting.running)
+        window.context.share_open = False
+        assert len(list(tmp_path.glob("*.gif"))) == 3
+        assert session.messages.errors == []
+        assert not [one.text for one in session.messages.log if "model" in one.text]
+        seen = {state.scene.codes.model for state in editor.history.states}
+        assert len(seen) == 2
+        while editor.history.past:
+            window.undo()
+        assert editor.model.category == "chairs" and len(editor.history.future) >= 8
+
+    drive(act, replace(both, video=small_video), folder=tmp_path / "config")

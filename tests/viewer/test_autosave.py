@@ -1,108 +1,104 @@
 import json
 import os
+import random
 import subprocess
 import sys
+import threading
+import time
 import zipfile
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from filelock import FileLock
 from PIL import Image
 
+from core.models.open_models import OpenModels
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
+from core.runtime import reading
+from tests.conftest import random_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import Clock, endless_fit
 from viewer.autosave import Autosave
 from viewer.editor import Editor
 from viewer.services.backend import Backend
-from viewer.services.user_objects import UserObjects
 from viewer.services.worker import Worker
 from viewer.session import Session
+from viewer.values.history import History
 from viewer.values.project import Project
-from viewer.workspace import Workspace
 
 
 def edit(session: Session, photo: Path) -> None:
     """A fitted object, a mix, a timeline."""
-    workspace = session.workspace
-    assert workspace is not None
-    editor = workspace.editor
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
+    editor = session.editor
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
     editor.set_b("object 4")
     editor.mix("texture", 0.4)
-    workspace.player.add_key()
-    workspace.player.seek(1.5)
+    session.player.add_key()
+    session.player.seek(1.5)
     editor.show_object("object 2")
-    workspace.player.add_key()
-    workspace.player.change(turns=-2)
+    session.player.add_key()
+    session.player.change(turns=-2)
 
 
 def begun(worker: Worker, backend: Backend, folder: Path, clock: Clock) -> tuple[Session, Autosave]:
     """A launch."""
-    session = Session(worker, backend, seed=1)
-    session.user_objects = UserObjects(folder / "mine")
-    autosave = Autosave(session, folder, clock)
-    session.open_model(autosave.model or "chairs")
-    deliver(session, lambda: session.workspace is not None)
-    return session, autosave
-
-
-def opened(session: Session) -> Workspace:
-    assert session.workspace is not None
-    return session.workspace
+    session = Session(worker, backend, 1, folder)
+    return session, Autosave(session, folder, clock)
 
 
 def test_it_is_written_between_drags(session: Session, editor: Editor, tmp_path: Path, clock: Clock) -> None:
     autosave = Autosave(session, tmp_path, clock)
     clock.now = 10.0
     autosave.tick()
-    assert not list(tmp_path.iterdir())  # nothing was made yet
+    autosave.finish()
+    assert not list(tmp_path.glob("*.codenerf"))  # nothing was made yet
     clock.now = 20.0
     editor.mix("shape", 0.5, gesture="mix shape")
     autosave.tick()
-    assert not list(tmp_path.iterdir())
+    autosave.finish()
+    assert not list(tmp_path.glob("*.codenerf"))
     editor.end_gesture()
     autosave.tick()
-    (written,) = tmp_path.iterdir()
+    autosave.finish()
+    (written,) = tmp_path.glob("*.codenerf")
     before = written.read_bytes()
     editor.show_object("object 2")
     autosave.tick()
+    autosave.finish()
     assert written.read_bytes() == before  # too early
     clock.now = 30.0
     autosave.tick()
+    autosave.finish()
     assert written.read_bytes() != before
     autosave.close()
-    assert [path.name for path in tmp_path.iterdir()] == ["session.codenerf"]
+    assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session.codenerf"]
 
 
-def test_the_next_launch_goes_on_with_every_model(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+def test_the_next_launch_goes_on_with_objects_of_every_model(
+    worker: Worker, both: Backend, tmp_path: Path, clock: Clock, photo: Path
 ) -> None:
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session, autosave = begun(worker, both, tmp_path, clock)
     edit(session, photo)
-    made = [opened(session).editor.history]
-    session.open_model("cars")
-    finish(session)
-    edit(session, photo)
-    made.append(opened(session).editor.history)
-    steps, step = opened(session).fitting.history.steps, opened(session).fitting.history.last
+    session.editor.show_object("car 2")
+    session.player.add_key()
+    made = session.editor.history
+    steps, step = session.fitting.history.steps, session.fitting.history.last
     autosave.close()
-    session, autosave = begun(worker, backend, tmp_path, clock)
-    assert session.model_name == "cars"
+    session, autosave = begun(worker, both, tmp_path, clock)
     assert not autosave.recoverable
-    workspace = opened(session)
-    assert workspace.editor.history == made[1]
-    assert [one.psnr for one in workspace.fitting.history.steps] == [one.psnr for one in steps]
-    assert workspace.fitting.history.last.runner_up == step.runner_up
-    assert workspace.fitting.history.last.confidence == step.confidence
-    assert workspace.fitting.history.photo is not None
-    assert len(workspace.fitting.candidates.tiles) == 4
+    assert session.editor.history == made
+    assert session.editor.model.category == "cars"
+    assert [one.psnr for one in session.fitting.history.steps] == [one.psnr for one in steps]
+    assert session.fitting.history.last.runner_up == step.runner_up
+    assert session.fitting.history.last.confidence == step.confidence
+    assert session.fitting.history.photo is not None
+    assert len(session.fitting.candidates.tiles) == 4
     finish(session)
-    assert workspace.fitting.history.frame is not None
-    assert all(tile.frame for tile in workspace.fitting.candidates.tiles)
-    session.open_model("chairs")
-    finish(session)
-    assert opened(session).editor.history == made[0]
+    assert session.fitting.history.frame is not None
+    assert all(tile.frame for tile in session.fitting.candidates.tiles)
 
 
 def test_a_fit_under_way_and_those_that_wait_go_on(
@@ -111,97 +107,99 @@ def test_a_fit_under_way_and_those_that_wait_go_on(
     other = photo.with_name("block other.png")
     other.write_bytes(photo.read_bytes())
     session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
-    opened(session).fitting.start(photo)
-    opened(session).fitting.start(other)
-    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    session.fitting.start(photo)
+    session.fitting.start(other)
+    deliver(session, lambda: len(session.fitting.history.steps) > 3)
     autosave.close()
     photo.unlink()  # it was read already
     session, autosave = begun(worker, backend, tmp_path, clock)
-    assert opened(session).fitting.running
-    assert len(opened(session).fitting.queue) == 1
-    finish(session, lambda: not opened(session).fitting.pending)
+    assert session.fitting.running
+    assert len(session.fitting.queue) == 1
+    finish(session, lambda: not session.fitting.pending)
     assert session.messages.errors == []
-    assert opened(session).editor.objects.names[:2] == ["block other", "block"]
+    assert session.editor.objects.names[:2] == ["block other", "block"]
 
 
 def test_a_run_that_is_killed_in_mid_fit_loses_nothing(
     worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
 ) -> None:
     session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
-    opened(session).editor.show_object("object 2")
-    opened(session).fitting.start(photo)
-    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    session.editor.show_object("object 2")
+    session.fitting.start(photo)
+    deliver(session, lambda: len(session.fitting.history.steps) > 3)
     clock.now += 10.0
     autosave.tick()
+    autosave.finish()
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")  # nothing more is written: the run is no more
-    opened(session).close()
+    session.close()
     session, autosave = begun(worker, backend, tmp_path, clock)
-    assert not opened(session).editor.history.past
+    assert not session.editor.history.past
     assert len(autosave.recoverable) == 1
     autosave.restore()
     assert not autosave.recoverable
-    assert opened(session).fitting.running
-    finish(session, lambda: not opened(session).fitting.running)
-    assert opened(session).editor.objects.names[0] == "block"
-    assert len(opened(session).editor.history.past) == 1
-    assert "block" in opened(session).fitting.results.unseen
+    assert session.fitting.running
+    finish(session, lambda: not session.fitting.running)
+    assert session.editor.objects.names[0] == "block"
+    assert len(session.editor.history.past) == 1
+    assert "block" in session.fitting.results.unseen
 
 
 _RUN = """
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from tests.conftest import random_model
+from core.models.open_models import OpenModels
+from core.models.photo_detail import Erasure, PhotoDetail, PhotoView
+from core.runtime import reading
 from tests.viewer.driver import deliver
-from tests.viewer.stand_ins import endless_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import endless_fit, no_guess, quick_frames, quick_photo, two_models
 from viewer.autosave import Autosave
 from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
 
-folder, photo, *names = (*map(Path, sys.argv[1:3]), *sys.argv[3:])
-model = random_model()
-session = Session(Worker(), Backend(lambda name: model, quick_photo, quick_frames, endless_fit, lambda model: iter(())))
+folder, photo = map(Path, sys.argv[1:3])
+backend = Backend(two_models().__getitem__, frame_photo=quick_photo, frames=quick_frames, fit=endless_fit)
+backend = replace(backend, view_bank=lambda model: iter(()), guess_category=no_guess)
+session = Session(Worker(), backend)
 autosave = Autosave(session, folder, every=0.0)
-for name in names:
-    session.open_model(name)
-    deliver(session, lambda: session.model_name == name)
-    session.workspace.editor.show_object("object 2")
-session.workspace.fitting.start(photo)
-deliver(session, lambda: len(session.workspace.fitting.history.steps) > 3)
+session.editor.show_object("car 2")
+session.editor.show_object("object 1")
+session.fitting.start(photo)
+deliver(session, lambda: len(session.fitting.history.steps) > 3)
 while True:  # written again and again, so that it is killed in the middle of that
-    session.workspace.editor.show_object("object 3")
-    session.workspace.editor.show_object("object 2")
+    session.editor.show_object("object 3")
+    session.editor.show_object("object 2")
     session.tick()
     autosave.tick()
+    autosave.finish()
     print("written", flush=True)
 """
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals on Windows")
 def test_a_program_killed_in_mid_fit_has_lost_nothing_of_either_model(
-    worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
+    worker: Worker, both: Backend, tmp_path: Path, clock: Clock, photo: Path
 ) -> None:
-    folder, first, fitted = tmp_path / "config", "cars", "chairs"
+    folder = tmp_path / "config"
     folder.mkdir()
-    command = [sys.executable, "-c", _RUN, str(folder), str(photo), first, fitted]
+    command = [sys.executable, "-c", _RUN, str(folder), str(photo)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[2]) as run:
         for _ in range(5):
             assert run.stdout.readline() == b"written\n"
         run.kill()
-    session, autosave = begun(worker, backend, folder, clock)
+    session, autosave = begun(worker, both, folder, clock)
     assert len(autosave.recoverable) == 1
     autosave.restore()
-    deliver(session, lambda: session.model_name == fitted)
     assert session.messages.errors == []
-    assert len(opened(session).editor.history.past) >= 3
-    assert opened(session).fitting.running
-    finish(session, lambda: not opened(session).fitting.running)
-    assert opened(session).editor.objects.names[0] == "block"
-    session.open_model(first)
-    finish(session)
-    assert opened(session).editor.state.mix.a.shape == "object 2"
+    assert len(session.editor.history.past) >= 3
+    assert session.fitting.running
+    finish(session, lambda: not session.fitting.running)
+    assert session.editor.objects.names[0] == "block"
+    assert session.editor.history.states[1].mix.a.shape == "car 2"
 
 
 def test_restoring_adds_to_what_was_made_meanwhile(
@@ -211,26 +209,28 @@ def test_restoring_adds_to_what_was_made_meanwhile(
     edit(session, photo)
     clock.now += 10.0
     autosave.tick()
-    lost = opened(session).editor.history
+    autosave.finish()
+    lost = session.editor.history
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")
     session, autosave = begun(worker, backend, tmp_path, clock)
-    opened(session).editor.show_object("object 5")
-    before = opened(session).editor.history
+    session.editor.show_object("object 5")
+    before = session.editor.history
     offer = session.messages.shown[-1]
     assert f"{len(lost.past)} steps, 1 object," in offer.text
     offer.buttons[0].press()
-    history = opened(session).editor.history
+    history = session.editor.history
     assert history.now == before.now
     assert history.past == (*lost.states, *before.past)
-    assert opened(session).editor.objects.own == ["block"]
+    assert session.editor.objects.own == ["block"]
     assert not list(tmp_path.glob("session-999999999*"))
 
 
 def test_a_session_in_which_nothing_was_made_is_not_offered(
     worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
 ) -> None:
-    Project("chairs", ()).save(tmp_path / "session-999999999.codenerf")
+    session, _ = begun(worker, backend, tmp_path, clock)
+    session.project().save(tmp_path / "session-999999999.codenerf", session.models)
     session, autosave = begun(worker, backend, tmp_path, clock)
     assert not autosave.recoverable
     assert not session.messages.shown
@@ -240,64 +240,65 @@ def test_a_photo_whose_fit_was_interrupted_makes_one_object(
     worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
 ) -> None:
     session, autosave = begun(worker, replace(backend, fit=endless_fit), tmp_path, clock)
-    opened(session).fitting.start(photo)
-    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    session.fitting.start(photo)
+    deliver(session, lambda: len(session.fitting.history.steps) > 3)
     clock.now += 10.0
     autosave.tick()
+    autosave.finish()
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")
-    opened(session).fitting.stop()  # its object is kept, the end of the fit is written no more
+    session.fitting.stop()  # its object is kept, the end of the fit is written no more
     session.tick()
     session, autosave = begun(worker, backend, tmp_path, clock)
-    assert opened(session).editor.objects.own == ["block"]
+    assert session.editor.objects.own == ["block"]
     autosave.restore()
-    finish(session, lambda: not opened(session).fitting.running)
-    assert opened(session).editor.objects.own == ["block"]
+    finish(session, lambda: not session.fitting.running)
+    assert session.editor.objects.own == ["block"]
 
 
 def test_an_object_of_another_photo_of_the_same_name_stays(
     worker: Worker, backend: Backend, tmp_path: Path, clock: Clock, photo: Path
 ) -> None:
     session, autosave = begun(worker, backend, tmp_path, clock)
-    opened(session).fitting.start(photo)
-    finish(session, lambda: not opened(session).fitting.running)
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
     with Image.open(photo) as image:
         red, green, blue, *rest = image.split()
         Image.merge(image.mode, (blue, red, green, *rest)).save(photo)
     session.jobs.backend = replace(backend, fit=endless_fit)
-    opened(session).fitting.start(photo)
-    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    session.fitting.start(photo)
+    deliver(session, lambda: len(session.fitting.history.steps) > 3)
     clock.now += 10.0
     autosave.tick()
+    autosave.finish()
     (written,) = tmp_path.glob("session-*.codenerf")
     written.rename(tmp_path / "session-999999999.codenerf")
-    opened(session).fitting.close()
+    session.fitting.close()
     session.tick()
     session, autosave = begun(worker, backend, tmp_path, clock)
     autosave.restore()
-    finish(session, lambda: not opened(session).fitting.running)
-    assert opened(session).editor.objects.own == ["block (2)", "block"]
+    finish(session, lambda: not session.fitting.running)
+    assert session.editor.objects.own == ["block (2)", "block"]
 
 
 def test_a_session_that_ends_the_program_is_not_begun_with_again(
     worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
 ) -> None:
     session, autosave = begun(worker, backend, tmp_path, clock)
-    opened(session).editor.show_object("object 2")
+    session.editor.show_object("object 2")
     autosave.close()
     begun(worker, backend, tmp_path, clock)
-    (path,) = tmp_path.glob("session*")
-    assert path.stem.startswith(f"session-{os.getpid()}-")  # as is offered where that run is no more
+    (path,) = tmp_path.glob("session*.codenerf")
+    assert path.stem.startswith("session-")  # as is offered where that run is no more
 
 
 def test_the_place_of_the_project_is_known_at_the_next_launch(
     session: Session, editor: Editor, worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
 ) -> None:
     autosave = Autosave(session, tmp_path / "kept", clock)
-    (tmp_path / "kept").mkdir()
     editor.show_object("object 2")
     session.save_project(tmp_path / "a.codenerf")
-    assert Project.load(tmp_path / "a.codenerf").path is None  # which may be given to others
+    assert Project.load(tmp_path / "a.codenerf", session.models).path is None  # which may be given to others
     autosave.close()
     again = Session(worker, backend)
     Autosave(again, tmp_path / "kept", clock)
@@ -307,8 +308,8 @@ def test_the_place_of_the_project_is_known_at_the_next_launch(
 def test_of_two_windows_neither_session_is_lost(worker: Worker, backend: Backend, tmp_path: Path, clock: Clock) -> None:
     first, of_first = begun(worker, backend, tmp_path, clock)
     second, of_second = begun(worker, backend, tmp_path, clock)
-    opened(first).editor.show_object("object 2")
-    opened(second).editor.show_object("object 3")
+    first.editor.show_object("object 2")
+    second.editor.show_object("object 3")
     of_first.close()
     of_second.close()
     assert len(list(tmp_path.glob("session*.codenerf"))) == 2
@@ -319,35 +320,32 @@ def test_new_begins_afresh_and_keeps_what_there_was(
 ) -> None:
     session, autosave = begun(worker, backend, tmp_path, clock)
     edit(session, photo)
-    history = opened(session).editor.history
+    history = session.editor.history
     session.new()
-    editor = opened(session).editor
+    editor = session.editor
     assert not (editor.history.past or editor.state.timeline.keys)
     assert editor.objects.names[0] == "block"  # it is mine
     (earlier,) = autosave.earlier
     session.new()
     assert len(autosave.earlier) == 1  # nothing had been made
     session.open_project(earlier)
-    assert opened(session).editor.history == history
-    assert opened(session).editor.objects.names.count("block") == 1
+    assert session.editor.history == history
+    assert session.editor.objects.names.count("block") == 1
     session.new()
     autosave.close()
     session, autosave = begun(worker, backend, tmp_path, clock)
-    assert not opened(session).editor.history.past
+    assert not session.editor.history.past
 
 
 def test_what_was_made_with_a_model_that_is_another_now_is_kept_aside(
     worker: Worker, backend: Backend, tmp_path: Path, clock: Clock
 ) -> None:
     session, autosave = begun(worker, backend, tmp_path, clock)
-    opened(session).editor.show_object("object 2")
-    saved = session.project().sessions[0]
-    scene = replace(saved.history.now.scene, model="another")
-    history = replace(saved.history, now=replace(saved.history.now, scene=scene))
-    Project("chairs", (replace(saved, history=history),)).save(tmp_path / "session.codenerf")
-    session, autosave = begun(worker, backend, tmp_path, clock)
+    session.editor.show_object("object 2")
+    autosave.close()
+    session, autosave = begun(worker, replace(backend, load_model=lambda name: random_model(9)), tmp_path, clock)
     assert len(session.messages.errors) == 1
-    assert not opened(session).editor.history.past
+    assert not session.editor.history.past
     assert len(autosave.earlier) == 1
 
 
@@ -360,27 +358,26 @@ def test_a_kept_session_that_is_broken_is_reported_and_stays(
     assert [path.read_text() for path in autosave.earlier] == ["broken"]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="not known on Windows")
 def test_only_what_a_dead_run_left_is_offered(session: Session, tmp_path: Path) -> None:
-    with subprocess.Popen([sys.executable, "-c", "pass"]) as ended:
-        pass
-    for number in (ended.pid, os.getppid()):
-        (tmp_path / f"session-{number}.codenerf").write_text("{}")
-    autosave = Autosave(session, tmp_path)
-    assert [path.name for path in autosave.recoverable] == [f"session-{ended.pid}.codenerf"]
-    autosave.discard()
-    assert [path.name for path in tmp_path.iterdir()] == [f"session-{os.getppid()}.codenerf"]
+    for name in ("alive", "dead"):
+        (tmp_path / f"session-{name}.codenerf").write_text("{}")
+    with FileLock(tmp_path / ".session-alive.lock"):
+        autosave = Autosave(session, tmp_path)
+        assert [path.name for path in autosave.recoverable] == ["session-dead.codenerf"]
+        autosave.discard()
+        assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session-alive.codenerf"]
+    assert [path.name for path in Autosave(session, tmp_path).recoverable] == ["session-alive.codenerf"]
 
 
 def test_of_several_that_were_left_the_last_is_offered_first(session: Session, tmp_path: Path) -> None:
-    for age, name in enumerate(("999999999-a", f"{os.getpid()}-b", "999999998")):  # the second's number is ours now
+    for age, name in enumerate(("999999999-a", f"{os.getpid()}-b", "c")):
         (tmp_path / f"session-{name}.codenerf").write_text("{}")
         os.utime(tmp_path / f"session-{name}.codenerf", (age, age))
     autosave = Autosave(session, tmp_path)
     assert [path.stat().st_mtime for path in autosave.recoverable] == [0, 1, 2]
     autosave.discard()
     autosave.discard()
-    assert [path.name for path in tmp_path.iterdir()] == ["session-999999999-a.codenerf"]
+    assert [path.name for path in tmp_path.glob("*.codenerf")] == ["session-999999999-a.codenerf"]
     assert autosave.recoverable
 
 
@@ -390,15 +387,15 @@ def test_what_cannot_be_read_is_reported_and_changes_nothing(
 ) -> None:
     editor.show_object("object 3")
     path = tmp_path / "session-999999999.codenerf"
-    session.project().save(path)
+    session.project().save(path, session.models)
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist()}
     about = json.loads(parts["project.json"])
-    now = about["sessions"][0]["history"]["now"]
+    now = about["project"]["history"]["now"]
     if harm == "no key":
         del now["mix"]["a"]
     elif harm == "another model":
-        now["scene"]["model"] = "another"
+        now["scene"]["codes"]["model"] = "another"
     elif harm == "bad timeline":
         about["timelines"][now["timeline"]]["length"] = -1.0
     elif harm == "no such object":
@@ -411,8 +408,89 @@ def test_what_cannot_be_read_is_reported_and_changes_nothing(
     autosave = Autosave(session, tmp_path)
     autosave.restore()
     finish(session)
-    assert opened(session).editor.history is before
+    assert session.editor.history is before
     assert len(session.messages.errors) == 1
-    assert len(list(tmp_path.iterdir())) == 1
+    assert len(list(tmp_path.glob("*.codenerf"))) == 1
     autosave.discard()
-    assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.glob("*.codenerf"))
+
+
+def test_the_window_does_not_wait_for_a_save(
+    session: Session, editor: Editor, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    autosave, may_write = Autosave(session, tmp_path, clock), threading.Event()
+    save, threads = Project.save, list[threading.Thread]()
+
+    def slow(project: Project, path: Path, models: OpenModels) -> None:
+        threads.append(threading.current_thread())
+        assert may_write.wait(60)
+        save(project, path, models)
+
+    monkeypatch.setattr(Project, "save", slow)
+    for name in ("object 2", "object 3"):
+        clock.now += 10.0
+        editor.show_object(name)
+        autosave.tick()  # the second time, the first file is still being written
+    may_write.set()
+    autosave.finish()
+    (path,) = tmp_path.glob("*.codenerf")
+    assert len(Project.load(path, session.models).history.past) == 1
+    autosave.tick()
+    autosave.finish()
+    assert len(Project.load(path, session.models).history.past) == 2
+    assert len(threads) == 2
+    assert threading.main_thread() not in threads
+
+
+def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
+    session: Session, editor: Editor, tmp_path: Path, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    autosave = Autosave(session, tmp_path, clock)
+    for step in range(40):
+        editor.mix("texture", (step % 7 + 1) / 10)
+    monkeypatch.setattr(reading, "_MAX_TEXT", 12_000)
+    clock.now += 10.0
+    autosave.tick()
+    autosave.finish()
+    (path,) = tmp_path.glob("*.codenerf")
+    found = Project.load(path, session.models)
+    history = editor.history
+    assert found.history.now == history.now
+    assert 0 < len(found.history.past) < len(history.past)
+    assert found.history.past == history.past[-len(found.history.past) :]
+    lost = len(history.past) - len(found.history.past)
+    assert session.messages.shown[-1].text.endswith(f"its file lacks the oldest {lost} steps of undo")
+    assert session.messages.errors == []
+
+
+def test_undo_after_many_strokes_is_small(session: Session, editor: Editor, tmp_path: Path) -> None:
+    """Each state holds all strokes that were drawn before it; the file has each stroke once."""
+    codes = editor.scene.codes
+    view = PhotoView.of(np.full((32, 32, 4), 255, np.uint8), editor.scene.camera.resized(32, 32))
+    detail = PhotoDetail((view,), codes.shape, codes.texture)
+    states = [replace(editor.state, scene=replace(editor.scene, codes=replace(codes, detail=detail)))]
+    numbers = random.Random(0)
+    for step in range(500):
+        if step % 5 == 0:
+            points = tuple((numbers.random(), numbers.random()) for _ in range(40))
+            detail = detail.erasing(0, (*detail.views[0].erased, Erasure(points, 0.04)))
+        state = replace(editor.state, mix=editor.state.mix.with_amount("texture", step / 500))
+        states.append(replace(state, scene=replace(editor.scene, codes=replace(codes, detail=detail))))
+    editor.show_object("object 2")
+    saved = session.project()
+    saved = replace(saved, history=History(states[-1], tuple(states[:-1])))
+    saved.save(tmp_path / "a.codenerf", session.models)
+    with zipfile.ZipFile(tmp_path / "a.codenerf") as file:
+        assert file.getinfo("project.json").file_size < 1_000_000
+    found = Project.load(tmp_path / "a.codenerf", session.models)
+    assert found.history == saved.history
+    first, last = (found.history.states[at].scene.codes.detail for at in (-10, -1))
+    assert first.views[0].erased[0] is last.views[0].erased[0]
+
+
+def test_unfinished_files_of_runs_that_were_killed_are_removed_after_a_day(session: Session, tmp_path: Path) -> None:
+    for name, age in (("old", 90_000), ("new", 10)):
+        (tmp_path / f".{name}.partial.codenerf").touch()
+        os.utime(tmp_path / f".{name}.partial.codenerf", (time.time() - age, time.time() - age))
+    Autosave(session, tmp_path)
+    assert [path.name for path in tmp_path.glob(".*.partial*")] == [".new.partial.codenerf"]

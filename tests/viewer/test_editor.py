@@ -9,6 +9,7 @@ import torch
 from core.models.codes import CodeBook
 from core.models.model import Model
 from core.models.photo_detail import PhotoDetail, PhotoView
+from tests.conftest import open_models, random_model
 from viewer.editor import Editor
 from viewer.services.user_objects import UserObjects
 from viewer.session import Session
@@ -17,13 +18,10 @@ from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject
 from viewer.values.part import PARTS
 from viewer.values.project import Project
-from viewer.workspace import Workspace
 
 
-def test_every_edit_can_be_undone_and_redone(
-    session: Session, editor: Editor, workspace: Workspace, tmp_path: Path, model: Model
-) -> None:
-    workspace.exporting.scene(tmp_path / "saved.json")
+def test_every_edit_can_be_undone_and_redone(session: Session, editor: Editor, tmp_path: Path, model: Model) -> None:
+    session.exporting.scene(tmp_path / "saved.json")
     edits = (
         lambda: editor.set_camera(orbit.dragged(editor.scene.camera, 0.2, 0.1)),
         lambda: editor.show_object("object 2"),
@@ -39,9 +37,9 @@ def test_every_edit_can_be_undone_and_redone(
         lambda: editor.scale_to_distance("shape", 0.5),
         lambda: editor.set_to_mean("shape"),
         lambda: editor.reset_to_object("texture"),
-        lambda: workspace.viewport.reset_view(),
-        lambda: workspace.player.add_key(),
-        lambda: workspace.player.change(turns=2),
+        lambda: session.viewport.reset_view(),
+        lambda: session.player.add_key(),
+        lambda: session.player.change(turns=2),
         lambda: session.open_scene(tmp_path / "saved.json"),
     )
     states = [editor.state]
@@ -175,7 +173,7 @@ def test_another_b_takes_over_what_is_mixed_in(editor: Editor) -> None:
 
 def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
     empty = replace(model, codes=CodeBook(model.codes.shapes, model.codes.textures, ()))
-    editor = Editor(empty, torch.Generator())
+    editor = Editor(open_models(empty), empty, torch.Generator())
     assert editor.objects.names == ["mean"]
     assert editor.scene.codes == empty.codes.mean
     assert editor.nearest("shape") is None
@@ -184,7 +182,7 @@ def test_a_model_of_no_objects_has_its_mean(model: Model) -> None:
 def test_the_same_seed_samples_the_same(model: Model) -> None:
     sampled = []
     for _ in range(2):
-        editor = Editor(model, torch.Generator().manual_seed(7))
+        editor = Editor(open_models(model), model, torch.Generator().manual_seed(7))
         for part in PARTS:
             editor.sample(part)
         sampled.append(editor.scene.codes)
@@ -229,15 +227,13 @@ def test_an_object_without_a_photo_has_no_strength(editor: Editor) -> None:
 
 
 def test_the_photo_s_detail_comes_back_from_a_project(
-    editor: Editor, workspace: Workspace, model: Model, tmp_path: Path
+    editor: Editor, session: Session, model: Model, tmp_path: Path
 ) -> None:
     editor.add_and_show(fitted(model), editor.scene.camera)
     editor.set_detail_strength(0.5)
-    saved = workspace.saved("blocks")
-    assert saved is not None
-    Project("blocks", (saved,)).save(tmp_path / "p.codenerf")
-    (again,) = Project.load(tmp_path / "p.codenerf").sessions
-    again.check(model)
+    saved = session.project()
+    saved.save(tmp_path / "p.codenerf", session.models)
+    again = Project.load(tmp_path / "p.codenerf", session.models)
     assert again.history == saved.history
     with zipfile.ZipFile(tmp_path / "p.codenerf") as file:
         assert sum(name.startswith("photos/") for name in file.namelist()) == 1  # shared by all states
@@ -245,6 +241,48 @@ def test_the_photo_s_detail_comes_back_from_a_project(
 
 def test_a_fitted_object_keeps_its_detail_in_mine(model: Model, tmp_path: Path) -> None:
     one = fitted(model)
-    UserObjects(tmp_path).sync(model, [one])
+    UserObjects(tmp_path).sync(open_models(model), [one])
     (again,) = UserObjects(tmp_path).open(model)
     assert again.codes == one.codes and again.codes.detail == one.codes.detail
+
+
+@pytest.fixture
+def both(model: Model) -> Editor:
+    """Chairs, and cars whose objects have the same names."""
+    cars = replace(random_model(seed=5), category="cars")
+    return Editor(open_models(model, cars), model, torch.Generator().manual_seed(7))
+
+
+def test_objects_of_two_models_are_edited_in_one_history(both: Editor, model: Model) -> None:
+    _, cars = both.models
+    both.lock("shape", True)
+    both.set_b("object 4")
+    both.show_object("object 2 (2)")
+    assert both.model is cars and both.scene.codes == cars.codes[2]
+    assert both.locked == frozenset()  # of this model's objects nothing is
+    assert both.state.mix.b == "object 1 (2)" or both.models.of(both.objects[both.state.mix.b].codes) is cars
+    both.mix("texture", 0.5)
+    both.sample("shape")
+    assert both.scene.codes.model == cars.fingerprint
+    both.show_object("object 3")
+    assert both.model is model and both.state.mix.b == "object 4"
+    assert both.locked == {"shape"} and torch.equal(both.code("shape"), model.codes[3].shape)
+    for _ in range(4):
+        both.undo()
+    assert both.model is model
+    both.go_to(3)
+    assert both.model is cars
+
+
+def test_what_the_timeline_shows_of_another_model_brings_the_mix_of_that(both: Editor) -> None:
+    _, cars = both.models
+    both.show(cars.codes[3], both.scene.camera)
+    assert all(both.models.of(both.objects[name].codes) is cars for name in both.state.mix.names)
+    both.mix("texture", 0.5)
+    assert both.model is cars
+
+
+def test_objects_of_two_models_are_not_mixed(both: Editor) -> None:
+    assert both.is_mixable("object 2") and not both.is_mixable("object 2 (2)")
+    with pytest.raises(ValueError, match="different models"):
+        both.take("texture", "object 2 (2)")

@@ -37,9 +37,9 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: P
         window.drag("View/orbit", 60)  # 1
         assert window.exists("View/**/sample cushion")  # to turn makes nothing: the samples stay
         context.drop([str(shared / "photos" / "police.jpg")])  # 2
-        wait("the model of cars", lambda: session.model_name == "cars" and session.fitting_runs)
-        wait("fit", lambda: not session.fitting_runs)
-        assert context.editor.objects.own == ["police"]
+        wait("photo", lambda: session.fitting.history.photo is not None)
+        wait("fit", lambda: not session.fitting.running)
+        assert context.session.editor.objects.own == ["police"]
         window.click("Photo/###mix with")  # 3
         pad = window.ctx.item_info("//Mix/mix pad").rect_full
         inset = (pad.max.x - pad.min.x) / 10
@@ -48,12 +48,12 @@ def test_a_photo_becomes_an_edited_turntable_in_a_minute(drive: Drive, shared: P
         window.ctx.mouse_down(0)
         window.ctx.mouse_move_to_pos(dot + ImVec2(3 * inset, 0))
         window.ctx.mouse_up(0)
-        assert context.editor.state.mix.shape > 0.2
+        assert context.session.editor.state.mix.shape > 0.2
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)  # 5
         window.click("Share/###turntable")
         window.click("Share/###save")  # 6
         window.type(str(film))
-        wait("export", lambda: not context.exporting.running and film.exists())
+        wait("export", lambda: not context.session.exporting.running and film.exists())
         assert session.messages.errors == []
 
     drive(act, Backend())

@@ -1,11 +1,12 @@
 import json
 import threading
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
+from PIL import Image
 
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
@@ -20,98 +21,14 @@ from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.project import Project
-from viewer.values.share_settings import ShareSettings
-from viewer.workspace import Workspace
 
 
-def opened(session: Session) -> Workspace:
-    assert session.workspace is not None
-    return session.workspace
-
-
-def test_a_model_opens_with_its_first_object_rendered(
-    session: Session, editor: Editor, workspace: Workspace, model: Model
-) -> None:
+def test_a_model_opens_with_its_first_object_rendered(session: Session, editor: Editor, model: Model) -> None:
     assert editor.scene.codes == model.codes[0]
     assert editor.scene.camera == orbit.home(model)
-    assert workspace.viewport.frame is not None
-    assert workspace.viewport.frame.final
+    assert session.viewport.frame is not None
+    assert session.viewport.frame.final
     assert session.messages.all == []
-
-
-def test_nothing_is_there_before_the_model_is(worker: Worker, backend: Backend, tmp_path: Path) -> None:
-    session = Session(worker, backend)
-    session.tick()
-    session.open_scene(tmp_path / "scene.json")
-    assert session.workspace is None
-    assert not session.project().sessions
-    assert not session.fitting_runs
-    assert not session.jobs.busy()
-
-
-def test_a_model_that_cannot_be_opened_leaves_the_open_one(session: Session, editor: Editor) -> None:
-    def missing(name: str) -> Model:
-        raise ValueError(f"no model called {name!r}")
-
-    before = editor.history
-    session.jobs.backend = replace(session.jobs.backend, load_model=missing)
-    session.open_model("tables")
-    finish(session)
-    assert editor.history is before
-    assert session.messages.errors == ["Cannot open the model tables: no model called 'tables'"]
-
-
-def test_what_was_made_stays_with_its_model(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
-    workspace.player.add_key()
-    before = editor.state
-    session.open_model("other")
-    finish(session)
-    assert "block" not in opened(session).editor.objects.names
-    session.open_model("chairs")
-    finish(session)
-    assert opened(session).editor.objects.names[0] == "block"
-    assert opened(session).editor.state == before
-
-
-def test_another_model_ends_nothing_unless_a_person_says_so(session: Session, photo: Path) -> None:
-    session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    session.fit_photos(photo)
-    deliver(session, lambda: session.fitting_runs)
-    session.change_model("chairs")
-    assert session.messages.all == []
-    session.change_model("other")
-    assert (session.loading, session.model_name) == ("", "chairs")
-    (asked,) = session.messages.all
-    asked.buttons[0].press()
-    finish(session, lambda: session.model_name == "other")
-    session.change_model("chairs")
-    deliver(session, lambda: session.model_name == "chairs" and session.fitting_runs)  # it goes on
-
-
-def test_all_that_is_requested_while_another_model_loads_is_for_that(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
-    session.open_model("other")
-    scene = photo.with_name("a.json")
-    editor.scene.save(scene)
-    session.open_scene(scene)
-    session.fit_photos(photo)
-    assert not session.fitting_runs
-    finish(session, lambda: session.model_name == "other" and not session.fitting_runs)
-    finish(session)
-    assert {"a", "block"} <= {*opened(session).editor.objects.names}
-
-
-def test_an_image_dropped_while_the_model_loads_is_fitted_then(worker: Worker, backend: Backend, photo: Path) -> None:
-    session = Session(worker, backend)
-    session.fit_photos(photo)
-    session.open_model("chairs")
-    finish(session, lambda: session.workspace is not None and not session.fitting_runs)
-    assert opened(session).editor.objects.names[0] == "block"
 
 
 def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
@@ -131,23 +48,23 @@ def test_a_fit_waits_for_the_view_bank_which_is_made_once_the_model_is_there(
         yield from quick_fit(model, job)
 
     session = Session(worker, replace(backend, view_bank=view_bank, fit=fit))
-    session.open_model("chairs")
-    session.fit_photos(photo)
-    deliver(session, lambda: session.workspace is not None and session.workspace.preparing == 0.5)
-    assert session.fitting_runs
+    session.start()
+    session.fitting.start(photo)
+    deliver(session, lambda: session.preparing == 0.5)
+    assert session.fitting.running
     assert not order
     made.set()
-    finish(session, lambda: not session.fitting_runs)
+    finish(session, lambda: not session.fitting.running)
     finish(session)
-    assert opened(session).preparing is None
+    assert session.preparing is None
     assert "made" in order[: order.index("fitted")]
 
 
-def test_scenes_come_back_exactly(session: Session, editor: Editor, workspace: Workspace, tmp_path: Path) -> None:
+def test_scenes_come_back_exactly(session: Session, editor: Editor, tmp_path: Path) -> None:
     editor.sample("shape")
     editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
     scene = editor.scene
-    workspace.exporting.scene(tmp_path / "mine.json")
+    session.exporting.scene(tmp_path / "mine.json")
     editor.show_object("object 5")
     session.open_scene(tmp_path / "mine.json")
     assert editor.scene == scene
@@ -155,88 +72,29 @@ def test_scenes_come_back_exactly(session: Session, editor: Editor, workspace: W
     assert editor.objects.added[0].codes == scene.codes
 
 
-def test_a_scene_dropped_while_the_model_loads_is_opened_then(
-    session: Session, editor: Editor, workspace: Workspace, tmp_path: Path
-) -> None:
-    editor.sample("shape")
-    workspace.exporting.scene(tmp_path / "mine.json")
-    other = Session(session.jobs.worker, session.jobs.backend)
-    other.open_scene(tmp_path / "mine.json")
-    other.open_model("chairs")
-    finish(other)
-    assert opened(other).editor.scene == editor.scene
-
-
-def test_a_scene_of_the_other_shipped_model_opens_that(
-    worker: Worker, backend: Backend, model: Model, tmp_path: Path
-) -> None:
-    other = random_model(seed=5)
-    assert other.fingerprint != model.fingerprint
-    models = {"chairs": model, "cars": other}
-    session = Session(worker, replace(backend, load_model=lambda name: models[name]), seed=0)
-    scene = Scene(other.fingerprint, other.codes[2], other.camera(0.3, 0.2))
-    scene.save(tmp_path / "a.json")
-    save_image(np.zeros((8, 8, 3), np.uint8), tmp_path / "b.png", scene)
-    session.open_model("chairs")
-    finish(session)
-    opened(session).editor.show_object("object 3")
-    made = opened(session).editor.history
-    for name in ("a.json", "b.png"):
-        session.open_scene(tmp_path / name)
-        finish(session, lambda: session.model_name == "cars" and not session.loading)
-        assert session.messages.errors == []
-        assert opened(session).editor.scene == scene
-        session.open_model("chairs")
-        finish(session)
-        assert opened(session).editor.history == made
-    assert len(session.project().sessions) == 2
-
-
 def test_a_project_that_cannot_be_opened_changes_nothing(session: Session, editor: Editor, tmp_path: Path) -> None:
     editor.show_object("object 3")
     session.save_project(tmp_path / "no such folder" / "a.codenerf")
     assert session.messages.errors[-1].startswith("Cannot save the project")
     session.save_project(tmp_path / "a.codenerf")
-    project = Project.load(tmp_path / "a.codenerf")
-    (saved,) = project.sessions
-    scene = replace(saved.history.now.scene, model="another")
-    foreign = replace(saved, history=replace(saved.history, now=replace(saved.history.now, scene=scene)))
-    Project("chairs", (foreign,)).save(tmp_path / "foreign.codenerf")
-    Project("other", (replace(foreign, model="other"),)).save(tmp_path / "foreign other.codenerf")
+    project = Project.load(tmp_path / "a.codenerf", session.models)
+    scene = replace(project.history.now.scene, codes=replace(project.history.now.scene.codes, model="another"))
+    foreign = replace(project, history=replace(project.history, now=replace(project.history.now, scene=scene)))
+    with pytest.raises(ValueError, match="cannot be read back"):
+        foreign.save(tmp_path / "foreign.codenerf", session.models)
     (tmp_path / "torn.codenerf").write_bytes((tmp_path / "a.codenerf").read_bytes()[:500])
     before = editor.history
-    for name in ("foreign", "foreign other", "torn", "missing"):
+    for name in ("torn", "missing"):
         session.messages.clear()
         session.open_project(tmp_path / f"{name}.codenerf")
         finish(session)
-        assert opened(session).editor.history is before, name
+        assert session.editor.history is before, name
         assert len(session.messages.errors) == 1, name
     assert session.project_path == tmp_path / "a.codenerf"
 
 
-def test_a_model_that_is_asked_for_while_a_project_loads_opens_after_it(
-    session: Session, editor: Editor, tmp_path: Path
-) -> None:
-    editor.show_object("object 2")
-    made = editor.state
-    session.save_project(tmp_path / "a.codenerf")
-    session.open_model("cars")
-    finish(session)
-    session.open_project(tmp_path / "a.codenerf")
-    session.open_model("cars")
-    finish(session, lambda: session.model_name == "cars")
-    assert not session.messages.errors
-    assert session.project_path == tmp_path / "a.codenerf"
-    session.open_model("chairs")
-    finish(session)
-    assert session.workspace is not None
-    assert session.workspace.editor.state == made
-
-
-def test_scenes_that_cannot_be_opened_change_nothing(
-    session: Session, editor: Editor, workspace: Workspace, tmp_path: Path
-) -> None:
-    workspace.exporting.scene(tmp_path / "scene.json")
+def test_scenes_that_cannot_be_opened_change_nothing(session: Session, editor: Editor, tmp_path: Path) -> None:
+    session.exporting.scene(tmp_path / "scene.json")
     about = json.loads((tmp_path / "scene.json").read_text())
     (tmp_path / "other.json").write_text(json.dumps(about | {"model": "0" * 16}))
     (tmp_path / "short.json").write_text(json.dumps(about | {"shape": [1.0]}))
@@ -251,101 +109,121 @@ def test_scenes_that_cannot_be_opened_change_nothing(
         finish(session)
         assert editor.history is before, name
         assert len(session.messages.errors) == 1, name
-    workspace.exporting.scene(tmp_path / "no such folder" / "scene.json")
+    session.exporting.scene(tmp_path / "no such folder" / "scene.json")
     assert session.messages.errors[-1].startswith("Cannot save the scene")
 
 
-def test_a_photo_of_another_category_waits_for_the_export_unless_it_is_given_up(
-    session: Session, workspace: Workspace, photo: Path, tmp_path: Path
+def test_photos_are_fitted_with_the_models_of_their_categories_one_after_the_other(
+    worker: Worker, both: Backend, photo: Path
 ) -> None:
-    def slow(*_: object) -> Iterator[int]:
-        while True:
-            time.sleep(0.01)
-            yield 0
-
-    other, backend, here = replace(random_model(1), category="cars"), session.jobs.backend, workspace.model
-    session.jobs.backend = replace(
-        backend,
-        load_model=lambda name: other if name == "cars" else here,
-        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
-        video=slow,
-    )
-    workspace.exporting.share(tmp_path / "turn.mp4", ShareSettings())
-    session.fit_photos(photo)
-    deliver(session, lambda: bool(session.messages.all))
-    (said,) = session.messages.all
-    assert said.text.endswith("that model opens for it once turn.mp4 is saved")
-    session.tick()
-    assert session.model_name == "chairs" and workspace.exporting.running
-    assert [button.label for button in said.buttons] == ["Do it now", "Rebuild as chairs anyway"]
-    said.buttons[0].press()
-    finish(session, lambda: session.model_name == "cars" and not session.fitting_runs)
-    assert opened(session).editor.objects.names[0] == "block"
-
-
-def test_a_photo_of_another_category_is_fitted_with_the_model_of_that(
-    session: Session, editor: Editor, photo: Path
-) -> None:
-    other, before = replace(random_model(1), category="cars"), editor.history
-    backend, here = session.jobs.backend, editor.model
-    session.jobs.backend = replace(
-        backend,
-        load_model=lambda name: other if name == "cars" else here,
-        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
-    )
-    session.fit_photos(photo)
-    while session.model_name != "cars":
-        session.tick()
-    finish(session, lambda: not session.fitting_runs)
-    assert opened(session).editor.objects.names[0] == "block"
-    said = "block.png looks like cars, not chairs: that model opens for it"
-    assert said in [one.text for one in session.messages.log]
-    assert said not in [one.text for one in session.messages.shown]
-    session.open_model("chairs")
-    finish(session, lambda: session.model_name == "chairs")
-    assert "block" not in opened(session).editor.objects.names
-    assert opened(session).editor.history == before
+    session = Session(worker, both, seed=0)
+    editor, (cars, chairs) = session.editor, session.models
+    session.fitting.start(photo)
+    session.fitting.start(blue := blue_block(photo))
+    finish(session, lambda: not session.fitting.pending)
+    assert {one.name: editor.models.of(one.codes) for one in editor.objects.added} == {
+        "block": chairs,
+        "block blue": cars,
+    }
+    assert session.fitting.history.model == cars.fingerprint
+    assert editor.model is chairs  # the second was not followed
+    editor.show_object("block blue")
+    editor.mix("texture", 0.5)
+    assert editor.model is cars and editor.state.mix.b.startswith("car")
+    session.player.add_key()
+    editor.show_object("block")
+    session.player.add_key()
+    assert len(editor.state.timeline.keys) == 2
+    assert [one.text for one in session.messages.all if "model" in one.text] == []
+    for _ in range(len(editor.history.past)):
+        editor.undo()
+    assert editor.model is chairs and blue.exists()
 
 
-def test_a_person_may_insist_on_a_category(session: Session, photo: Path) -> None:
-    """Before the other model opens, and after it has made something else of the photo."""
-    models = {"chairs": opened(session).model, "cars": replace(random_model(1), category="cars")}
-    session.jobs.backend = replace(
-        session.jobs.backend,
-        load_model=models.__getitem__,
-        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
-    )
-    session.fit_photos(photo)
-    deliver(session, lambda: any(one.buttons for one in session.messages.all))
-    (note,) = (one for one in session.messages.all if one.buttons)
-    assert note.buttons[0].label == "Rebuild as chairs anyway"
-    while session.model_name != "cars":
-        session.tick()
-    finish(session, lambda: not session.fitting_runs)
-    note.buttons[0].press()
-    while session.model_name != "chairs":
-        session.tick()
-    finish(session, lambda: not session.fitting_runs)
-    assert opened(session).editor.objects.own == ["block"]
-    assert opened(session).fitting.history.sources[0].category == "chairs"
+def test_a_person_may_fit_a_photo_as_another_category(worker: Worker, both: Backend, photo: Path) -> None:
+    session = Session(worker, both, seed=0)
+    cars, chairs = session.models
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.pending)
+    session.fitting.refit_as(cars)
+    finish(session, lambda: not session.fitting.pending)
+    assert [session.models.of(one.codes) for one in session.editor.objects.added] == [chairs, cars]
+    session.segment_photo()
+    session.segmenting.fit()  # cut out again, it is a car still
+    finish(session, lambda: not session.fitting.pending)
+    assert session.editor.model is cars
+
+
+def test_a_model_file_joins_the_library(session: Session, editor: Editor, model: Model, tmp_path: Path) -> None:
+    other, before = replace(random_model(7), category="stools"), editor.history
+    session.jobs.backend = replace(session.jobs.backend, load_model=lambda name: other)
+    session.open_model("stools.safetensors")
+    finish(session)
+    assert editor.model is other and editor.scene.codes == other.codes[0]
+    assert editor.history.past == (before.now,)
+    editor.undo()
+    assert editor.model is model
+    session.save_project(tmp_path / "a.codenerf")
+    again = Session(session.jobs.worker, replace(session.jobs.backend, load_model=by_name(model, stools=other)), seed=0)
+    again.open_project(tmp_path / "a.codenerf")
+    assert again.messages.errors == []
+    assert again.editor.history == editor.history
+
+
+def test_a_model_that_cannot_be_opened_changes_nothing(session: Session, editor: Editor) -> None:
+    def missing(name: str) -> Model:
+        raise ValueError(f"no model called {name!r}")
+
+    before = editor.history
+    session.jobs.backend = replace(session.jobs.backend, load_model=missing)
+    session.open_model("tables")
+    finish(session)
+    assert editor.history is before
+    assert session.messages.errors == ["Cannot open the model: no model called 'tables'"]
+
+
+def test_a_scene_of_any_open_model_opens(worker: Worker, both: Backend, tmp_path: Path) -> None:
+    session = Session(worker, both, seed=0)
+    cars, _ = session.models
+    scene = Scene(cars.codes[2], cars.camera(0.3, 0.2))
+    scene.save(tmp_path / "a.json")
+    save_image(np.zeros((8, 8, 3), np.uint8), tmp_path / "b.png", scene)
+    for name in ("a.json", "b.png"):
+        session.editor.show_object("object 3")
+        session.open_scene(tmp_path / name)
+        assert session.messages.errors == []
+        assert session.editor.scene == scene
+
+
+def blue_block(photo: Path) -> Path:
+    """The photo of a car, as the guess of the fixture ``both`` has it."""
+    path = photo.with_name("block blue.png")
+    with Image.open(photo) as image:
+        red, green, blue = image.split()
+        Image.merge("RGB", (blue, green, red)).save(path)
+    return path
+
+
+def by_name(model: Model, **others: Model) -> Callable[[str], Model]:
+    return lambda name: others.get(Path(name).stem, model)
 
 
 def test_a_photo_of_nothing_known_is_fitted_unless_a_person_stops_it(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: {"cars": 0.1, "chairs": 0.05})
-    session.fit_photos(photo)
-    finish(session, lambda: not session.fitting_runs)
-    assert opened(session).editor.objects.names[0] == "block"
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    assert session.editor.objects.names[0] == "block"
     (note,) = [one for one in session.messages.all if one.text == "block: this does not look like a chair"]
     assert note.kind is MessageKind.NOTE
-    before = opened(session).fitting.history
+    before = session.fitting.history
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    session.fit_photos(photo)
-    deliver(session, lambda: len(opened(session).fitting.history.steps) > 3)
+    session.fitting.start(photo)
+    deliver(session, lambda: len(session.fitting.history.steps) > 3)
     note.buttons[1].press()  # of a fit that is over: nothing happens
-    assert session.fitting_runs
+    assert session.fitting.running
     stop = session.messages.all[-1].buttons[1]
     assert stop.label == "Stop"
     stop.press()
-    assert not session.fitting_runs
-    assert opened(session).fitting.history is before
-    assert opened(session).editor.objects.own == ["block"]
+    assert not session.fitting.running
+    assert session.fitting.history is before
+    assert session.editor.objects.own == ["block"]

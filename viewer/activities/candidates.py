@@ -16,26 +16,21 @@ from core.rendering.reference import render_exact
 from core.runtime.precision import autocast
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
 from viewer.services.worker import Job
-from viewer.values.saved_session import SavedTile
+from viewer.values.project import SavedTile
 
 _MAX_STEP = 45.0
 """degrees: one step turns no camera so far, so what is farther is another hypothesis of the same origin"""
-_SIZE, _SAMPLES = 32, 16
-"""px, and along a ray"""
-_CLOSER = 1.5
-"""Photos are cropped with room around the object, for which a tile has none."""
+_SIZE, _SAMPLES = 32, 16  # px, and along a ray
+_CLOSER = 1.5  # Photos are cropped with room around the object, for which a tile has none
 
 
 @dataclass(frozen=True, eq=False)
 class Tile:
     """A hypothesis as the window shows it."""
 
-    number: int
-    """in the order of appearance"""
-    hypothesis: Hypothesis
-    """as it was in the last step that had it"""
-    eliminated_at: float | None = None
-    """seconds of the fit after which the search had dropped it; None while it is active"""
+    number: int  # in the order of appearance
+    hypothesis: Hypothesis  # as it was in the last step that had it
+    eliminated_at: float | None = None  # s of the fit when it was dropped; None while active
     frame: Frame | None = None
 
 
@@ -73,8 +68,8 @@ def _angle_between(first: Camera, second: Camera) -> float:
 class Candidates:
     """The tiles of the fit under way, or of the last one, rendered anew one by one while it runs."""
 
-    def __init__(self, jobs: Jobs, model: Model) -> None:
-        self._jobs, self._model = jobs, model
+    def __init__(self, jobs: Jobs) -> None:
+        self._jobs = jobs
         self.tiles: tuple[Tile, ...] = ()
         self._over = True
 
@@ -120,7 +115,7 @@ class Candidates:
             turn = next(turns)
             tile = waiting[0] if turn % 2 else min(waiting, key=lambda tile: rendered.get(tile.number, -1))
             rendered[tile.number] = turn
-            yield tile.number, _thumbnail(self._model, tile.hypothesis)
+            yield tile.number, _thumbnail(self._jobs.models.of(tile.hypothesis.codes), tile.hypothesis)
 
     def _is_due(self, tile: Tile, rendered: Container[int]) -> bool:
         if self._over:

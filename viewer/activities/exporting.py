@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from core.geometry.camera import Camera
-from core.models.model import Model
 from core.models.scene import Scene, save_image
 from viewer.activities.grid import Grid, write_grid
 from viewer.activities.share_preview import SharePreview
@@ -24,20 +23,13 @@ class Exporting:
     def __init__(self, jobs: Jobs, editor: Editor, grid: Grid) -> None:
         self._jobs, self._editor, self._grid = jobs, editor, grid
         self.preview = SharePreview(jobs, editor)
-        self.path: Path | None = None
-        """the file under way"""
-        self.kind = ""
-        """one of :data:`~viewer.values.share_settings.KINDS`, or grid: what is under way, or was last"""
-        self.saved: Path | None = None
-        """the last file that was written"""
-        self.progress = 0.0
-        """of the one under way, 0..1"""
-        self._began = 0.0
-        """s on the monotonic clock"""
-        self._expected: float | None = None
-        """s, of the one under way, by what its parts took"""
-        self._slower = 1.0
-        """how many times as long as expected the last one took: other work goes on beside it"""
+        self.path: Path | None = None  # the file under way
+        self.kind = ""  # one of :data:`~viewer.values.share_settings.KINDS`, or grid: what is under way, or was last
+        self.saved: Path | None = None  # the last file that was written
+        self.progress = 0.0  # of the one under way, 0..1
+        self._began = 0.0  # s on the monotonic clock
+        self._expected: float | None = None  # s, of the one under way, by what its parts took
+        self._slower = 1.0  # how many times as long as expected the last one took: other work goes on beside it
 
     @property
     def running(self) -> bool:
@@ -60,19 +52,20 @@ class Exporting:
         """Write what the settings name, in the format of the name's ending: the object turning once round or the
         timeline as a video or a folder of images, the object as a picture (a PNG holds the scene as well) or as a mesh.
         """
-        timeline, backend = self._editor.state.timeline, self._jobs.backend
+        timeline, backend, models = self._editor.state.timeline, self._jobs.backend, self._jobs.models
         if not self.running:
             self._expected = self.preview.seconds(settings)
         if settings.kind == "mesh":
-            about, camera = settings.mesh_settings(self._editor.model.metres), _camera(self._editor.scene)
-            self._begin("mesh", path, lambda model, scene: backend.mesh(model, scene.codes, path, about, camera))
+            model, camera = self._editor.model, _camera(self._editor.scene)
+            about = settings.mesh_settings(model.metres)
+            self._begin("mesh", path, lambda scene: backend.mesh(model, scene.codes, path, about, camera))
         elif settings.kind == "picture":
-            self._begin("picture", path, lambda model, scene: self._picture(model, scene, path, settings))
+            self._begin("picture", path, lambda scene: self._picture(scene, path, settings))
         elif settings.kind == "turntable" or timeline.keys:
             count = settings.frames if settings.kind == "turntable" else timeline.frame_count(settings.rate)
 
-            def write(model: Model, scene: Scene) -> Iterator[int]:
-                return backend.video(model, settings.views(model, scene, timeline), path, settings.video_settings)
+            def write(scene: Scene) -> Iterator[int]:
+                return backend.video(models, settings.views(models, scene, timeline), path, settings.video_settings)
 
             self._begin(settings.kind, path, write, count)
 
@@ -80,9 +73,9 @@ class Exporting:
         """Write the grid as one image on white, a cell so many px wide and high."""
         rows = [[self._editor.pair(pair) for pair in row] for row in self._grid.rows]
 
-        def stream(model: Model, scene: Scene) -> Iterator[float]:
-            camera = orbit.home(model).resized(size, size)
-            return write_grid(lambda job: self._jobs.backend.frames(model, job), rows, camera, path)
+        def stream(scene: Scene) -> Iterator[float]:
+            camera = orbit.home(self._jobs.models.of(rows[0][0])).resized(size, size)
+            return write_grid(self._jobs.frames, rows, camera, path)
 
         if rows:
             self._begin("grid", path, stream)
@@ -103,27 +96,25 @@ class Exporting:
         else:
             self._jobs.messages.notify(f"Saved {path.name}")
 
-    def _picture(self, model: Model, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
-        view = settings.views(model, scene, self._editor.state.timeline)[0]
+    def _picture(self, scene: Scene, path: Path, settings: ShareSettings) -> Iterator[float]:
+        view = settings.views(self._jobs.models, scene, self._editor.state.timeline)[0]
         about = settings.size, settings.behind, settings.exact, settings.shadow
-        for image in self._jobs.backend.pictures(model, [view], *about):
+        for image in self._jobs.backend.pictures(self._jobs.models, [view], *about):
             if image is not None:
                 save_image(image, path, scene)
             yield float(image is not None)
 
-    def _begin(
-        self, kind: str, path: Path, stream: Callable[[Model, Scene], Iterator[float]], total: float = 1.0
-    ) -> None:
+    def _begin(self, kind: str, path: Path, stream: Callable[[Scene], Iterator[float]], total: float = 1.0) -> None:
         """Run a stream that yields how much it has done, of so much in all."""
         if self.running:
             return
         self.kind, self.path, self.progress, self._began = kind, path, 0.0, time.monotonic()
-        model, scene = self._editor.model, self._editor.scene
+        scene = self._editor.scene
 
         def advanced(done: float) -> None:
             self.progress = done / total
 
-        self._jobs.submit(Job("export", lambda: stream(model, scene), advanced, self._ended))
+        self._jobs.submit(Job("export", lambda: stream(scene), advanced, self._ended))
 
     def _ended(self, error: Exception | None) -> None:
         path, self.path = self.path, None

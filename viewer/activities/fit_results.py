@@ -15,10 +15,8 @@ class FitResults:
 
     def __init__(self, editor: Editor, viewport: Viewport) -> None:
         self._editor, self._viewport = editor, viewport
-        self.checking: Ready | None = None
-        """what the fit under way has handed over while it is still being checked"""
-        self.unseen: dict[str, Camera] = {}
-        """by their names the objects that wait to be shown, and the cameras of their photos"""
+        self.checking: Ready | None = None  # what the fit under way has handed over while it is still being checked
+        self.unseen: dict[str, Camera] = {}  # cameras of their photos, by names of objects not shown yet
         editor.scene_changed.connect(self._forget_seen)
 
     def add(self, found: EditableObject, camera: Camera, restored: bool = False) -> Ready:

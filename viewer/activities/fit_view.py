@@ -11,6 +11,7 @@ from PIL import Image
 from core.export.keyframes import View
 from core.fitting.fit import FitStep, RunnerUp
 from core.geometry.camera import Camera
+from core.models.model import Model
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.activities.viewport import LIVE, Viewport
 from viewer.editor import Editor
@@ -19,10 +20,8 @@ from viewer.services.worker import Job
 from viewer.values import orbit
 from viewer.values.fit_history import FitHistory
 
-_RENDER_EVERY = 0.3
-"""s between two renders of the fit, which take their time from it"""
-_RENDER_STEPS = 4
-"""steps between two renders at the least, for machines on which they are slow"""
+_RENDER_EVERY = 0.3  # s between two renders of the fit, which take their time from it
+_RENDER_STEPS = 4  # steps between two renders at the least, for machines on which they are slow
 _FINISHED = RenderSettings(divisors=(1,))
 
 
@@ -32,10 +31,9 @@ class FitView:
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport) -> None:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self.history = FitHistory()
-        self.from_runner_up = False
-        """shown from the runner-up's camera"""
+        self.from_runner_up = False  # shown from the runner-up's camera
         self._rendered_at, self._steps_since = 0.0, 0
-        """s on the monotonic clock, and steps, since the last render"""
+        """time (s) of the last render, and steps since"""
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which has not begun or is over."""
@@ -46,6 +44,11 @@ class FitView:
         """Render no more of it; the view belongs to the scene again."""
         self._jobs.cancel("fit frame")
         self._viewport.unfollow()
+
+    @property
+    def model(self) -> Model:
+        """The model that is fitted. Only once that is known."""
+        return self._jobs.models[self.history.model]
 
     @property
     def camera(self) -> Camera:
@@ -71,14 +74,14 @@ class FitView:
 
     def camera_of(self, found: FitStep | RunnerUp) -> Camera:
         """The camera of the photo that is shown, at the size of the model's images."""
-        size = self._editor.model.image_size
+        size = self.model.image_size
         return found.cameras[self.history.photo_index].resized(size, size)
 
     def _moved(self, step: FitStep) -> tuple[int, int, float]:
         """How many px right and below the photo shows what its camera sees in its middle, and how far it is turned
         around that (rad, clockwise).
         """
-        model, index, cameras = self._editor.model, self.history.photo_index, self._seen(step).cameras
+        model, index, cameras = self.model, self.history.photo_index, self._seen(step).cameras
         for one in step.hypotheses:
             if one.cameras == cameras:
                 size = model.focal * cameras[index].height / model.image_size
@@ -144,11 +147,10 @@ class FitView:
                 difference = fitted.doubled_difference(middle.image)
                 self.history = replace(self.history, frame=middle, difference=difference)
 
-        frames, model = self._jobs.backend.frames, self._editor.model
         ended = self._jobs.reporting("Cannot show the search")
         # While a person scrubs, each frame is shown before the next replaces it.
         urgent = self.history.selected is not None
-        self._jobs.submit(Job("fit frame", lambda: frames(model, job), rendered, ended, urgent))
+        self._jobs.submit(Job("fit frame", lambda: self._jobs.frames(job), rendered, ended, urgent))
 
 
 def _turned(

@@ -4,14 +4,14 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from core.fitting.category_check import describe_category, likeliest_category
 from core.fitting.fit import FitStep, Hypothesis
 from core.fitting.photo_detail import with_photo_detail
+from core.models.model import Model
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.plain_background import NoBackgroundError
 from viewer.activities.candidates import Candidates
 from viewer.activities.fit_results import FitResults
-from viewer.activities.fit_stream import CategoryGuess, FitOptions, fit_stream
+from viewer.activities.fit_stream import ChosenModel, FitOptions, Remark, fit_stream
 from viewer.activities.fit_view import FitView
 from viewer.activities.viewport import Viewport
 from viewer.editor import Editor
@@ -21,11 +21,10 @@ from viewer.services.signal import Signal
 from viewer.services.worker import Job
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource, Ready, match_poses
 from viewer.values.objects import EditableObject
+from viewer.values.printable import printable
 
-_FITS = 8
-"""which are kept"""
-_SURE_CATEGORY = 0.8
-"""Probability from which a photo is fitted with the model of the category that it shows, whichever is open."""
+_FITS = 8  # which are kept
+_NAMED = 3  # files that a message names
 
 
 class Fitting:
@@ -33,23 +32,16 @@ class Fitting:
 
     def __init__(self, jobs: Jobs, editor: Editor, viewport: Viewport, options: FitOptions) -> None:
         self._jobs, self._editor, self._viewport, self.options = jobs, editor, viewport, options
-        self.candidates = Candidates(jobs, editor.model)
+        self.candidates = Candidates(jobs)
         self.view = FitView(jobs, editor, viewport)
         self.results = FitResults(editor, viewport)
-        self.request: FitRequest | None = None
-        """what is under way"""
-        self.queue: tuple[FitRequest, ...] = ()
-        """those that wait"""
-        self.no_background = Signal[tuple[PhotoSource, ...], int]()
-        """emitted with photos, and which of them has an object that was not found automatically"""
-        self.other_category = Signal[tuple[PhotoSource, ...], str]()
-        """emitted with photos that show another category, whose fit is withdrawn"""
-        self._a = editor.state.mix.a
-        """in the last frame"""
+        self.request: FitRequest | None = None  # what is under way
+        self.queue: tuple[FitRequest, ...] = ()  # those that wait
+        self.no_background = Signal[tuple[PhotoSource, ...], int]()  # photos, and the one whose object was not found
+        self._a = editor.state.mix.a  # in the last frame
         self._shown_fit, self._fits = "", dict[str, FitHistory]()
-        """the object whose fit is shown, and the last fits of this run by the names of their objects"""
-        self._before = self.history, self.candidates.tiles
-        """what was there before the last fit began"""
+        """object whose fit is shown; fits by name"""
+        self._before = self.history, self.candidates.tiles  # what was there before the last fit began
 
     @property
     def history(self) -> FitHistory:
@@ -71,7 +63,8 @@ class Fitting:
         """The fit under way, to be begun anew; none where its result is there."""
         if self.request is None or self.results.checking:
             return ()
-        return (self.request._replace(history=replace(self.request.history, photos=self.history.photos)),)
+        history = replace(self.request.history, photos=self.history.photos, model=self.history.model)
+        return (self.request._replace(history=history),)
 
     def close(self) -> None:
         """Drop a fit under way, and those that wait."""
@@ -105,34 +98,45 @@ class Fitting:
     def start(self, *paths: Path) -> None:
         """Fit the object in images; pose files (.txt) among them belong to the images of their names."""
         try:
-            sources = match_poses(paths)
+            sources, others = match_poses(paths)
         except ValueError as error:
             self._jobs.messages.report("Cannot rebuild this", error)
-        else:
-            self.fit(*sources)
+            return
+        if others:
+            names = ", ".join(printable(path.name) for path in others[:_NAMED])
+            more = f" and {len(others) - _NAMED} more" if len(others) > _NAMED else ""
+            self._jobs.messages.notify(f"Left out {names}{more}: neither image nor pose", MessageKind.NOTE)
+        self.fit(*sources)
 
-    def fit(self, *sources: PhotoSource) -> bool:
+    def fit(self, *sources: PhotoSource, model: str = "") -> bool:
         """Fit the object in photos, after those that wait. What cannot be used leaves everything as it was. Whether
         there is anything to fit.
+
+        Args:
+            model: fingerprint; empty: that of the category that the first photo shows.
         """
         if sources:
-            self._begin(FitHistory(sources))
+            self._begin(FitHistory(sources, model=model))
         return bool(sources)
 
     def add_photo(self, history: FitHistory, path: Path) -> None:
         """Fit once more, with another photo of the object."""
-        self._begin(FitHistory((*history.sources, PhotoSource(path))))
+        self._begin(FitHistory((*history.sources, PhotoSource(path)), model=history.model))
 
     def set_pose(self, history: FitHistory, path: Path) -> None:
         """Fit once more, with the known camera of the photo that was shown."""
         sources = list(history.sources)
         sources[history.photo_index] = sources[history.photo_index]._replace(pose=path)
-        self._begin(FitHistory(tuple(sources), photo_index=history.photo_index))
+        self._begin(FitHistory(tuple(sources), photo_index=history.photo_index, model=history.model))
 
     def refit(self) -> None:
         """Fit the same photos once more, from the beginning."""
-        sources, photos, index = self.history.sources, self.history.photos, self.history.photo_index
-        self._run(FitRequest(FitHistory(sources, photos, photo_index=index)))
+        fresh = FitHistory(self.history.sources, self.history.photos, model=self.history.model)
+        self._run(FitRequest(replace(fresh, photo_index=self.history.photo_index)))
+
+    def refit_as(self, model: Model) -> None:
+        """Fit the same photos as an object of another category."""
+        self._begin(FitHistory(self.history.sources, model=model.fingerprint))
 
     def resume(self, hypothesis: Hypothesis | None = None) -> None:
         """Continue from a hypothesis, or from the step that is shown; the steps after that are forgotten."""
@@ -256,8 +260,8 @@ class Fitting:
         self.request = request
         if follow:
             self._viewport.follow()
-        backend, model = self._jobs.backend, self._editor.model
-        stream = partial(fit_stream, backend, model, request, self.options.settings(resume_from is not None))
+        settings = self.options.settings(resume_from is not None)
+        stream = partial(fit_stream, self._jobs.backend, self._jobs.models, self._editor.model, request, settings)
 
         def ended(error: Exception | None) -> None:
             read = len(self.history.photos)
@@ -271,9 +275,12 @@ class Fitting:
 
         self._jobs.submit(Job("fit", stream, self._receive, ended))
 
-    def _receive(self, value: FittedPhoto | CategoryGuess | FitStep) -> None:
-        if isinstance(value, CategoryGuess):
-            self._check_category(value)
+    def _receive(self, value: ChosenModel | Remark | FittedPhoto | FitStep) -> None:
+        if isinstance(value, ChosenModel):
+            self.view.history = replace(self.history, model=value.model.fingerprint)
+            self._warn(value.warning)
+        elif isinstance(value, Remark):
+            self._jobs.messages.notify(value, MessageKind.NOTE)
         elif isinstance(value, FittedPhoto):
             self.view.history = replace(self.history, photos=(*self.history.photos, value))
             self._check_mask(value)
@@ -284,7 +291,9 @@ class Fitting:
             self.view.add_step(value)
 
     def _check_mask(self, fitted: FittedPhoto) -> None:
-        """Of an object that may not be cut out well; who pointed at it has seen it."""
+        """Tell how the file was read, and ask about a doubtful mask unless a person pointed at the object."""
+        if fitted.photo.note:
+            self._jobs.messages.notify(f"{fitted.source.name}: {fitted.photo.note}", MessageKind.NOTE)
         if fitted.photo.mask_confidence >= DOUBTFUL_MASK or fitted.source.hints:
             return
         sources, index = self.history.sources, len(self.history.photos) - 1
@@ -293,16 +302,9 @@ class Fitting:
             f"{fitted.source.name}: is the object cut out well?", MessageKind.NOTE, buttons=(point,)
         )
 
-    def _check_category(self, guess: CategoryGuess) -> None:
-        """A photo of another category is handed over; of one that nobody knows, a person decides."""
-        here = self._editor.model.category
-        warning = "" if self.history.sources[0].category == here else describe_category(guess, here)
-        likeliest = likeliest_category(guess)
-        if warning and likeliest and guess[likeliest] > _SURE_CATEGORY:
-            sources = self.history.sources
-            self.withdraw()
-            self.other_category.emit(sources, likeliest)
-        elif warning:
+    def _warn(self, warning: str) -> None:
+        """Of a photo that nobody knows; a person decides."""
+        if warning:
             begun = self.request
             stop = Button("Stop", lambda: self.withdraw() if self.request is begun else None)
             buttons = Button("Go on", lambda: None), stop
@@ -355,7 +357,7 @@ class Fitting:
         """What the photos add to the codes comes with the last step of a fit only."""
         if step.codes.detail or not step.hypotheses or not self.can_resume(step.hypotheses[0]):
             return step
-        return with_photo_detail(self._editor.model, [fitted.photo for fitted in self.history.photos], step)
+        return with_photo_detail(self.view.model, [fitted.photo for fitted in self.history.photos], step)
 
     def _fitted(self, step: FitStep) -> EditableObject:
         photo = self.history.photo

@@ -8,8 +8,7 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-SHARE = 0.75
-"""of the view's width or height, whichever binds"""
+SHARE = 0.75  # of the view's width or height, whichever binds
 
 
 class Framing:
@@ -18,7 +17,8 @@ class Framing:
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
         self._last, self._zoomed = editor.scene, False
-        """the scene as it was last, and whether its distance is one of a person's own"""
+        """scene of before, and whether a person zoomed"""
+        self._panel = (0, 0)  # px, the view of the newest request
         editor.scene_changed.connect(self._look)
 
     def keep_size(self, panel: tuple[int, int]) -> None:
@@ -29,17 +29,18 @@ class Framing:
     def frame(self, panel: tuple[int, int]) -> None:
         """Frame the object of the scene, soon, in a view of this size."""
         editor, scene, self._zoomed = self._editor, self._editor.scene, False
+        model, self._panel = editor.model, panel
         seen = orbit.fit_to_panel(scene.camera, *panel, scene.camera.height).camera
 
         def found(distance: float) -> None:
-            nearest, farthest = orbit.reach(scene.camera, editor.model)
-            if editor.scene is scene and not editor.history.gesture:
+            nearest, farthest = orbit.reach(scene.camera, model)
+            if editor.scene is scene and self._panel == panel and not editor.history.gesture:
                 camera = replace(scene.camera, distance=max(nearest, min(farthest, distance)))
                 self._last = replace(scene, camera=camera)
                 editor.join(self._last)
 
         def stream() -> Iterator[float]:
-            yield self._jobs.backend.distance(editor.model, scene.codes, seen, SHARE)
+            yield self._jobs.backend.distance(model, scene.codes, seen, SHARE)
 
         self._jobs.submit(Job("framing", stream, found, self._jobs.reporting("Cannot frame the object"), urgent=True))
 

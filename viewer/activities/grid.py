@@ -14,16 +14,17 @@ from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from core.runtime.files import atomic_file
 from viewer.services.jobs import Jobs
 from viewer.values.history import Pair
+from viewer.values.objects import ObjectLibrary
+from viewer.values.variety import readable
 
-MAX_OBJECTS = 8
-"""64 pairs are as many as a panel can show"""
+MAX_OBJECTS = 8  # 64 pairs are as many as a panel can show
 
 
 class Grid:
     """Chosen objects, and their pairs."""
 
-    def __init__(self, jobs: Jobs) -> None:
-        self._jobs = jobs
+    def __init__(self, jobs: Jobs, objects: ObjectLibrary) -> None:
+        self._jobs, self._objects = jobs, objects
         self.names: tuple[str, ...] = ()
 
     @property
@@ -32,8 +33,17 @@ class Grid:
         return [[Pair(shape, texture) for texture in self.names] for shape in self.names]
 
     def add(self, *names: str) -> None:
-        """Add objects that are not in the grid yet; says for which there is no room."""
+        """Add objects that are not in the grid yet; says for which there is no room. Those of another model than the
+        grid's begin a grid anew.
+        """
         wanted = tuple(dict.fromkeys((*self.names, *names)))
+        newest = self._objects[wanted[-1]].codes.model if wanted else ""
+        other = [name for name in wanted if self._objects[name].codes.model != newest]
+        wanted = tuple(name for name in wanted if name not in other)
+        if other:
+            self._jobs.messages.notify(
+                f"The grid begins anew: {readable(other[0])} cannot be mixed with what was added"
+            )
         self.names = wanted[:MAX_OBJECTS]
         if left_out := wanted[MAX_OBJECTS:]:
             self._jobs.messages.notify(

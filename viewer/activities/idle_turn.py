@@ -12,10 +12,8 @@ from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.values import orbit
 
-_REST = 2.0
-"""s for which the finished picture is shown first"""
-_SPEED = 2 * math.pi / 40
-"""rad/s"""
+_REST = 2.0  # s for which the finished picture is shown first
+_SPEED = 2 * math.pi / 40  # rad/s
 
 
 class IdleTurn:
@@ -27,12 +25,9 @@ class IdleTurn:
         self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
-        self._of: Scene | None = None
-        """what is to be turned; another scene ends it"""
-        self._began: float | None = None
-        """s on the clock, when it turns, or will"""
-        self._shown: Camera | None = None
-        """from where it is seen while it turns"""
+        self._of: Scene | None = None  # what is to be turned; another scene ends it
+        self._began: float | None = None  # s on the clock, when it turns, or will
+        self._shown: Camera | None = None  # from where it is seen while it turns
         viewport.result_shown.connect(self._prepare)
 
     @property

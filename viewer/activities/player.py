@@ -15,17 +15,12 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-_GESTURE = "play"
-"""of playing and scrubbing, so that either is one step of undo"""
-_RATE = 12.0
-"""frames per second while it plays: on two cores about as many as can be rendered of shapes that change"""
-_DETAIL = 128
-"""px along the shorter side"""
+_GESTURE = "play"  # of playing and scrubbing, so that either is one step of undo
+_RATE = 12.0  # frames per second while it plays: on two cores about as many as can be rendered of shapes that change
+_DETAIL = 128  # px along the shorter side
 _SETTINGS = RenderSettings(samples=96, divisors=(1,))
-_STEP = 1.0
-"""s from the last keyframe to one that is appended"""
-_MAX_FRAMES = 720
-"""kept: a minute"""
+_STEP = 1.0  # s from the last keyframe to one that is appended
+_MAX_FRAMES = 720  # kept: a minute
 
 
 class Player:
@@ -38,17 +33,12 @@ class Player:
         self, jobs: Jobs, editor: Editor, viewport: Viewport, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._jobs, self._editor, self._viewport, self._clock = jobs, editor, viewport, clock
-        self.seconds = 0.0
-        """where the playhead is"""
-        self.copied: View | None = None
-        """of a keyframe, to be pasted"""
-        self._began: float | None = None
-        """s on the clock when the playhead was at 0, while it plays"""
+        self.seconds = 0.0  # where the playhead is
+        self.copied: View | None = None  # of a keyframe, to be pasted
+        self._began: float | None = None  # s on the clock when the playhead was at 0, while it plays
         self._last_scene: Scene | None = None
-        self._last_timeline: Timeline | None = None
-        """what it showed while it plays; another scene or timeline is another edit"""
-        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}
-        """by their number, of :attr:`_rendered_of`"""
+        self._last_timeline: Timeline | None = None  # what it showed last; another one is an edit
+        self._frames: dict[int, tuple[Frame, orbit.PanelCrop]] = {}  # by their number, of :attr:`_rendered_of`
         self._rendered_of: tuple[Timeline, object] | None = None
 
     @property
@@ -227,7 +217,7 @@ class Player:
         """Render the frames that are not there, from this moment on and once round; none of a baked object."""
         if all(self._viewport.is_baked(key.view.codes) for key in self.timeline.keys):
             return
-        timeline, model, layout = self.timeline, self._editor.model, self._layout
+        timeline, layout = self.timeline, self._layout
         if self._rendered_of != (timeline, layout):
             self._rendered_of = timeline, layout
             self._frames.clear()
@@ -241,7 +231,7 @@ class Player:
                 view = timeline.at(index / _RATE)
                 crop = orbit.fit_to_panel(view.camera, *layout)
                 job = RenderJob(view.codes, crop.camera, _SETTINGS, shadow=True)
-                for frame in self._jobs.backend.frames(model, job):
+                for frame in self._jobs.frames(job):
                     yield (index, replace(frame, stage_count=2), crop) if frame else None  # a preview
 
         ended = self._jobs.reporting("Cannot render the timeline")

@@ -12,17 +12,15 @@ from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.photo import Crop, prepare_photo
 from core.photos.segmentation import CutOut, Hints, cut_out
+from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.messages import error_text
 from viewer.services.worker import Job
 from viewer.values.fit_history import PhotoSource
 
-_SHOWN = 640
-"""px: the longer side of what is shown"""
-_SMALL = 160
-"""px: that of the other masks"""
-_DIMMED = 0.25
-"""what is left of the background's light"""
+_SHOWN = 640  # px: the longer side of what is shown
+_SMALL = 160  # px: that of the other masks
+_DIMMED = 0.25  # what is left of the background's light
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,22 +29,18 @@ class Segmentation:
 
     hints: Hints
     found: CutOut
-    shown: UInt8[np.ndarray, "height width 3"]
-    """the photo with its background darkened"""
-    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()
-    """the next masks, shown small in the same way"""
-    cropped: UInt8[np.ndarray, "size size 3"] | None = None
-    """as it will be fitted; None until that is known"""
-    crop: Crop | None = None
-    """where the object is in that"""
+    shown: UInt8[np.ndarray, "height width 3"]  # the photo with its background darkened
+    others: tuple[UInt8[np.ndarray, "h w 3"], ...] = ()  # the next masks, shown small in the same way
+    cropped: UInt8[np.ndarray, "size size 3"] | None = None  # as it will be fitted; None until that is known
+    crop: Crop | None = None  # where the object is in that
 
 
 class Segmenting:
     """At most one photo at a time. The newest segmentation wins, and every one that is begun is shown."""
 
-    def __init__(self, jobs: Jobs, model: Model, fit: Callable[..., bool]) -> None:
+    def __init__(self, jobs: Jobs, editor: Editor, fit: Callable[..., bool]) -> None:
         """``fit`` takes photo sources, and returns whether the fit of these has begun."""
-        self._jobs, self._model, self._fit = jobs, model, fit
+        self._jobs, self._editor, self._fit = jobs, editor, fit
         self.close()
 
     def close(self) -> None:
@@ -55,20 +49,21 @@ class Segmenting:
         self.active = False
         self.sources: tuple[PhotoSource, ...] = ()
         self.index = 0
-        self.plain: np.ndarray | None = None
-        """the photo as it is, on white; None until it has been read"""
+        self.plain: np.ndarray | None = None  # the photo as it is, on white; None until it has been read
         self.hints, self.crop = Hints(), Crop()
-        self.past: tuple[Hints, ...] = ()
-        """what :meth:`undo` goes back to"""
-        self.result: Segmentation | None = None
-        """the newest; None where there is none"""
-        self.problem = ""
-        """why there is none"""
+        self.past: tuple[Hints, ...] = ()  # what :meth:`undo` goes back to
+        self.result: Segmentation | None = None  # the newest; None where there is none
+        self.problem = ""  # why there is none
         self._image: Image.Image | None = None
 
-    def open(self, sources: tuple[PhotoSource, ...], index: int) -> None:
-        """Begin with one of the photos of an object, and with what was pointed out in it before."""
+    def open(self, sources: tuple[PhotoSource, ...], index: int, model: str = "") -> None:
+        """Begin with one of the photos of an object, and with what was pointed out in it before.
+
+        Args:
+            model: fingerprint of the model to fit; empty: that of the photo's category.
+        """
         self.close()
+        self._insists, self._model = model, self._jobs.models[model or self._editor.scene.codes.model]
         source = sources[index]
         self.active, self.sources, self.index = True, sources, index
         self.hints, self.crop = source.hints or Hints(), source.crop or Crop()
@@ -124,21 +119,21 @@ class Segmenting:
     def fit(self) -> None:
         """Fit the photos, this one as it was segmented; stays open while another fit runs."""
         source = self.sources[self.index]._replace(hints=self.hints or None, crop=self.crop)
-        if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :]):
+        if self._fit(*self.sources[: self.index], source, *self.sources[self.index + 1 :], model=self._insists):
             self.close()
 
     def _start(self) -> None:
-        image, hints, crop, known = self._image, self.hints, self.crop, self.result
+        image, hints, crop, known, model = self._image, self.hints, self.crop, self.result, self._model
         if image is None:
             return
 
         def stream() -> Iterator[Segmentation | None]:
             result = known if known and known.hints == hints else _segment(image, hints)
             waiting: Segmentation | None = result
-            for _ in self._jobs.backend.view_bank(self._model):  # crop needs it, and it may take seconds
+            for _ in self._jobs.backend.view_bank(model):  # crop needs it, and it may take seconds
                 yield waiting
                 waiting = None
-            yield _cropped(result, self._model, crop)
+            yield _cropped(result, model, crop)
 
         def keep(result: Segmentation) -> None:
             self.result, self.problem = result, ""

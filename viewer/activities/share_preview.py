@@ -13,10 +13,8 @@ from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 from viewer.values.share_settings import ShareSettings
 
-_SIZE = 256
-"""px"""
-_PACE, _PACE_SHARE = "share pace", 0.15
-"""a job, and its share of the worker's time: an export may be begun before it has ended"""
+_SIZE = 256  # px
+_PACE, _PACE_SHARE = "share pace", 0.15  # a job and its share of the worker's time
 
 
 class SharePreview:
@@ -24,14 +22,10 @@ class SharePreview:
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
-        self.image: Image | None = None
-        """on nothing; None until it is rendered"""
-        self._shown: tuple[object, ...] = ()
-        """what it shows"""
-        self._copied: tuple[Codes, int] | None = None
-        """the object, and the cells of its baked copy that it is drawn from, if it is"""
-        self.pace: Pace | None = None
-        """of videos of this model on this machine; None until that is measured"""
+        self.image: Image | None = None  # on nothing; None until it is rendered
+        self._shown: tuple[object, ...] = ()  # what it shows
+        self._copied: tuple[Codes, int] | None = None  # object and cells of the baked copy that is drawn
+        self.pace: Pace | None = None  # of videos of this model on this machine; None until that is measured
         self._known: tuple[tuple[object, ...], float] | None = None
 
     def update(self, settings: ShareSettings, baked_copy: Callable[[Codes], BakedField | None]) -> None:
@@ -42,7 +36,7 @@ class SharePreview:
         """
         if settings.kind == "video" and not self._editor.state.timeline.keys:
             return
-        state, model = self._editor.state, self._editor.model
+        state, models = self._editor.state, self._jobs.models
         framing = settings.kind, settings.fill, settings.frames, settings.rate, settings.shows_shadow
         wanted = state.scene, state.timeline, framing
         finer = baked_copy(self._copied[0]) if self._copied else None
@@ -53,13 +47,13 @@ class SharePreview:
         self._shown, small, shadow = wanted, replace(settings, size=_SIZE), settings.shows_shadow
 
         def stream() -> Iterator[tuple[Image, tuple[Codes, int] | None] | None]:
-            view = small.views(model, state.scene, state.timeline)[0]
+            view = small.views(models, state.scene, state.timeline)[0]
             baked, backend = baked_copy(view.codes), self._jobs.backend
             drawn = backend.draw(baked, view.camera, _SIZE, shadow) if baked else None
             if baked and drawn is not None:
                 yield drawn, (view.codes, baked.cells)
                 return
-            for image in backend.pictures(model, [view], _SIZE, None, False, shadow):
+            for image in backend.pictures(models, [view], _SIZE, None, False, shadow):
                 yield None if image is None else (image, None)
 
         def rendered(found: tuple[Image, tuple[Codes, int] | None]) -> None:
@@ -68,7 +62,7 @@ class SharePreview:
         self._jobs.submit(Job("share preview", stream, rendered, self._jobs.reporting("Cannot render the preview")))
         if self.pace is None and not self._jobs.busy(_PACE):
             view = View(state.scene.codes, state.scene.camera)
-            measured = self._jobs.backend.pace
+            measured, model = self._jobs.backend.pace, self._editor.model
             ended = self._unmeasured
             self._jobs.submit(Job(_PACE, lambda: measured(model, view), self._measured, ended, share=_PACE_SHARE))
 
@@ -79,7 +73,7 @@ class SharePreview:
             return None
         about = self.pace, state.scene, state.timeline, settings
         if self._known is None or self._known[0] != about:
-            views = settings.unframed_views(self._editor.model, state.scene, state.timeline)
+            views = settings.unframed_views(self._jobs.models, state.scene, state.timeline)
             self._known = about, self.pace.seconds(views, settings.suffix, settings.size, settings.exact)
         return self._known[1]
 

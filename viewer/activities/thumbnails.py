@@ -12,7 +12,6 @@ from jaxtyping import Float32
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
-from core.models.model import Model
 from core.models.photo_detail import PhotoDetail
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from viewer.services.jobs import BACKGROUND_SHARE, Jobs
@@ -20,23 +19,18 @@ from viewer.services.kept_thumbnails import KeptThumbnails, Pixels
 from viewer.services.worker import Job
 from viewer.values import orbit
 
-SIZE = 64
-"""px, of most thumbnails"""
-_SAMPLES = 40
-"""intervals along the longest side of the scene's box"""
-_MAX_KEPT = 1000
-"""thumbnails: of 64 px they take 28 kB each"""
-_COARSE, _COARSE_SAMPLES = 32, 24
-"""px and intervals of what is shown until a thumbnail is there"""
-_BATCH = 6
-"""thumbnails rendered before the queue is read again"""
-_COARSE_SHARE = 0.3
-"""of the worker's time, where there is nothing to see yet"""
+SIZE = 64  # px, of most thumbnails
+_SAMPLES = 40  # intervals along the longest side of the scene's box
+_MAX_KEPT = 1000  # thumbnails: of 64 px they take 28 kB each
+_COARSE, _COARSE_SAMPLES = 32, 24  # px and intervals of what is shown until a thumbnail is there
+_BATCH = 6  # thumbnails rendered before the queue is read again
+_COARSE_SHARE = 0.3  # of the worker's time, where there is nothing to see yet
 
 
 class _Key(NamedTuple):
-    """Codes by their numbers and their photos, so that equal ones share a thumbnail."""
+    """Codes by their model, numbers and photos, so that equal ones share a thumbnail."""
 
+    model: str
     shape: bytes
     texture: bytes
     camera: Camera
@@ -52,7 +46,7 @@ class _Key(NamedTuple):
 
 def _key(codes: Codes, camera: Camera, samples: int) -> _Key:
     shape, texture = codes.shape.cpu().numpy().tobytes(), codes.texture.cpu().numpy().tobytes()
-    return _Key(shape, texture, camera, samples, codes.detail)
+    return _Key(codes.model, shape, texture, camera, samples, codes.detail)
 
 
 def _coarse(key: _Key) -> _Key:
@@ -76,16 +70,13 @@ def _no_depth(opacity: Float32[np.ndarray, "height width"]) -> Float32[np.ndarra
 class Thumbnails:
     """The worker renders the thumbnails that panels want in a frame; those that are wanted no more are dropped."""
 
-    def __init__(self, jobs: Jobs, model: Model, kept: KeptThumbnails | None = None) -> None:
-        self._jobs, self._model, self._kept = jobs, model, kept or KeptThumbnails()
-        self._on_disk, self._wanted = self._kept.load(model), dict[_Key, str]()
-        """pictures that were kept, and the names of those to keep: of objects from the first view"""
-        self._home = orbit.home(model)
+    def __init__(self, jobs: Jobs, kept: KeptThumbnails | None = None) -> None:
+        self._jobs, self._kept = jobs, kept or KeptThumbnails()
+        self._on_disk = dict[str, dict[str, Pixels]]()  # kept pictures, by model and name
+        self._wanted = dict[_Key, str]()  # names of pictures to keep: of objects from the first view
         self._frames: OrderedDict[_Key, Frame] = OrderedDict()
-        self._queue: dict[_Key, Codes] = {}
-        """what panels want, and what that shows"""
-        self._failed: set[_Key] = set()
-        """which are not tried again"""
+        self._queue: dict[_Key, Codes] = {}  # what panels want, and what that shows
+        self._failed: set[_Key] = set()  # which are not tried again
 
     @property
     def count(self) -> int:
@@ -93,12 +84,15 @@ class Thumbnails:
         return len(self._frames)
 
     def of_object(self, codes: Codes, size: int = SIZE, samples: int = _SAMPLES) -> Frame | None:
-        """An object from where the model is first seen; see :meth:`get`. The usual size is kept on disk."""
-        camera = self._home.resized(size, size)
+        """An object from where its model is first seen; see :meth:`get`. The usual size is kept on disk."""
+        model = self._jobs.models.of(codes)
+        camera = orbit.home(model).resized(size, size)
         key = _key(codes, camera, samples)
         if size == SIZE and codes.detail is None and key not in self._wanted:
             self._wanted[key] = name = key.digest
-            if (found := self._on_disk.get(name)) is not None and key not in self._frames:
+            if codes.model not in self._on_disk:
+                self._on_disk[codes.model] = self._kept.load(model)
+            if (found := self._on_disk[codes.model].get(name)) is not None and key not in self._frames:
                 self._frames[key] = _frame(found, samples)
         return self._get(key, codes)
 
@@ -150,19 +144,21 @@ class Thumbnails:
 
     def _save(self) -> None:
         """Nothing is to be rendered: keep what is there of objects, if that is more than is kept."""
-        new = {
-            name: np.dstack((self._frames[key].image, to_bytes(self._frames[key].opacity)))
+        new = [
+            (key, name)
             for key, name in self._wanted.items()
-            if name not in self._on_disk and key in self._frames
-        }
+            if name not in self._on_disk[key.model] and key in self._frames
+        ]
         if not new:
             return
-        self._on_disk |= new
-        kept, model, on_disk = self._kept, self._model, self._on_disk
+        for key, name in new:
+            self._on_disk[key.model][name] = np.dstack((self._frames[key].image, to_bytes(self._frames[key].opacity)))
+        changed = {key.model for key, _ in new}
 
         def stream() -> Iterator[None]:
-            kept.save(model, on_disk)
-            yield None
+            for fingerprint in changed:
+                self._kept.save(self._jobs.models[fingerprint], dict(self._on_disk[fingerprint]))
+                yield None
 
         self._jobs.submit(Job("thumbnails", stream, lambda nothing: None, share=BACKGROUND_SHARE))
 
@@ -172,7 +168,7 @@ class Thumbnails:
 
     def _render(self, batch: list[tuple[_Key, RenderJob]]) -> Iterator[tuple[_Key, Frame] | None]:
         for key, job in batch:
-            for frame in self._jobs.backend.frames(self._model, job):
+            for frame in self._jobs.frames(job):
                 yield (key, frame) if frame else None
 
     def _keep(self, rendered: tuple[_Key, Frame]) -> None:

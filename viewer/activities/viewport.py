@@ -20,16 +20,11 @@ from viewer.values import orbit
 from viewer.values.view_request import ViewRequest, ViewSettings
 
 Source = Literal["scene", "timeline", "fit"]
-LIVE = RenderSettings(samples=48, divisors=(2,))
-"""of a fit on its way"""
-_FULL_RESOLUTION_DELAY = 0.4
-"""s without a change after which the image is rendered at the view's own resolution"""
-_EXACT_DELAY = 0.15
-"""s without a change after which the exact image is rendered that replaces one drawn by OpenGL"""
-_BAKE_SHARE = 0.5
-"""of the worker's time"""
-_SHARPENING_SHARE = 0.15
-"""of the worker's time for what no hand waits for, against exports and fits; alone it has all of it"""
+LIVE = RenderSettings(samples=48, divisors=(2,))  # of a fit on its way
+_FULL_RESOLUTION_DELAY = 0.4  # s without a change after which the image is rendered at the view's own resolution
+_EXACT_DELAY = 0.15  # s without a change after which the exact image is rendered that replaces one drawn by OpenGL
+_BAKE_SHARE = 0.5  # of the worker's time
+_SHARPENING_SHARE = 0.15  # of the worker's time beside exports and fits; alone it has all of it
 
 
 class Viewport:
@@ -40,37 +35,23 @@ class Viewport:
 
     def __init__(self, jobs: Jobs, editor: Editor, settings: ViewSettings) -> None:
         self._jobs, self._editor, self.settings = jobs, editor, settings
-        self.source: Source = "scene"
-        """what displays its frames here"""
-        self.frame: Frame | None = None
-        """the newest frame, as the panel shows it"""
-        self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None
-        """the whole frame, and what of it is shown"""
-        self.times: tuple[tuple[tuple[int, int], float], ...] = ()
-        """of the frame on screen: size (px) of each stage so far, and s from the start of its job"""
-        self.sharp = False
-        """the frame on screen is finished, of the scene as it is now, and has every pixel of the view"""
+        self.source: Source = "scene"  # what displays its frames here
+        self.frame: Frame | None = None  # the newest frame, as the panel shows it
+        self.full_frame: tuple[Frame, orbit.PanelCrop] | None = None  # the whole frame, and what of it is shown
+        self.times: tuple[tuple[tuple[int, int], float], ...] = ()  # of each stage: px, s from the start
+        self.sharp = False  # the frame on screen is finished and has every pixel of the view
         self.budget = FrameBudget()
-        self.baked: BakedField | None = None
-        """the object, of which what is drawn by OpenGL"""
-        self.baked_frame: orbit.PanelCrop | None = None
-        """what is to be seen of :attr:`baked` now; None: the frame is shown"""
-        self._baked_of: Codes | None = None
-        """what is baked, or being baked"""
-        self._last_orbit = 0.0
-        """s on the monotonic clock, when the baked object was turned last"""
-        self._last_render: float | None = None
-        """s on the monotonic clock, when the image was finished that has fewer pixels than the view"""
-        self._sharpens: tuple[float, float] = 0.0, 0.0
-        """s on the monotonic clock, when the image of all pixels was begun, and s that it is likely to take"""
-        self._live: View | None = None
-        """the newest object of the fit, from the photo's camera at the model's size"""
-        self._followed_since: Scene | None = None
-        """what was edited when following the fit began; None: no fit is followed"""
+        self.baked: BakedField | None = None  # the object, of which what is drawn by OpenGL
+        self.baked_frame: orbit.PanelCrop | None = None  # the view of :attr:`baked`; None: the frame is shown
+        self._baked_of: Codes | None = None  # what is baked, or being baked
+        self._last_orbit = 0.0  # s on the monotonic clock, when the baked object was turned last
+        self._last_render: float | None = None  # time (s) when the coarse image was finished
+        self._sharpens: tuple[float, float] = 0.0, 0.0  # begin (s) of the sharp image, its likely s
+        self._live: View | None = None  # the newest object of the fit, from the photo's camera at the model's size
+        self._followed_since: Scene | None = None  # scene when following began; None: nothing is followed
         editor.scene_changed.connect(self._refresh)
         self.framing = Framing(jobs, editor)
-        self.result_shown = Signal[[]]()
-        """emitted when what a fit has found is in the view"""
+        self.result_shown = Signal[[]]()  # emitted when what a fit has found is in the view
         editor.object_chosen.connect(lambda: self.framing.keep_size(self.settings.panel))
 
     def close(self) -> None:
@@ -190,7 +171,7 @@ class Viewport:
         def baked(found: BakedField) -> None:
             self.baked = found
 
-        bake, model = self._jobs.backend.bake, self._editor.model
+        bake, model = self._jobs.backend.bake, self._jobs.models.of(codes)
         ended = self._jobs.reporting("Cannot bake the object")
         self._jobs.submit(Job("bake", lambda: bake(model, codes), baked, ended, share=_BAKE_SHARE))
 
@@ -258,9 +239,8 @@ class Viewport:
             if self.following:
                 self.display(frame, crop, "fit")
 
-        frames, model = self._jobs.backend.frames, self._editor.model
         ended = self._jobs.reporting("Cannot show the search")
-        self._jobs.submit(Job("fit view", lambda: frames(model, job), rendered, ended, urgent=True))
+        self._jobs.submit(Job("fit view", lambda: self._jobs.frames(job), rendered, ended, urgent=True))
 
     def _refresh(self) -> None:
         """Show the scene, or the fit, as it is now. An edit of codes ends following a fit."""
@@ -299,10 +279,9 @@ class Viewport:
             if urgent and frame.final and not self.sharp:
                 self._last_render = time.monotonic()
 
-        frames, model = self._jobs.backend.frames, self._editor.model
         ended = self._jobs.reporting("Cannot render the object")
         share = 1.0 if urgent else _SHARPENING_SHARE
-        self._jobs.submit(Job("view", lambda: frames(model, job), rendered, ended, urgent, share))
+        self._jobs.submit(Job("view", lambda: self._jobs.frames(job), rendered, ended, urgent, share))
 
     def _show(self, frame: Frame, crop: orbit.PanelCrop) -> None:
         self.full_frame, self.frame, self.sharp = (frame, crop), crop.cropped(frame), False

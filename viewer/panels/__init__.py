@@ -1,4 +1,4 @@
-"""One subject per file; each panel reads the workspace and calls its named edits."""
+"""One subject per file; each panel reads the session and calls its named edits."""
 
 from viewer.context import Panel
 from viewer.panels.camera import CameraPanel

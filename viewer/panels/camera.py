@@ -10,8 +10,7 @@ from viewer.values import orbit
 from viewer.widgets.controls import action_button, end_gesture, flow, tooltip
 
 _STEEPEST = math.degrees(orbit.HIGHEST)
-_NUMBER = 9
-"""em, a number to drag"""
+_NUMBER = 9  # em, a number to drag
 
 
 class CameraPanel(Panel):
@@ -31,7 +30,7 @@ class CameraPanel(Panel):
             if number:
                 flow(label, 7.4)
             action_button(context, action, label, width=7.4)
-        editor, camera = context.editor, context.editor.scene.camera
+        editor, camera = context.session.editor, context.session.editor.scene.camera
         azimuth, elevation = math.degrees(camera.azimuth), math.degrees(camera.elevation)
         turned = _number(context, "azimuth", azimuth, 1.0, (-360.0, 360.0), "%.1f°", "Around the object; front is 90°")
         if turned is not None:
@@ -48,8 +47,7 @@ class CameraPanel(Panel):
 
 
 _VIEWS = {"see_front": "Front", "see_side": "Side", "see_top": "Top", "see_photo": "Photo", "reset_view": "Home"}
-_MORE = {"orthographic": "Orthographic", "copy_camera": "Copy", "paste_camera": "Paste"}
-"""actions, and the labels of their buttons"""
+_MORE = {"orthographic": "Orthographic", "copy_camera": "Copy", "paste_camera": "Paste"}  # labels of buttons
 
 
 def _number(

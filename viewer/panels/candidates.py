@@ -12,15 +12,11 @@ from viewer.values.frusta import OverviewCamera, box, frustum, ring
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 
-_FADING = 2.0
-"""s of the fit that an eliminated one takes to fade"""
+_FADING = 2.0  # s of the fit that an eliminated one takes to fade
 _FADED = 0.75
-_PLAIN = (0.75, 0.77, 0.8)
-"""behind the ranks of all but the best"""
-_DRAG = 0.01
-"""rad a px"""
-_INSET = 0.45
-"""of the panel's width"""
+_PLAIN = (0.75, 0.77, 0.8)  # behind the ranks of all but the best
+_DRAG = 0.01  # rad a px
+_INSET = 0.45  # of the panel's width
 
 
 class CandidatesPanel(Panel):
@@ -36,7 +32,7 @@ class CandidatesPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """Tiles on the left, cameras on the right."""
-        tiles = context.fitting.candidates.tiles
+        tiles = context.session.fitting.candidates.tiles
         if not tiles:
             imgui.text_wrapped(
                 "While a photo is rebuilt, you see here which cameras and shapes are tried for it, the best first"
@@ -66,7 +62,7 @@ class CandidatesPanel(Panel):
         imgui.pop_style_var()
 
     def _draw_tile(self, context: PanelContext, tile: Tile, rank: int, side: float) -> None:
-        fitting, corner = context.fitting, imgui.get_cursor_screen_pos()
+        fitting, corner = context.session.fitting, imgui.get_cursor_screen_pos()
         preferable = fitting.can_resume(tile.hypothesis)
         if imgui.invisible_button(f"candidate {rank + 1}", (side, side)) and preferable:
             fitting.resume(tile.hypothesis)
@@ -85,7 +81,7 @@ class CandidatesPanel(Panel):
             object_tiles.outline(corner, side, WARM)
 
     def _draw_cameras(self, context: PanelContext, tiles: tuple[Tile, ...], hovered: int | None, side: float) -> None:
-        model = context.editor.model
+        model = context.session.models.of(tiles[0].hypothesis.codes)
         corner = imgui.get_cursor_screen_pos()
         imgui.invisible_button("cameras", (side, side))
         if imgui.is_item_active():
@@ -118,7 +114,7 @@ class CandidatesPanel(Panel):
 
 def _fading(context: PanelContext, tile: Tile) -> float:
     """How far a tile has faded, 0..1."""
-    last = context.fitting.history.last
+    last = context.session.fitting.history.last
     if tile.eliminated_at is None or last is None:
         return 0.0
     return min(1.0, 0.3 + (last.seconds - tile.eliminated_at) / _FADING)

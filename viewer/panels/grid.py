@@ -12,12 +12,10 @@ from viewer.values.history import Pair
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import button, draw_progress, tooltip
 
-_SIZE, _SAMPLES = 96, 64
-"""px of a pair's thumbnail, and intervals along the box"""
+_SIZE, _SAMPLES = 96, 64  # px of a pair's thumbnail, and intervals along the box
 _ADD = icons_fontawesome_4.ICON_FA_PLUS
 _INVITATION = "Every shape in every texture. Or drop objects on the square; a click on it adds A and B."
-_FILL = 3
-"""objects that fill an empty grid"""
+_FILL = 3  # objects that fill an empty grid
 
 
 class GridPanel(Panel):
@@ -29,7 +27,7 @@ class GridPanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, and the grid as large as the panel allows."""
-        grid = context.grid
+        grid = context.session.grid
         if grid.names:
             self._draw_buttons(context)
         count, gap = len(grid.names) + 1, 0.2 * imgui.get_font_size()
@@ -49,35 +47,36 @@ class GridPanel(Panel):
         if not grid.names:
             what = "Three objects of the library, of the forms that differ most"
             if button(f"Fill with {_FILL} x {_FILL}###fill", what, colour=context.palette.accent):
-                grid.add(*[*context.editor.objects.families][:_FILL])
+                editor = context.session.editor
+                grid.add(*[*editor.objects.families[editor.model.fingerprint]][:_FILL])
             imgui.text_wrapped(_INVITATION)
 
     def _draw_buttons(self, context: PanelContext) -> None:
-        exporting, grid = context.exporting, context.grid
+        exporting, grid = context.session.exporting, context.session.grid
         if draw_progress(context, "grid"):
             return
         if button("Export grid…###export grid", "All pairs as one image", enabled=not exporting.running):
-            context.ask(FileRequest("Export the grid as", exporting.grid, IMAGE_FORMATS, True, "grid.png"))
+            context.files.ask(FileRequest("Export the grid as", exporting.grid, IMAGE_FORMATS, True, "grid.png"))
         imgui.same_line()
         if button("Clear###clear grid", "An empty grid"):
             grid.clear()
 
     def _draw_corner(self, context: PanelContext, side: float) -> None:
-        mix = context.editor.state.mix
-        enabled = len(context.grid.names) < MAX_OBJECTS
+        mix = context.session.editor.state.mix
+        enabled = len(context.session.grid.names) < MAX_OBJECTS
         imgui.begin_disabled(not enabled)
         if imgui.button(f"{_ADD}  Add###add", (side, side)):
-            context.grid.add(*mix.a, mix.b)
+            context.session.grid.add(*mix.a, mix.b)
         imgui.end_disabled()
         tooltip("Click to add A and B, or drop an object here" if enabled else f"{MAX_OBJECTS} objects are the most")
-        if dropped := object_tiles.dropped(context):
-            context.grid.add(dropped)
+        if dropped := object_tiles.dropped(context, mixed=False):
+            context.session.grid.add(dropped)
 
 
 def _draw_head(context: PanelContext, name: str, part: str, side: float) -> None:
     corner = imgui.get_cursor_screen_pos()
     if imgui.invisible_button(f"{part} of {name}", (side, side)):
-        context.grid.remove(name)
+        context.session.grid.remove(name)
     tooltip(f"The {part} of {name}\nClick to take it out of the grid")
     object_tiles.paint(context, name, corner, side)
     edge = corner + (ImVec2(0, side - 2) if part == "texture" else ImVec2(side - 2, 0))
@@ -88,12 +87,12 @@ def _draw_head(context: PanelContext, name: str, part: str, side: float) -> None
 def _draw_cell(context: PanelContext, label: str, pair: Pair, side: float) -> None:
     corner = imgui.get_cursor_screen_pos()
     if imgui.invisible_button(label, (side, side)):
-        context.editor.show_pair(pair)
+        context.session.editor.show_pair(pair)
     tooltip(f"The shape of {pair.shape}\nin the texture of {pair.texture}")
     object_tiles.paint_frame(context, _thumbnail(context, pair), corner, side)
-    if context.editor.state.mix.a == pair:
+    if context.session.editor.state.mix.a == pair:
         object_tiles.outline(corner, side, context.palette.accent)
 
 
 def _thumbnail(context: PanelContext, pair: Pair) -> Frame | None:
-    return context.thumbnails.of_object(context.editor.pair(pair), _SIZE, _SAMPLES)
+    return context.session.thumbnails.of_object(context.session.editor.pair(pair), _SIZE, _SAMPLES)

@@ -8,8 +8,7 @@ from viewer.actions import TABLE, Action, Gesture, find_actions
 from viewer.context import PanelContext
 from viewer.widgets.text import heading
 
-_WHAT, _DOES = 13, 32
-"""em: the widths of the columns"""
+_WHAT, _DOES = 13, 32  # em: the widths of the columns
 
 
 def draw(context: PanelContext) -> None:

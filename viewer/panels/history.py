@@ -11,8 +11,7 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import tooltip
 from viewer.widgets.text import caption
 
-_WORD = 4.0
-"""em, of the panel's name at the left"""
+_WORD = 4.0  # em, of the panel's name at the left
 
 
 class HistoryPanel(Panel):
@@ -23,16 +22,14 @@ class HistoryPanel(Panel):
     bare = True
 
     def __init__(self) -> None:
-        self._shown = -1
-        """the state that was last scrolled to"""
+        self._shown = -1  # the state that was last scrolled to
         self._history: History | None = None
         self._states: tuple[State, ...] = ()
-        self._edits: tuple[tuple[int, str], ...] = ()
-        """of that history"""
+        self._edits: tuple[tuple[int, str], ...] = ()  # of that history
 
     def draw(self, context: PanelContext) -> None:
         """The row, which scrolls to what is shown."""
-        history = context.editor.history
+        history = context.session.editor.history
         if history is not self._history:
             self._history, self._states, self._edits = history, history.states, history.edits
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail()
@@ -55,12 +52,12 @@ class HistoryPanel(Panel):
 
     def _draw_edit(self, context: PanelContext, number: int, states: range, words: str, side: float) -> None:
         """One tile for an edit and the moves of the camera after it; a click goes to the last of them."""
-        history = context.editor.history
+        history = context.session.editor.history
         now, corner, shown = len(history.past), imgui.get_cursor_screen_pos(), len(history.past) in states
         if not imgui.is_rect_visible((side, side)):  # hundreds of states cost nothing while scrolled away
             imgui.dummy((side, side))
         elif imgui.invisible_button(f"state {number + 1}", (side, side)) and not shown:
-            context.editor.go_to(states[-1])
+            context.session.editor.go_to(states[-1])
         if shown and self._shown != now:
             imgui.set_scroll_here_x()
             self._shown = now
@@ -78,6 +75,6 @@ class HistoryPanel(Panel):
 
 def _thumbnail(context: PanelContext, state: State, moving: bool) -> Frame | None:
     """A state's thumbnail; none during a drag, as the state is another in the next frame."""
-    scene, now = state.scene, state is context.editor.state
+    scene, now = state.scene, state is context.session.editor.state
     camera = scene.camera.resized(SIZE, SIZE)
-    return None if moving else context.thumbnails.get(scene.codes, camera, soon=now)
+    return None if moving else context.session.thumbnails.get(scene.codes, camera, soon=now)

@@ -4,18 +4,20 @@ from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
+from core.models.model import Model
 from viewer.context import Panel, PanelContext
 from viewer.screen.theme import WARM, Colour, mixed, packed
-from viewer.values.fit_history import Waiting
-from viewer.values.objects import ObjectLibrary
+from viewer.values.fit_history import FitRequest
 from viewer.values.part import PARTS
 from viewer.values.variety import family, readable
 from viewer.widgets import object_tiles, user_objects, waiting_tiles
-from viewer.widgets.controls import action_button, tooltip
+from viewer.widgets.controls import action_button, draw_choice, tooltip
+from viewer.widgets.object_tiles import unmixable
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 from viewer.widgets.welcome import draw_samples
 
-_MINE = "What you rebuild from photos comes here. Try one:"
+_INVITATION = "What you rebuild from photos comes here. Try one:"
+_ALL, _MINE = "all", "mine"
 _PHOTO = icons_fontawesome_4.ICON_FA_IMAGE
 _OPEN, _SHUT = icons_fontawesome_4.ICON_FA_CARET_DOWN, icons_fontawesome_4.ICON_FA_CARET_RIGHT
 
@@ -28,32 +30,36 @@ class LibraryPanel(Panel):
 
     def __init__(self) -> None:
         self._user_menu = user_objects.UserObjectMenu()
-        self._unfolded = set[str]()
-        """the objects whose variants are shown"""
+        self._unfolded = set[str]()  # the objects whose variants are shown
+        self._filter = _ALL  # which objects are listed: all, one's own, or those of a model, by its fingerprint
 
     def draw(self, context: PanelContext) -> None:
-        """The button, one's own objects, the model's; those out of sight are not rendered."""
-        library = context.editor.objects
+        """The button, one's own objects, those of the models; those out of sight are not rendered."""
         label = (
             f"{_PHOTO}  Open photo…" if imgui.get_content_region_avail().x > hello_imgui.em_size(8) else "Open photo"
         )
         action_button(context, "fit_image", label, -1, context.palette.accent)
-        self._draw_objects(context, library)
+        names = {model.fingerprint: _heading(model) for model in context.session.models}
+        self._filter = draw_choice({_ALL: "All", **names, _MINE: "Mine"}, self._filter)
+        if imgui.begin_child("objects"):
+            if self._filter in (_ALL, _MINE):
+                heading(context, "Mine")
+                self._draw_mine(context)
+            for model, name in names.items():
+                if self._filter in (_ALL, model):
+                    imgui.spacing()
+                    heading(context, name)
+                    self._draw_tiles(context, self._listed(context.session.editor.objects.families[model]))
+        imgui.end_child()
         self._user_menu.apply(context)
 
-    def _draw_objects(self, context: PanelContext, library: ObjectLibrary) -> None:
-        if imgui.begin_child("objects"):
-            heading(context, "Mine")
-            mine: list[str | Waiting] = [*context.session.waiting, *library.own]
-            if mine:
-                self._draw_tiles(context, mine)
-            else:
-                caption(context, _MINE)
-                draw_samples(context)
-            imgui.spacing()
-            heading(context, context.editor.model.category.capitalize() or "Objects")
-            self._draw_tiles(context, self._listed(library.families))
-        imgui.end_child()
+    def _draw_mine(self, context: PanelContext) -> None:
+        mine: list[str | FitRequest] = [*context.session.fitting.queue, *context.session.editor.objects.own]
+        if mine:
+            self._draw_tiles(context, mine)
+        else:
+            caption(context, _INVITATION)
+            draw_samples(context)
 
     def _listed(self, families: dict[str, tuple[str, ...]]) -> list[str]:
         """One of each form, and the variants of those that are unfolded behind them."""
@@ -62,7 +68,7 @@ class LibraryPanel(Panel):
             names += [head, *variants] if head in self._unfolded else [head]
         return names
 
-    def _draw_tiles(self, context: PanelContext, tiles: Sequence[str | Waiting]) -> None:
+    def _draw_tiles(self, context: PanelContext, tiles: Sequence[str | FitRequest]) -> None:
         """Of objects, by their names, and of photos that wait."""
         em, room = hello_imgui.em_size(), imgui.get_content_region_avail().x
         gap, least = 0.4 * em, object_tiles.THUMBNAIL * em
@@ -83,13 +89,14 @@ class LibraryPanel(Panel):
                 imgui.dummy((side, height))
         imgui.pop_style_var()
 
-    def _draw_tile(self, context: PanelContext, tile: str | Waiting, corner: ImVec2, size: ImVec2) -> None:
+    def _draw_tile(self, context: PanelContext, tile: str | FitRequest, corner: ImVec2, size: ImVec2) -> None:
         imgui.set_next_item_allow_overlap()
-        below, families = corner + ImVec2(0, size.x), context.editor.objects.families
-        if isinstance(tile, Waiting):
+        below = corner + ImVec2(0, size.x)
+        if isinstance(tile, FitRequest):
             waiting_tiles.draw(context, tile, corner, size)
-            paint_caption(context, tile.name, below, size.x)
+            paint_caption(context, tile.history.sources[0].name, below, size.x)
             return
+        families = context.session.editor.objects.families_of(tile)
         _draw_object(context, tile, corner, size, self._user_menu)
         paint_caption(context, readable(family(tile) if tile in families else tile), below, size.x)
         if variants := families.get(tile, ()):
@@ -116,7 +123,7 @@ class LibraryPanel(Panel):
 def _draw_object(
     context: PanelContext, name: str, corner: ImVec2, size: ImVec2, user_menu: user_objects.UserObjectMenu
 ) -> None:
-    editor, side = context.editor, size.x
+    editor, side = context.session.editor, size.x
     if imgui.invisible_button(f"show {name}", size):
         editor.show_object(name)
     hovered = imgui.is_item_hovered()
@@ -143,22 +150,31 @@ def _draw_object(
 
 
 def _draw_menu(context: PanelContext, name: str) -> None:
-    editor = context.editor
+    editor, grid = context.session.editor, context.session.grid
+    mixable = editor.is_mixable(name)
+    why = "" if mixable else unmixable(context, name)
     if imgui.menu_item_simple("Show it"):
         editor.show_object(name)
     for part in PARTS:
-        if imgui.menu_item_simple(f"Take only its {part}", enabled=part not in editor.locked):
+        if imgui.menu_item_simple(f"Take only its {part}", enabled=mixable and part not in editor.locked):
             editor.take(part, name)
-    if imgui.menu_item_simple("Make it B"):
+        tooltip(why)
+    if imgui.menu_item_simple("Make it B", enabled=mixable):
         editor.set_b(name)
+    tooltip(why)
     if imgui.menu_item_simple("Add to the grid"):
-        context.grid.add(name)
+        grid.add(name)
         context.focus = "Grid"
+
+
+def _heading(model: Model) -> str:
+    """What a model's objects are called."""
+    return model.category.capitalize() or "Objects"
 
 
 def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:
     """The role of an object just now: A, what A's shape or texture was taken from, B."""
-    mix, accent = context.editor.state.mix, context.palette.accent
+    mix, accent = context.session.editor.state.mix, context.palette.accent
     if mix.a == (name, name):
         marks = [("A", accent)]
     else:

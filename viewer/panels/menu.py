@@ -5,22 +5,18 @@ from pathlib import Path
 
 from imgui_bundle import hello_imgui, imgui
 
-from core.models.library import sample_images, shipped_models
 from viewer.actions import ACTIONS
 from viewer.context import PanelContext
 from viewer.values.printable import printable
-from viewer.widgets.controls import button, draw_progress, tooltip
+from viewer.widgets.controls import draw_progress, tooltip
 
-_EXPORT = 19
-"""em: the bar of the file under way, and its button"""
-_SWITCH_HELP = "What you have made stays with its model, and comes back with it"
+_EXPORT = 19  # em: the bar of the file under way, and its button
 
 
 def draw(context: PanelContext) -> None:
-    """Menus, the switch between the models, and at the right what is under way."""
+    """Menus, and at the right what is under way."""
     for title, entries in MENUS.items():
         _menu(context, title, entries)
-    _draw_models(context)
     _draw_status(context)
 
 
@@ -40,9 +36,8 @@ def _menu(context: PanelContext, title: str, entries: tuple[str | Callable[[Pane
 
 def _draw_item(context: PanelContext, name: str) -> None:
     action = ACTIONS[name]
-    checked = action.checked is not None and action.checked(context)
     keys = action.keys.partition(",")[0]
-    if imgui.menu_item(f"{action.words}###{name}", keys, checked, action.enabled(context))[0]:
+    if imgui.menu_item(f"{action.words}###{name}", keys, action.checked(context), action.enabled(context))[0]:
         action.run(context)
     tooltip(action.tooltip[:1].upper() + action.tooltip[1:])
 
@@ -55,25 +50,9 @@ def _draw_panels(context: PanelContext) -> None:
         panel.is_visible = imgui.menu_item(label, "", panel.is_visible)[1]
 
 
-def _draw_models(context: PanelContext) -> None:
-    """A switch, of which the open model is the lit part."""
-    session = context.session
-    imgui.same_line(0, 1.5 * hello_imgui.em_size())
-    for name in shipped_models():
-        here = session.model_name == name
-        imgui.begin_disabled(bool(session.loading or session.fitting_runs) and not here)
-        pressed = button(
-            f"{name.capitalize()}###model {name}", _SWITCH_HELP, colour=context.palette.accent if here else None
-        )
-        imgui.end_disabled()
-        imgui.same_line(0, 1)
-        if pressed and not here:
-            session.open_model(name)
-
-
 def _draw_samples(context: PanelContext) -> None:
     if imgui.begin_menu("Samples", ACTIONS["fit_image"].enabled(context)):
-        for path in sample_images(context.editor.model.category):
+        for path in context.session.samples:
             if imgui.menu_item_simple(path.stem):
                 context.fit(path)
         imgui.end_menu()
@@ -81,7 +60,7 @@ def _draw_samples(context: PanelContext) -> None:
 
 def _draw_recent(context: PanelContext) -> None:
     recent = context.preferences.recent
-    if imgui.begin_menu("Open recent", context.ready and bool(recent)):
+    if imgui.begin_menu("Open recent", bool(recent)):
         for number, name in enumerate(recent):
             if imgui.menu_item_simple(f"{printable(Path(name).name)}###recent {number + 1}"):
                 context.drop([name])
@@ -92,7 +71,7 @@ def _draw_recent(context: PanelContext) -> None:
 def _draw_earlier(context: PanelContext) -> None:
     """Sessions that New or another project has replaced."""
     earlier = context.autosave.earlier if context.autosave else ()
-    if imgui.begin_menu("Earlier sessions", context.ready and bool(earlier)):
+    if imgui.begin_menu("Earlier sessions", bool(earlier)):
         for number, path in enumerate(earlier):
             if imgui.menu_item_simple(f"{path.stem[:19]}###earlier {number + 1}"):
                 context.session.open_project(path, keep_path=False)
@@ -100,16 +79,14 @@ def _draw_earlier(context: PanelContext) -> None:
 
 
 def _draw_status(context: PanelContext) -> None:
-    session = context.session
-    parts = [f"Loading {session.loading} …"] if session.loading else []
-    if context.ready:
-        if preparing := context.workspace.preparing:
-            parts.append(f"Preparing {preparing:.0%}")
-        if context.fitting.running:
-            parts.append(f"Rebuilding {context.fitting.history.progress:.0%}")
-        parts.append(f"{context.editor.model.category}: {len(context.editor.objects.names)} objects")
+    session, parts = context.session, list[str]()
+    if preparing := session.preparing:
+        parts.append(f"Preparing {preparing:.0%}")
+    if session.fitting.running:
+        parts.append(f"Rebuilding {session.fitting.history.progress:.0%}")
+    parts.append(f"{len(session.editor.objects.names)} objects")
     text = "      ".join(parts)
-    exporting = hello_imgui.em_size(_EXPORT) if context.ready and context.exporting.running else 0.0
+    exporting = hello_imgui.em_size(_EXPORT) if context.session.exporting.running else 0.0
     width = imgui.calc_text_size(text).x + 2 * hello_imgui.em_size() + exporting
     imgui.same_line()
     if exporting:
@@ -118,7 +95,7 @@ def _draw_status(context: PanelContext) -> None:
         draw_progress(context, width=_EXPORT)
         imgui.same_line()
         width -= exporting
-    if imgui.get_content_region_avail().x > width:  # else it would lie over the switch
+    if imgui.get_content_region_avail().x > width:  # else it would lie over the menus
         imgui.same_line(imgui.get_window_width() - width)
         imgui.text_disabled(text)
 

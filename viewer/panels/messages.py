@@ -8,16 +8,14 @@ from viewer.context import PanelContext
 from viewer.services.messages import Message, MessageKind
 from viewer.widgets.controls import OVERLAY_FLAGS, tooltip
 
-_WIDTH, _BESIDE, _SMALL = 34, 6, 16
-"""em: the longest line, what is beside it, and a view that has no room for messages"""
+_WIDTH, _BESIDE, _SMALL = 34, 6, 16  # em: the longest line, what is beside it, and a view that has no room for messages
 
 _ICONS = {
     MessageKind.DONE: icons_fontawesome_4.ICON_FA_CHECK,
     MessageKind.NOTE: icons_fontawesome_4.ICON_FA_INFO_CIRCLE,
     MessageKind.PROBLEM: icons_fontawesome_4.ICON_FA_EXCLAMATION_CIRCLE,
 }
-_COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PROBLEM: "error"}
-"""of the palette"""
+_COLOURS = {MessageKind.DONE: "accent", MessageKind.NOTE: "warm", MessageKind.PROBLEM: "error"}  # of the palette
 
 
 def draw(context: PanelContext) -> None:

@@ -12,12 +12,9 @@ from viewer.widgets.controls import button, end_gesture, labelled_slider, toolti
 from viewer.widgets.text import caption, heading, paint_caption, small_height
 
 _OPEN, _LOCKED = icons_fontawesome_4.ICON_FA_UNLOCK_ALT, icons_fontawesome_4.ICON_FA_LOCK
-_LEAST, _MOST, _BELOW = 9.0, 22.0, 7.0
-"""em: the side of the pad, and what stands below it"""
-_PREVIEWS = 5
-"""along each side of the pad; each is the mix that the dot over its middle means"""
-_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55
-"""px and intervals of a preview, and how much is seen of those that are in no corner"""
+_LEAST, _MOST, _BELOW = 9.0, 22.0, 7.0  # em: the side of the pad, and what stands below it
+_PREVIEWS = 5  # along each side of the pad; each is the mix that the dot over its middle means
+_PREVIEW, _SAMPLES, _FAINT = 48, 32, 0.55  # px, intervals, and opacity of previews in no corner
 
 
 class MixPanel(Panel):
@@ -28,8 +25,7 @@ class MixPanel(Panel):
 
     def __init__(self) -> None:
         self._ends: tuple[Codes, Codes] | None = None
-        self._previews: dict[tuple[int, int], Codes] = {}
-        """by column and row, from A's corner, what lies between these ends"""
+        self._previews: dict[tuple[int, int], Codes] = {}  # by column and row, from A's corner
 
     def draw(self, context: PanelContext) -> None:
         """The slots, the pad, the sliders."""
@@ -46,10 +42,10 @@ class MixPanel(Panel):
         caption(context, "Drag the dot: to the right B's shape, upwards B's texture")
         self._draw_sliders(context)
         if button("Swap###swap", "The shape from where the texture was taken, and the other way round"):
-            context.editor.swap()
+            context.session.editor.swap()
 
     def _draw_slot(self, context: PanelContext, part: Part, side: float) -> None:
-        editor = context.editor
+        editor = context.session.editor
         name, locked = getattr(editor.state.mix.a, part), part in editor.locked
         imgui.begin_group()
         _draw_face(context, name, object_tiles.ICONS[part], context.palette.accent, side, f"slot {part}")
@@ -67,18 +63,18 @@ class MixPanel(Panel):
         imgui.end_group()
 
     def _draw_b(self, context: PanelContext, side: float) -> None:
-        b = context.editor.state.mix.b
+        b = context.session.editor.state.mix.b
         imgui.begin_group()
         _draw_face(context, b, "B", WARM, side)
         tooltip(f"B is {readable(b)}\nDrop an object here to make it B")
         if dropped := object_tiles.dropped(context):
-            context.editor.set_b(dropped)
+            context.session.editor.set_b(dropped)
         _draw_caption(context, "B", side)
         imgui.end_group()
 
     def _draw_pad(self, context: PanelContext, side: float) -> None:
         """The dot stays half a preview within the border, so that it can be grabbed in a corner."""
-        editor, corner, cell = context.editor, imgui.get_cursor_screen_pos(), side / _PREVIEWS
+        editor, corner, cell = context.session.editor, imgui.get_cursor_screen_pos(), side / _PREVIEWS
         imgui.invisible_button("mix pad", (side, side))
         under = imgui.get_mouse_pos() - corner
         if imgui.is_item_active():
@@ -99,7 +95,7 @@ class MixPanel(Panel):
         )
         for (column, row), codes in self._previews.items():
             place = corner + ImVec2(column, last - row) * cell
-            preview = context.thumbnails.of_object(codes, _PREVIEW, _SAMPLES)
+            preview = context.session.thumbnails.of_object(codes, _PREVIEW, _SAMPLES)
             object_tiles.paint_frame(context, preview, place, cell)
             if (column, row) == over:
                 object_tiles.outline(place, cell, context.palette.accent)
@@ -110,7 +106,7 @@ class MixPanel(Panel):
 
     def _follow(self, context: PanelContext) -> None:
         """The previews, from the corners inwards, wherever A or B is another."""
-        mix, editor = context.editor.state.mix, context.editor
+        mix, editor = context.session.editor.state.mix, context.session.editor
         ends = editor.pair(mix.a), editor.objects[mix.b].codes
         if ends != self._ends:
             steps = sorted(range(_PREVIEWS), key=lambda step: -abs(step - _PREVIEWS // 2))
@@ -123,13 +119,13 @@ class MixPanel(Panel):
 
     def _draw_sliders(self, context: PanelContext) -> None:
         for part in PARTS:
-            imgui.begin_disabled(part in context.editor.locked)
-            amount = getattr(context.editor.state.mix, part)
+            imgui.begin_disabled(part in context.session.editor.locked)
+            amount = getattr(context.session.editor.state.mix, part)
             label = part.capitalize()
             moved, to = labelled_slider(f"mix {part}", label, amount, (0.0, 1.0), f"{amount:.0%}")
             imgui.end_disabled()
             if moved:
-                context.editor.mix(part, _within(to), gesture=f"mix {part}")
+                context.session.editor.mix(part, _within(to), gesture=f"mix {part}")
             end_gesture(context)
             tooltip_beside(f"Slide the {part} from A to B; the other stays as it is", "Ctrl+click to type 0 to 1")
 
@@ -142,7 +138,7 @@ def _draw_caption(context: PanelContext, words: str, width: float) -> None:
 def _paint_dot(context: PanelContext, corner: ImVec2, side: float) -> None:
     draw, mix, palette, em = (
         imgui.get_window_draw_list(),
-        context.editor.state.mix,
+        context.session.editor.state.mix,
         context.palette,
         hello_imgui.em_size(),
     )

@@ -12,8 +12,7 @@ from viewer.context import Panel, PanelContext
 from viewer.widgets.controls import tooltip
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg
-_NARROW = 34
-"""em: less has no room for both tables side by side"""
+_NARROW = 34  # em: less has no room for both tables side by side
 
 
 class PerformancePanel(Panel):
@@ -25,7 +24,7 @@ class PerformancePanel(Panel):
 
     def draw(self, context: PanelContext) -> None:
         """Two tables."""
-        viewport = context.viewport
+        viewport = context.session.viewport
         frame, times = viewport.frame, viewport.times
         if frame is None:
             imgui.text_disabled("The numbers come with the first render")
@@ -54,8 +53,8 @@ class PerformancePanel(Panel):
 
 
 def _machine(context: PanelContext, frame: Frame) -> list[tuple[str, str]]:
-    budget, device = context.viewport.budget, context.editor.model.device
-    baked = context.viewport.baked if context.viewport.settings.baked else None
+    budget, device = context.session.viewport.budget, context.session.editor.model.device
+    baked = context.session.viewport.baked if context.session.viewport.settings.baked else None
     evaluated = "" if frame.evaluations is None else f", {frame.evaluations.mean():.1f} evaluated"
     return [
         ("Samples a ray", f"{frame.samples}{evaluated}"),

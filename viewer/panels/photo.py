@@ -1,5 +1,6 @@
 """Photos and the codes fitted to them: compared with their render, at every step of the fit."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -21,7 +22,7 @@ from viewer.widgets.controls import action_button, button, choose, end_gesture, 
 from viewer.widgets.eraser import Eraser
 from viewer.widgets.fit_curve import FitCurve
 from viewer.widgets.text import heading
-from viewer.widgets.welcome import draw_samples
+from viewer.widgets.welcome import draw_samples, nouns
 
 _ICON, _SHARE = icons_fontawesome_4.ICON_FA_IMAGE, icons_fontawesome_4.ICON_FA_SHARE_ALT
 _REFIT = f"Rebuild  {icons_fontawesome_4.ICON_FA_CARET_DOWN}"
@@ -33,15 +34,14 @@ Except in a draft, a camera in doubt is searched for once more."""
 _RESUME_HELP = "Improve it from the step that is shown, for a third of the steps of a new search; can be repeated"
 _VIEW_HELP = """Turn the object in the view to where the photo sees it, then continue from there:
 for a camera that was not found"""
+_AS_HELP = "Whatever the photo seems to show"
 _SEGMENT_HELP = "Point out the object in this photo, move it in its frame, and rebuild it"
 _DETAIL_HELP = """How much of the photo's own detail the object shows, such as lettering and lamps, in files too.
 It fades as the object is edited. A doubtful camera shows none."""
 _BOTH_SIDES_HELP = """What the photo does not see takes the mirror image of what it sees, as sharp as that.
  Else softly, as light is not symmetric. Lettering is mirrored, too."""
-_AGREE = 0.5
-"""of how far renders explain their photos"""
-_BELOW = 8
-"""lines of controls below the comparison"""
+_AGREE = 0.5  # of how far renders explain their photos
+_BELOW = 8  # lines of controls below the comparison
 
 
 class PhotoPanel(Panel):
@@ -52,12 +52,11 @@ class PhotoPanel(Panel):
 
     def __init__(self) -> None:
         self._comparison, self._curve, self._eraser = Comparison(), FitCurve(), Eraser()
-        self._erasing = False
-        """the photo is shown to be erased from"""
+        self._erasing = False  # the photo is shown to be erased from
 
     def draw(self, context: PanelContext) -> None:
         """Buttons, the comparison, and what few look at: how the search goes, and how the next one is made."""
-        fitting = context.fitting
+        fitting = context.session.fitting
         photo = fitting.history.photo
         heading(context, f"Rebuilt from {photo.source.name}" if photo and not fitting.running else "Rebuild from photo")
         if fitting.running:
@@ -84,22 +83,22 @@ class PhotoPanel(Panel):
 
     def _draw_photo_detail(self, context: PanelContext) -> None:
         """How much of the photo is on the object that is shown, and which of it."""
-        codes = context.editor.scene.codes
+        codes = context.session.editor.scene.codes
         if (detail := codes.detail) is None:
             return
         _draw_strength(context, detail)
         changed, both = imgui.checkbox("Copy to the other side###both sides", detail.other_side == "mirrored")
         tooltip(_BOTH_SIDES_HELP)
         if changed:
-            context.editor.set_detail(replace(detail, other_side="mirrored" if both else "soft"))
+            context.session.editor.set_detail(replace(detail, other_side="mirrored" if both else "soft"))
         flow("Erase…     ")
         self._erasing = imgui.checkbox("Erase…###erase detail", self._erasing)[1]
         tooltip("Wipe away what does not belong to the object, such as a reflection")
         if self._erasing:
-            number = min(context.fitting.history.photo_index, len(detail.views) - 1)
+            number = min(context.session.fitting.history.photo_index, len(detail.views) - 1)
             self._eraser.draw(context, number, 0.7 * imgui.get_content_region_avail().x)
             if button("Bring back###restore detail", "All that was erased", enabled=bool(detail.views[number].erased)):
-                context.editor.set_detail(detail.erasing(number, ()))
+                context.session.editor.set_detail(detail.erasing(number, ()))
         _draw_sources(context, codes)
 
     def _draw_details(self, context: PanelContext, fitting: Fitting) -> None:
@@ -117,15 +116,15 @@ def _draw_strength(context: PanelContext, detail: PhotoDetail) -> None:
     shown = f"{detail.strength:.0%}"
     changed, strength = labelled_slider("photo detail", "Photo detail", detail.strength, (0.0, 1.0), shown, (6, 3))
     if changed:
-        context.editor.set_detail_strength(strength, "photo detail")
+        context.session.editor.set_detail_strength(strength, "photo detail")
     end_gesture(context)
     tooltip(_DETAIL_HELP)
 
 
 def _draw_sources(context: PanelContext, codes: Codes) -> None:
     """Which sides are from the photo, once they have been rendered small."""
-    model = context.editor.model
-    views = {side: context.thumbnails.get(codes, camera) for side, camera in side_cameras(model).items()}
+    model = context.session.editor.model
+    views = {side: context.session.thumbnails.get(codes, camera) for side, camera in side_cameras(model).items()}
     frames = {side: frame for side, frame in views.items() if frame}
     imgui.text_wrapped(describe_sources(model, frames) if len(frames) == len(views) else "…")
     tooltip("The view mode Source tints it: green is from the photo, blue from its mirror image, grey the model's")
@@ -201,14 +200,19 @@ def _draw_ways(context: PanelContext, fitting: Fitting) -> None:
     can, history = fitting.resume_point is not None, fitting.history
     more = FileRequest("Another photo of the same object", partial(fitting.add_photo, history), IMAGE_SUFFIXES)
     pose = FileRequest("Pose of this photo", partial(fitting.set_pose, history), (".txt",))
-    ways = (
+    ways: list[tuple[str, str, Callable[[], None], bool]] = [
         ("From the step shown###resume", _RESUME_HELP, fitting.resume, can),
         ("From the view###resume from view", _VIEW_HELP, fitting.resume_from_view, can),
         ("From the beginning###restart", "The whole search once more", fitting.refit, True),
-        ("Cut out again…###segment", _SEGMENT_HELP, context.workspace.segment_photo, True),
-        ("With another photo…###add photo", "One of the same object", lambda: context.ask(more), True),
-        ("With its camera…###pose", "Where that is known: an SRN pose file", lambda: context.ask(pose), True),
-    )
+        ("Cut out again…###segment", _SEGMENT_HELP, context.session.segment_photo, True),
+        ("With another photo…###add photo", "One of the same object", lambda: context.files.ask(more), True),
+        ("With its camera…###pose", "Where that is known: an SRN pose file", lambda: context.files.ask(pose), True),
+    ]
+    ways += [
+        (f"As a {model.noun}###as {model.category}", _AS_HELP, partial(fitting.refit_as, model), True)
+        for model in context.session.models
+        if model.fingerprint != history.model
+    ]
     for label, text, act, enabled in ways:
         if imgui.menu_item_simple(label, enabled=enabled):
             act()
@@ -270,8 +274,7 @@ def _draw_photos(fitting: Fitting) -> None:
 
 
 def _invitation(context: PanelContext) -> str:
-    what = context.editor.model.noun
     return (
-        f"Drop a photo of a {what} anywhere on this window, or several of the same one. It is cut out and cropped, "
-        "then camera, shape and texture are found. A plain background helps; on any other you point it out."
+        f"Drop a photo of {nouns(context)} anywhere on this window, or several of the same one. It is cut out and "
+        "cropped, then camera, shape and texture are found. A plain background helps; on any other you point it out."
     )

@@ -10,14 +10,10 @@ from viewer.widgets import object_tiles
 from viewer.widgets.controls import end_gesture, flow, labelled_slider, tooltip
 from viewer.widgets.text import caption
 
-_REACH = 3.0
-"""standard deviations, where the slider ends"""
-_LEAST = 0.01
-"""standard deviations, where it begins: the mean itself has no direction to lead out again"""
-_TYPICAL, _UNUSUAL = 1.4, 1.8
-"""standard deviations: trained objects are nearer; farther out there is rarely a realistic object"""
-_BESIDE = 5
-"""em: where less is left beside a picture, words stand below it"""
+_REACH = 3.0  # standard deviations, where the slider ends
+_LEAST = 0.01  # standard deviations, where it begins: the mean itself has no direction to lead out again
+_TYPICAL, _UNUSUAL = 1.4, 1.8  # standard deviations: trained objects are nearer; beyond, few are realistic
+_BESIDE = 5  # em: where less is left beside a picture, words stand below it
 _GREEN: Colour = (0.35, 0.75, 0.5)
 _AMBER: Colour = (0.9, 0.66, 0.25)
 _HELP = (
@@ -38,14 +34,14 @@ class RealismPanel(Panel):
         if imgui.begin_table("kinds", 2, imgui.TableFlags_.sizing_stretch_same):
             for part in PARTS:
                 imgui.table_next_column()
-                imgui.begin_disabled(part in context.editor.locked)
+                imgui.begin_disabled(part in context.session.editor.locked)
                 self._draw_meter(context, part)
                 imgui.end_disabled()
                 self._draw_nearest(context, part)
             imgui.end_table()
 
     def _draw_meter(self, context: PanelContext, part: Part) -> None:
-        editor, distance = context.editor, context.editor.distance(part)
+        editor, distance = context.session.editor, context.session.editor.distance(part)
         far, colour = _verdict(context, distance)
         imgui.text(part.capitalize())
         flow(far)
@@ -59,7 +55,7 @@ class RealismPanel(Panel):
         tooltip(_HELP.format(part=part))
 
     def _draw_nearest(self, context: PanelContext, part: Part) -> None:
-        nearest = context.editor.nearest(part)
+        nearest = context.session.editor.nearest(part)
         if nearest is None:
             return
         name, distance = nearest

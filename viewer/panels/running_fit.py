@@ -8,7 +8,7 @@ from viewer.widgets.controls import OVERLAY_FLAGS, action_button
 
 def draw(context: PanelContext) -> None:
     """A line near the top of the view, in its middle, under the hint for newcomers."""
-    if not context.fitting.can_follow:
+    if not context.session.fitting.can_follow:
         return
     low, high = context.view
     place = ImVec2((low.x + high.x) / 2, low.y + hello_imgui.em_size(5.8))
@@ -16,7 +16,7 @@ def draw(context: PanelContext) -> None:
     imgui.set_next_window_bg_alpha(0.94)
     if imgui.begin("###Running fit", None, OVERLAY_FLAGS)[0]:
         imgui.align_text_to_frame_padding()
-        imgui.text_disabled(f"{context.fitting.history.name} is being rebuilt")
+        imgui.text_disabled(f"{context.session.fitting.history.name} is being rebuilt")
         imgui.same_line()
         action_button(context, "follow", f"{icons_fontawesome_4.ICON_FA_LOCATION_ARROW}  Follow")
     imgui.end()

@@ -13,8 +13,7 @@ from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, labelled_slider, tooltip
 
 _TITLE = "Cut out###segment"
-_MAX_ZOOM = 8.0
-"""times: the largest zoom"""
+_MAX_ZOOM = 8.0  # times: the largest zoom
 _TOOLS = ("Box", "Add", "Remove")
 _TIPS = (
     "Click on the object (Shift: and on more of it), or drag a box around all of it",
@@ -22,10 +21,8 @@ _TIPS = (
     "Paint over what does not belong to the object",
 )
 _CUTTING = "Cutting …"
-_COLUMN = 14.5
-"""em, of tools and preview"""
-_LEAST = 0.01
-"""of the photo: a smaller box is a slip"""
+_COLUMN = 14.5  # em, of tools and preview
+_LEAST = 0.01  # of the photo: a smaller box is a slip
 
 
 class SegmentingDialog:
@@ -33,18 +30,16 @@ class SegmentingDialog:
 
     def __init__(self) -> None:
         self._tool = "Box"
-        self._brush = 0.03
-        """of the photo's longer side"""
-        self._before = Hints()
-        """where the drag under way began"""
+        self._brush = 0.03  # of the photo's longer side
+        self._before = Hints()  # where the drag under way began
         self._start = (0.0, 0.0)
         self._zoom, self._left, self._top = 1.0, 0.0, 0.0
-        """how large the photo is shown, and what share of it lies beyond the left and the upper edge"""
+        """size of the photo, shares beyond the edges"""
         self._line: tuple[tuple[float, float], ...] = ()
 
     def draw(self, context: PanelContext) -> None:
         """To be called once a frame."""
-        segmenting, viewport = context.segmenting, imgui.get_main_viewport()
+        segmenting, viewport = context.session.segmenting, imgui.get_main_viewport()
         if segmenting.active and not imgui.is_popup_open(_TITLE):
             imgui.open_popup(_TITLE)
             self._zoom = 1.0

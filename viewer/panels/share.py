@@ -44,22 +44,19 @@ _CELLS = {0: "Automatic"} | {cells: f"{cells} cells" for cells in (96, 128, 192,
 _TRIANGLES = {0: "Automatic"} | {count: f"{count:,} at most" for count in (100_000, 30_000, 8_000, 2_000)}
 _TEXTURES = {512: "Image, 512 px", 1024: "Image, 1024 px", 2048: "Image, 2048 px", 0: "At the vertices"}
 _FORMATS = "glb opens in most programs and holds the camera; it and obj name parts; stl and 3mf are for printers, in mm"
-_SIDE, _LABEL, _WIDTH = 16, 6.5, 13
-"""em: the preview, the labels, what stands beside them"""
-_CHECKS = 16
-"""px, a square of the pattern that shows through where the background is transparent"""
+_SIDE, _LABEL, _WIDTH = 16, 6.5, 13  # em: the preview, the labels, what stands beside them
+_CHECKS = 16  # px, a square of the pattern that shows through where the background is transparent
 
 
 class ShareDialog:
     """The form of the Share dialog, and where a file was saved."""
 
     def __init__(self) -> None:
-        self._shown: tuple[Image, Background | None, np.ndarray] | None = None
-        """of which picture and background, the image on screen"""
+        self._shown: tuple[Image, Background | None, np.ndarray] | None = None  # picture, background, their image
 
     def draw(self, context: PanelContext) -> None:
         """A window, while it is open."""
-        preview = context.exporting.preview
+        preview = context.session.exporting.preview
         if not context.share_open:
             preview.close()
             return
@@ -71,7 +68,7 @@ class ShareDialog:
         shown, stays = imgui.begin("Share", True, unmoved)
         context.share_open = bool(stays) and not _left_by_escape()
         if shown:
-            preview.update(_as_in_view(context, context.preferences.share), context.viewport.baked_copy)
+            preview.update(_as_in_view(context, context.preferences.share), context.session.viewport.baked_copy)
             self._draw_content(context)
         imgui.end()
 
@@ -83,7 +80,7 @@ class ShareDialog:
         self._draw_preview(context, _as_in_view(context, changed), min(_SIDE, room) * em)
         imgui.same_line(0, em)
         imgui.begin_group()
-        changed = _draw_form(changed, context.editor.model.metres)
+        changed = _draw_form(changed, context.session.editor.model.metres)
         imgui.end_group()
         imgui.spacing()
         _draw_foot(context, changed)
@@ -91,8 +88,8 @@ class ShareDialog:
             context.set_preference(share=changed)
 
     def _draw_preview(self, context: PanelContext, settings: ShareSettings, side: float) -> None:
-        image = context.exporting.preview.image
-        if settings.kind == "video" and not context.player.timeline.keys:
+        image = context.session.exporting.preview.image
+        if settings.kind == "video" and not context.session.player.timeline.keys:
             image = None
         if image is None or context.images is None:
             imgui.dummy((side, side))
@@ -246,14 +243,14 @@ def _label(text: str) -> None:
 
 def _draw_foot(context: PanelContext, settings: ShareSettings) -> None:
     """The button that saves, or how far that is; then where the file is."""
-    exporting = context.exporting
+    exporting = context.session.exporting
     if not draw_progress(context, *KINDS):
-        ready = settings.kind != "video" or bool(context.player.timeline.keys)
+        ready = settings.kind != "video" or bool(context.session.player.timeline.keys)
         idle, accent = ready and not exporting.running, context.palette.accent
         if button(f"{_SAVE}  Save {KINDS[settings.kind].lower()}…###save", _ABOUT[settings.kind], 12, idle, accent):
             share = partial(exporting.share, settings=_as_in_view(context, settings))
             title, name = f"Save the {settings.kind} as", f"{settings.kind}{settings.suffix}"
-            context.ask(FileRequest(title, share, (settings.suffix,), True, name))
+            context.files.ask(FileRequest(title, share, (settings.suffix,), True, name))
         if ready and settings.kind != "mesh":
             imgui.same_line()
             _draw_estimate(exporting.estimate(settings))

@@ -19,16 +19,11 @@ from viewer.widgets.text import push_small
 
 _DICE, _PIN = icons_fontawesome_4.ICON_FA_RANDOM, icons_fontawesome_4.ICON_FA_THUMBTACK
 _SHOWN = FILTER | {PARTS: "All"}
-_PARTS_WIDTH = 7
-"""em"""
-_FIRST = 6
-"""sliders shown at first"""
-_REACH = 3.0
-"""standard deviations to either side"""
-_STEPS = (-2, 0, 2)
-"""standard deviations at which a strip shows the object"""
-_INFLUENCE = 96
-"""px"""
+_PARTS_WIDTH = 7  # em
+_FIRST = 6  # sliders shown at first
+_REACH = 3.0  # standard deviations to either side
+_STEPS = (-2, 0, 2)  # standard deviations at which a strip shows the object
+_INFLUENCE = 96  # px
 _HELP = "Ctrl+click to type, right click for 0"
 _STRIPS_HELP = "Under every slider what the object would be like at -2, 0 and +2; click one to go there"
 
@@ -41,22 +36,16 @@ class SlidersPanel(Panel):
 
     def __init__(self) -> None:
         self._all = False
-        self._parts: tuple[Part, ...] = PARTS
-        """what is shown"""
+        self._parts: tuple[Part, ...] = PARTS  # what is shown
         self._strips = True
         self._new, self._menu = NewDirection(), DirectionMenu()
-        self._model: Model | None = None
-        """whose thumbnails and principal directions these are"""
+        self._model: Model | None = None  # whose thumbnails and principal directions these are
         self._principal: dict[Part, tuple[Direction, ...]] = {}
         self._named: tuple[Direction, ...] = ()
-        self._basis: Codes | None = None
-        """what the strips lead away from: the object before the drag began"""
-        self._targets: dict[tuple[str, int], tuple[Codes, Camera]] = {}
-        """what every place shows"""
-        self._influence: tuple[tuple[Part, ...], Frame, Frame, CodeInfluence] | None = None
-        """of the slider under the mouse: what it changes, at less, at more, and between them"""
-        self._last: dict[tuple[str, int], Frame] = {}
-        """the last thumbnail of every place, until there is a newer one"""
+        self._basis: Codes | None = None  # what the strips lead away from: the object before the drag began
+        self._targets: dict[tuple[str, int], tuple[Codes, Camera]] = {}  # what every place shows
+        self._influence: tuple[tuple[Part, ...], Frame, Frame, CodeInfluence] | None = None  # at less, at more, between
+        self._last: dict[tuple[str, int], Frame] = {}  # the last thumbnail of every place, until there is a newer one
 
     @property
     def influence(self) -> tuple[tuple[Part, ...], CodeInfluence] | None:
@@ -83,7 +72,7 @@ class SlidersPanel(Panel):
 
     def _follow(self, context: PanelContext) -> None:
         """Forget what belonged to another model, other directions, or another object."""
-        editor = context.editor
+        editor = context.session.editor
         if self._model is not editor.model:
             book = editor.model.codes
             self._model, self._last, self._targets = editor.model, {}, {}
@@ -108,15 +97,17 @@ class SlidersPanel(Panel):
         if button(f"{_PIN}  Name a direction…###name mix", "Give the way from A to B a name, such as: sportier"):
             self._new.ask()
         for index, direction in enumerate(self._named):
-            if set(direction.parts) & set(self._parts):
+            if direction.step.model == context.session.editor.model.fingerprint and set(direction.parts) & set(
+                self._parts
+            ):
                 key = f"named {index + 1}"
                 self._menu.draw(context, index, f"{direction.name}###menu {key}")
-                imgui.begin_disabled(bool(context.editor.locked & set(direction.parts)))
+                imgui.begin_disabled(bool(context.session.editor.locked & set(direction.parts)))
                 self._draw_slider(context, key, direction, f"It changes the {in_words(direction.parts)}")
                 imgui.end_disabled()
 
     def _draw_part(self, context: PanelContext, part: Part) -> None:
-        editor = context.editor
+        editor = context.session.editor
         imgui.begin_disabled(part in editor.locked)
         imgui.align_text_to_frame_padding()
         imgui.text(part.capitalize())
@@ -130,7 +121,7 @@ class SlidersPanel(Panel):
             editor.reset_to_object(part)
         shares = editor.space(part).explained_variance.tolist()
         for index, direction in enumerate(self._principal[part][: None if self._all else _FIRST]):
-            key, word = f"{part} {index + 1}", context.workspace.word(part, index)
+            key, word = f"{part} {index + 1}", context.session.word(part, index)
             label = word.capitalize() or f"{part.capitalize()} {index + 1}"
             if _small_button(f"{label}  {_PIN}###name {key}", "Give this direction another name, and keep it above"):
                 self._new.ask(direction)
@@ -142,7 +133,7 @@ class SlidersPanel(Panel):
         self, context: PanelContext, key: str, direction: Direction, about: str, numbers: str = ""
     ) -> None:
         """The slider, then where it leads."""
-        editor = context.editor
+        editor = context.session.editor
         value = editor.strength(direction)
         imgui.set_next_item_width(-1)
         moved, to = imgui.slider_float(f"##{key}", value, -_REACH, _REACH, "")
@@ -159,11 +150,11 @@ class SlidersPanel(Panel):
 
     def _show_influence(self, context: PanelContext, direction: Direction) -> str:
         """Where the view changes between a standard deviation less and one more, over the object; and in words."""
-        editor = context.editor
+        editor = context.session.editor
         camera = editor.scene.camera.resized(_INFLUENCE, _INFLUENCE)
         codes, mean, value = editor.scene.codes, editor.model.codes.mean, editor.strength(direction)
         ends = (direction.moved(codes, mean, value + step) for step in (-1.0, 1.0))
-        low, high = (context.thumbnails.get(one, camera, soon=True) for one in ends)
+        low, high = (context.session.thumbnails.get(one, camera, soon=True) for one in ends)
         if low is None or high is None or low.resolution != high.resolution:  # of one there is a finer render already
             return ""
         if self._influence is None or self._influence[1:3] != (low, high):
@@ -182,7 +173,7 @@ class SlidersPanel(Panel):
             place = corner + ImVec2(width * (0.5 + to / (2 * _REACH)) - side / 2, 0)
             imgui.set_cursor_screen_pos(place)
             if imgui.invisible_button(f"{key} at {to}", (side, side)):
-                context.editor.move_along(direction, float(to))
+                context.session.editor.move_along(direction, float(to))
             tooltip("Click to go there")
             if seen:
                 frame, stale = self._thumbnail(context, key, direction, to)
@@ -190,12 +181,12 @@ class SlidersPanel(Panel):
 
     def _thumbnail(self, context: PanelContext, key: str, direction: Direction, to: int) -> tuple[Frame | None, bool]:
         """The newest there is, and whether it is stale: of the object before it was changed."""
-        model, basis, place = context.editor.model, self._basis, (key, to)
+        model, basis, place = context.session.editor.model, self._basis, (key, to)
         assert basis is not None
         if place not in self._targets:
             codes = direction.moved(basis, model.codes.mean, float(to))
             self._targets[place] = codes, orbit.home(model).resized(SIZE, SIZE)
-        found = context.thumbnails.get(*self._targets[place])
+        found = context.session.thumbnails.get(*self._targets[place])
         if found:
             self._last[place] = found
         return self._last.get(place), found is None

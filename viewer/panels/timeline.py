@@ -17,10 +17,8 @@ _SWITCHES = (
     ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
 )
 """label, name in the timeline, tooltip"""
-_LENGTH = 4.5
-"""em"""
-_LOOPS = 1.5
-"""The step from the end to the start, in the longest of the others, that still passes for one of them."""
+_LENGTH = 4.5  # em
+_LOOPS = 1.5  # The step from the end to the start, in the longest of the others, that still passes for one of them
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."
 
 
@@ -32,12 +30,11 @@ class TimelinePanel(Panel):
     folded = True
 
     def __init__(self) -> None:
-        self._loop_error: tuple[object, float] = None, 0.0
-        """of which timeline, and how large its jump is"""
+        self._loop_error: tuple[object, float] = None, 0.0  # of which timeline, and how large its jump is
 
     def draw(self, context: PanelContext) -> None:
         """The buttons, the line, the keys."""
-        player = context.player
+        player = context.session.player
         self._draw_buttons(context, player)
         _draw_line(context, player)
         self._draw_check(player)
@@ -152,7 +149,7 @@ def _draw_key(
         if imgui.menu_item_simple("Remove"):
             player.remove_key(index)
         imgui.end_popup()
-    thumbnail = context.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
+    thumbnail = context.session.thumbnails.get(key.view.codes, key.view.camera.resized(SIZE, SIZE), soon=True)
     object_tiles.paint_frame(context, thumbnail, corner, side)
     chosen = player.key == index
     object_tiles.outline(

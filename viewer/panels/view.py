@@ -18,10 +18,8 @@ from viewer.widgets.controls import action_button, button, choose, end_gesture, 
 from viewer.widgets.welcome import Welcome
 
 _KEYS = tuple(imgui.Key(number) for number in range(imgui.Key.named_key_begin, imgui.Key.named_key_end))
-_KEY_TURN = 0.12
-"""rad a key press"""
-_REST = 0.6
-"""s without wheel or keys after which the next nudge is a new edit"""
+_KEY_TURN = 0.12  # rad a key press
+_REST = 0.6  # s without wheel or keys after which the next nudge is a new edit
 _FINE = 0.2
 _MODES = {mode: mode.capitalize() for mode in MODES}
 _BUTTONS = {
@@ -31,17 +29,14 @@ _BUTTONS = {
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
 }
 """actions, and the icons of their buttons"""
-_MODE = 7.0
-"""em"""
+_MODE = 7.0  # em
 _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _GEAR = icons_fontawesome_4.ICON_FA_COG
-_LOW = 24.0
-"""em: in a lower view there is no room for the hint above the way in"""
+_LOW = 24.0  # em: in a lower view there is no room for the hint above the way in
 _COVERED = 4
 """an object that fills three quarters of a view stands above what covers so many parts of it, if it is moved up by half
 of that"""
-_NARROW, _SMALL = 26.0, 11.0
-"""em: in a narrower view the mode is among the options"""
+_NARROW, _SMALL = 26.0, 11.0  # em: in a narrower view the mode is among the options
 
 
 class ViewPanel(Panel):
@@ -50,15 +45,12 @@ class ViewPanel(Panel):
     title = "View"
     dock = "View"
     bare = True
-    needs_model = False
 
     def __init__(self) -> None:
         self._nudged = 0.0
         self._welcome, self._path = Welcome(), CameraPath()
-        self._covered = 0
-        """px at the view's lower edge, by the way in"""
-        self._cached: tuple[Frame, str, Frame] | None = None
-        """of which frame and mode, the frame that is shown"""
+        self._covered = 0  # px at the view's lower edge, by the way in
+        self._cached: tuple[Frame, str, Frame] | None = None  # of which frame and mode, the frame that is shown
 
     def draw(self, context: PanelContext) -> None:
         """The frame, and over it the badge and a few buttons."""
@@ -67,12 +59,8 @@ class ViewPanel(Panel):
         scale = imgui.get_io().display_framebuffer_scale
         pixels = max(1, round(size.x * scale.x)), max(1, round(size.y * scale.y))
         context.view = corner, corner + size
-        if not context.ready:
-            loading = context.session.loading
-            _note(corner + size * 0.5, f"Loading {loading} …" if loading else "No model")
-            return
-        viewport = context.viewport
-        begins, history = self._welcome.is_due(context), context.editor.history
+        viewport = context.session.viewport
+        begins, history = self._welcome.is_due(context), context.session.editor.history
         if not history.gesture and not (begins and history.past):  # the object stands still under a hand
             self._covered = round(self._welcome.covered * scale.y) if begins else 0
         covered = min(self._covered, pixels[1] // _COVERED)
@@ -96,7 +84,7 @@ class ViewPanel(Panel):
             self._draw_hint(corner, size)
         if begins:
             self._welcome.draw(context, corner, size)
-        if not begins or context.editor.history.past:
+        if not begins or context.session.editor.history.past:
             _draw_badge(viewport, viewport.frame, corner, size)
             _draw_progress(context, corner, size)
             self._path.draw(context, corner, size)
@@ -111,7 +99,7 @@ class ViewPanel(Panel):
 
     def _texture(self, context: PanelContext, pixels: tuple[int, int]) -> imgui.ImTextureRef:
         """The picture in the view: the baked object while it is turned, else the newest frame."""
-        viewport = context.viewport
+        viewport = context.session.viewport
         assert context.canvas and context.baked_canvas and viewport.full_frame
         palette, smooth, shadow = context.palette, context.preferences.smooth, context.preferences.shadow
         if viewport.baked_frame and viewport.baked:
@@ -130,21 +118,23 @@ class ViewPanel(Panel):
         return self._cached[2]
 
     def _react(self, context: PanelContext, size: ImVec2) -> None:
-        editor, io = context.editor, imgui.get_io()
+        editor, io = context.session.editor, imgui.get_io()
         if imgui.is_item_active() and (io.mouse_delta.x or io.mouse_delta.y):
             share = (_FINE if io.key_shift else 1.0) / min(size.x, size.y)
             across, down = io.mouse_delta.x * share, io.mouse_delta.y * share
             if imgui.is_mouse_down(imgui.MouseButton_.left):
-                editor.set_camera(orbit.dragged(context.viewport.camera, across, down), gesture="orbit")
+                editor.set_camera(orbit.dragged(context.session.viewport.camera, across, down), gesture="orbit")
                 context.set_preference(newcomer=False)
             else:
-                context.viewport.pan_by(across, down)
+                context.session.viewport.pan_by(across, down)
         end_gesture(context)
         if imgui.is_item_hovered():
             if imgui.is_mouse_double_clicked(imgui.MouseButton_.left):
-                context.viewport.reset_view()
+                context.session.viewport.reset_view()
             if io.mouse_wheel:
-                self._nudge(context, orbit.zoomed(context.viewport.camera, io.mouse_wheel, editor.model), "zoom")
+                self._nudge(
+                    context, orbit.zoomed(context.session.viewport.camera, io.mouse_wheel, editor.model), "zoom"
+                )
         if imgui.is_window_focused() or imgui.is_item_hovered():
             self._keys(context)
         if self._nudged and imgui.is_any_item_active():
@@ -154,7 +144,7 @@ class ViewPanel(Panel):
             self._nudged = 0.0
 
     def _keys(self, context: PanelContext) -> None:
-        camera, step = context.viewport.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
+        camera, step = context.session.viewport.camera, _KEY_TURN * (_FINE if imgui.get_io().key_shift else 1.0)
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
             return
         turns = {"left_arrow": (-step, 0), "right_arrow": (step, 0), "up_arrow": (0, step), "down_arrow": (0, -step)}
@@ -163,18 +153,18 @@ class ViewPanel(Panel):
                 self._nudge(context, orbit.turned(camera, azimuth, elevation), "keys")
         for keys, steps in ((("equal", "keypad_add"), 1), (("minus", "keypad_subtract"), -1)):
             if any(imgui.is_key_pressed(getattr(imgui.Key, key)) for key in keys):
-                self._nudge(context, orbit.zoomed(camera, steps, context.editor.model), "zoom")
+                self._nudge(context, orbit.zoomed(camera, steps, context.session.editor.model), "zoom")
         run_keys(context, in_view=True)
 
     def _nudge(self, context: PanelContext, camera: orbit.Camera, gesture: str) -> None:
         self._nudged = time.monotonic()
         context.set_preference(newcomer=False)
-        context.editor.set_camera(camera, gesture)
+        context.session.editor.set_camera(camera, gesture)
 
 
 def _turn_idly(context: PanelContext) -> None:
     """Until a key, a button of the mouse or its wheel, which are keys to imgui; an overlay is of the scene's camera."""
-    idle = context.workspace.idle_turn
+    idle = context.session.idle_turn
     if idle.due and context.attended and context.preferences.idle_turn:
         touched = context.overlay is not None or any(map(imgui.is_key_down, _KEYS))
         idle.stop() if touched else idle.tick()
@@ -183,8 +173,8 @@ def _turn_idly(context: PanelContext) -> None:
 def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
     """What a panel shows over the object, once."""
     image, context.overlay = context.overlay, None
-    if image is not None and context.images and context.viewport.source == "scene":
-        side, pan = min(size.x, size.y), context.viewport.settings.offset
+    if image is not None and context.images and context.session.viewport.source == "scene":
+        side, pan = min(size.x, size.y), context.session.viewport.settings.offset
         low = corner + (size - ImVec2(side, side)) * 0.5 + ImVec2(*pan) * side
         texture, draw = context.images.texture(image, context.palette), imgui.get_window_draw_list()
         draw.add_image(texture, low, low + ImVec2(side, side))
@@ -192,7 +182,7 @@ def _draw_overlay(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 def _draw_progress(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
     """A thin line along the lower edge, while every pixel of the view is being rendered."""
-    if (share := context.viewport.sharpened) is not None:
+    if (share := context.session.viewport.sharpened) is not None:
         low, high = corner.y + size.y - hello_imgui.em_size(0.15), corner.y + size.y
         colour = packed(context.palette.accent)
         imgui.get_window_draw_list().add_rect_filled((corner.x, low), (corner.x + share * size.x, high), colour)
@@ -252,8 +242,8 @@ def _draw_buttons(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
 
 def _draw_mode(context: PanelContext) -> None:
     hint = ACTIONS["next_mode"].hint()
-    mode = choose("mode", context.viewport.settings.mode, _MODES, f"What the view shows: {hint}", _MODE)
-    context.viewport.change(mode=mode)
+    mode = choose("mode", context.session.viewport.settings.mode, _MODES, f"What the view shows: {hint}", _MODE)
+    context.session.viewport.change(mode=mode)
 
 
 def _draw_quality(context: PanelContext) -> None:
@@ -262,11 +252,11 @@ def _draw_quality(context: PanelContext) -> None:
     imgui.same_line()
     imgui.set_next_item_width(9 * hello_imgui.em_size())
     level, last = context.preferences.quality, len(QUALITIES) - 1
-    quality = context.viewport.settings.quality
+    quality = context.session.viewport.settings.quality
     moved, to = imgui.slider_int("##quality", level, 0, last, "", imgui.SliderFlags_.always_clamp)
     if moved and to != level:
         context.set_preference(quality=to)
-        context.viewport.change(quality=QUALITIES[to])
+        context.session.viewport.change(quality=QUALITIES[to])
     tooltip(f"At once {quality.detail} px, {quality.samples} samples; all pixels of the view when the hand rests")
 
 

@@ -18,13 +18,10 @@ from viewer.screen.canvas import Backdrop, Target
 from viewer.screen.theme import DARK, Palette
 from viewer.values.orbit import PanelCrop
 
-_FAST = 1 / 30
-"""s: OpenGL is fast if a picture of :data:`_PROBE` takes no longer, whether a card or the processor draws it"""
-_PROBE = 512
-"""px of a side"""
+_FAST = 1 / 30  # s: OpenGL is fast if a picture of :data:`_PROBE` takes no longer
+_PROBE = 512  # px of a side
 _PROBES = 3
-_FAR = 4
-"""times the limit: what other programs do not explain"""
+_FAR = 4  # times the limit: what other programs do not explain
 
 
 class BakedCanvas:

@@ -17,8 +17,7 @@ from core.rendering.progressive import Frame
 from viewer.screen.theme import Palette, mixed
 from viewer.values.orbit import PanelCrop
 
-_SPARE = 2_000_000
-"""px of textures kept although out of sight"""
+_SPARE = 2_000_000  # px of textures kept although out of sight
 SCREEN = """
 #version 330
 out vec2 uv;

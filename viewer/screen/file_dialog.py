@@ -35,8 +35,7 @@ class FileRequest:
     answer: Callable[[Path], None]
     suffixes: tuple[str, ...]
     save: bool = False
-    name: str = ""
-    """proposed"""
+    name: str = ""  # proposed
 
     def path(self, typed: str) -> Path:
         """Where an answer leads; a file to save that has no ending gets the proposed one's."""
@@ -51,6 +50,13 @@ def is_there(path: Path) -> bool:
     with suppress(OSError, ValueError):
         return path.is_file()
     return False
+
+
+def _home() -> Path:
+    """The user's folder; the present one for a user without a home."""
+    with suppress(RuntimeError):
+        return Path.home()
+    return Path.cwd()
 
 
 def has_native() -> bool:
@@ -69,10 +75,8 @@ class FileDialog:
         self._dialog: NativeDialog | None = None
         self._text = ""
         self._fresh = False
-        self._to_replace: Path | None = None
-        """a file that is there, for which the question was put whether to replace it"""
-        self.folder = Path.home()
-        """where the last answer was"""
+        self._to_replace: Path | None = None  # an existing file about which the dialog asks
+        self.folder = _home()  # where the last answer was
 
     @property
     def asking(self) -> bool:

@@ -12,8 +12,7 @@ from viewer.screen.theme import SIZE
 _TEXT, _BOLD = "fonts/Roboto/Roboto-Regular.ttf", "fonts/Roboto/Roboto-Bold.ttf"
 """assets of imgui_bundle; their figures are all of one width, and they have Greek and Cyrillic too"""
 _EMOJI = Path(imgui_bundle.__file__).parent / "demos_assets/fonts/NotoEmoji-Regular.ttf"
-_PACKAGE, _PACKAGED = "cvttf_NotoSansCJK_Regular", "NotoSansCJKtc-Regular.otf"
-"""of the extra ``cjk``"""
+_PACKAGE, _PACKAGED = "cvttf_NotoSansCJK_Regular", "NotoSansCJKtc-Regular.otf"  # of the extra ``cjk``
 SYSTEM = (
     "/usr/share/fonts/opentype/noto/NotoSansCJK-Regular.ttc",
     "/usr/share/fonts/google-noto-cjk/NotoSansCJK-Regular.ttc",

@@ -13,12 +13,9 @@ from viewer.screen import theme, window
 
 T = TypeVar("T")
 
-_SIZE = 420, 150
-"""px of a 96 ppi screen"""
-_FIRST_FRAMES = 3
-"""after which the window is on screen"""
-_RATE = 20.0
-"""Frames per second: the processor is wanted elsewhere."""
+_SIZE = 420, 150  # px of a 96 ppi screen
+_FIRST_FRAMES = 3  # after which the window is on screen
+_RATE = 20.0  # Frames per second: the processor is wanted elsewhere
 
 
 class Splash(Generic[T]):

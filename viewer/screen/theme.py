@@ -5,18 +5,14 @@ from dataclasses import dataclass
 from imgui_bundle import ImVec2, ImVec4, imgui, implot
 
 Colour = tuple[float, float, float]
-SIZE = 16.0
-"""px of the text, before it is scaled to screen and preferences"""
-HEADING, SMALL = 1.15, 0.84
-"""sizes of headings and of captions, relative to the text"""
-PLATE: Colour = (0.07, 0.08, 0.09)
-"""behind text that is laid over the view"""
+SIZE = 16.0  # px of the text, before it is scaled to screen and preferences
+HEADING, SMALL = 1.15, 0.84  # sizes of headings and of captions, relative to the text
+PLATE: Colour = (0.07, 0.08, 0.09)  # behind text that is laid over the view
 ON_PLATE: Colour = (0.95, 0.95, 0.96)
 PLATE_OPACITY = 0.88
 
 
-WARM: Colour = (0.93, 0.63, 0.27)
-"""of B, where A has the accent"""
+WARM: Colour = (0.93, 0.63, 0.27)  # of B, where A has the accent
 
 
 @dataclass(frozen=True)
@@ -29,11 +25,9 @@ class Palette:
     line: Colour
     text: Colour
     accent: Colour
-    warm: Colour
-    """of text about B, and of warnings"""
+    warm: Colour  # of text about B, and of warnings
     error: Colour
-    background: tuple[Colour, Colour]
-    """behind the object: at the top and at the bottom of the view"""
+    background: tuple[Colour, Colour]  # behind the object: at the top and at the bottom of the view
 
     @property
     def quiet(self) -> Colour:

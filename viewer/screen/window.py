@@ -10,8 +10,7 @@ import glfw  # isort: skip
 import moderngl
 
 NAME = "CodeNeRF Viewer"
-SMALLEST = 900, 600
-"""px of a 96 ppi screen: the smallest size of the window"""
+SMALLEST = 900, 600  # px of a 96 ppi screen: the smallest size of the window
 
 
 class NoDisplayError(RuntimeError):
@@ -52,11 +51,6 @@ def _try_opengl() -> None:
     if not probe:
         raise NoDisplayError("OpenGL 3.3 is not to be had: install a graphics driver (Debian, Ubuntu: libegl1 libgl1)")
     glfw.destroy_window(probe)
-
-
-def config_folder() -> Path:
-    """Where this system keeps what programs remember."""
-    return Path(hello_imgui.ini_folder_location(hello_imgui.IniFolderType.app_user_config_folder)) / "codenerf-viewer"
 
 
 def parameters(size: tuple[int, int], folder: Path | None) -> hello_imgui.RunnerParams:

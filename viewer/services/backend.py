@@ -2,6 +2,9 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
+
+import torch
 
 from core.detail.frames import bake, render_progressively
 from core.export.frames import Image, draw_still, render_frames
@@ -9,18 +12,32 @@ from core.export.framing import filling_distance
 from core.export.keyframes import View
 from core.export.mesh import export_mesh
 from core.export.pace import Pace, measure_pace
-from core.export.video import write_video
+from core.export.video import VideoSettings, write_video
 from core.fitting.category_check import guess_category
 from core.fitting.fit import FitJob, FitStep, fit
 from core.geometry.camera import Camera
+from core.geometry.pose_files import read_pose
 from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.photos.direction_words import Words, direction_words
-from core.photos.photo import Photo, load_photo
+from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
+from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import build_view_bank
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob
+from viewer.values.fit_history import PhotoSource
+
+
+def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+    """The object as a model takes it."""
+    with naming(source.path):
+        return prepare_photo(cut, model, read_pose(source.pose) if source.pose else None, source.crop)
+
+
+def _guess_category(cut: CutOut) -> dict[str, float]:
+    return guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask))
 
 
 @dataclass(frozen=True)
@@ -28,16 +45,17 @@ class Backend:
     """One function for each kind of value; most of them are streams."""
 
     load_model: Callable[[str], Model] = load_model
-    load_photo: Callable[..., Photo] = load_photo
+    cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out
+    frame_photo: Callable[[CutOut, Model, PhotoSource], Photo] = frame_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
     view_bank: Callable[[Model], Iterator[float]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
     draw: Callable[[BakedField, Camera, int, bool], Image | None] = draw_still
-    video: Callable[..., Iterator[int]] = write_video
+    video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
     pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh
-    guess_category: Callable[[Photo], dict[str, float]] = lambda photo: guess_category(photo.pixels, photo.mask)
+    guess_category: Callable[[CutOut], dict[str, float]] = _guess_category
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
     distance: Callable[[Model, Codes, Camera, float], float] = filling_distance

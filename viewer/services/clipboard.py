@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import ImageGrab
 
-_MAX_KEPT = 50
-"""files in a folder that is kept"""
+_MAX_KEPT = 50  # files in a folder that is kept
 
 
 class Clipboard:

@@ -1,14 +1,15 @@
-"""Needed by everything that takes longer than a frame: the worker, the backend, and a way to say how it went."""
+"""Needed by everything that takes longer than a frame: the worker, the backend, open models, and messages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from core.models.open_models import OpenModels
+from core.rendering.progressive import Frame, RenderJob
 from viewer.services.backend import Backend
 from viewer.services.messages import Messages
 from viewer.services.worker import Job, Worker
 
-BACKGROUND_SHARE = 0.05
-"""of the worker's time: of what is not looked at, or is there already but coarse; alone it has all of it"""
+BACKGROUND_SHARE = 0.05  # of the worker's time, for what nobody looks at; alone it has all of it
 
 
 @dataclass(eq=False)
@@ -18,6 +19,11 @@ class Jobs:
     worker: Worker
     backend: Backend
     messages: Messages
+    models: OpenModels
+
+    def frames(self, job: RenderJob) -> Iterator[Frame | None]:
+        """Render an object with its model, coarse to fine."""
+        return self.backend.frames(self.models.of(job.codes), job)
 
     def submit(self, job: Job) -> None:
         """Start a job, in place of an older one of its name."""

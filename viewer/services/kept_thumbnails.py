@@ -12,8 +12,7 @@ from safetensors.numpy import load_file, save_file
 from core.models.model import Model
 from core.runtime.files import atomic_file
 
-_FORMAT = "thumbnails-1"
-"""another one where renders look different"""
+_FORMAT = "thumbnails-1"  # another one where renders look different
 Pixels = UInt8[np.ndarray, "height width 4"]
 
 

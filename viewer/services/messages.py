@@ -15,14 +15,10 @@ import torch
 
 from viewer.values.printable import printable
 
-_MAX_OLDER, _MAX_ERRORS = 3, 2
-"""lines of information that stay beside a new one until they fade, and errors shown at a time"""
-_SHORT, _LONG = 5.0, 10.0
-"""s on screen: of what is done, and of what there is to read or to press"""
-_LOGGED = 500
-"""lines that the log keeps"""
-_NO_MEMORY = "can't allocate memory"
-"""Words of torch in a RuntimeError where the processor's memory does not suffice."""
+_MAX_OLDER, _MAX_ERRORS = 3, 2  # older lines beside a new one; errors shown at a time
+_SHORT, _LONG = 5.0, 10.0  # s on screen: of what is done, and of what there is to read or to press
+_LOGGED = 500  # lines that the log keeps
+_NO_MEMORY = "can't allocate memory"  # Words of torch in a RuntimeError where the processor's memory does not suffice
 _FOLDERS = re.compile(r"(?<![^\s'\"(])(?:[A-Za-z]:|~)?(?:[/\\](?=\S)[^/\\:*?\"<>|\n]+)*[/\\](?=[^\s/\\])")
 """the folders of an absolute path"""
 UNFORESEEN = "an error in the program; the log has it (menu Panels)"
@@ -49,15 +45,11 @@ class Message:
 
     text: str
     kind: MessageKind = MessageKind.DONE
-    detail: str = ""
-    """for the log alone: what an error nobody foresaw says of itself"""
+    detail: str = ""  # for the log alone: what an error nobody foresaw says of itself
     buttons: tuple[Button, ...] = ()
-    lasts: bool = False
-    """until it is answered or dismissed"""
-    holds: Callable[[], bool] = lambda: True
-    """whether what it says is still so"""
-    born: float = field(default_factory=time.monotonic)
-    """s on the monotonic clock"""
+    lasts: bool = False  # until it is answered or dismissed
+    holds: Callable[[], bool] = lambda: True  # whether what it says is still so
+    born: float = field(default_factory=time.monotonic)  # s on the monotonic clock
     written: datetime = field(default_factory=datetime.now)
 
     @property
@@ -74,8 +66,7 @@ class Messages:
 
     def __init__(self) -> None:
         self.all: list[Message] = []
-        self.log: list[Message] = []
-        """all lines of this run, the oldest first"""
+        self.log: list[Message] = []  # all lines of this run, the oldest first
 
     @property
     def errors(self) -> list[str]:

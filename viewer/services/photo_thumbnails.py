@@ -11,8 +11,7 @@ from core.runtime.reading import open_image
 from viewer.services.jobs import Jobs
 from viewer.services.worker import Job
 
-_SIDE = 128
-"""px"""
+_SIDE = 128  # px
 
 
 class PhotoThumbnails:

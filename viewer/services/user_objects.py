@@ -1,5 +1,5 @@
-"""User objects: made with a model, kept from one launch to the next: a folder with a file for each fitted object,
-and one for the named directions of each model.
+"""User objects, kept from one launch to the next: a folder with a file for each fitted object, and one for the named
+directions of each model.
 """
 
 import json
@@ -15,6 +15,7 @@ import torch
 
 from core.models.codes import Codes
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.models.scene import Scene
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
@@ -34,20 +35,21 @@ class UserObjects:
     def __init__(self, folder: Path | None = None) -> None:
         """``folder`` None keeps nothing."""
         self._folder = folder
-        self._stored: dict[str, _Stored] = {}
-        """by name, those of the model that was opened last"""
+        self._stored: dict[str, _Stored] = {}  # by name, those of the models that were opened
 
     def open(self, model: Model) -> tuple[EditableObject, ...]:
         """The objects of a model, the oldest first. What cannot be read, or is of another model, is left alone."""
-        self._stored = {}
+        found, others = list[EditableObject](), self._stored.items()
+        self._stored = {name: one for name, one in others if one.about.codes.model != model.fingerprint}
         files = self._folder.glob("*.json") if self._folder else ()
         for path in sorted(files, key=lambda path: path.stat().st_mtime):
-            if found := optional(partial(_read, path, model)):
-                name = unique_name(found.name, self._stored)  # another window may have given the same one
-                self._stored[name] = _Stored(path, replace(found, name=name))
-        return tuple(stored.about for stored in self._stored.values())
+            if one := optional(partial(_read, path, model)):
+                name = unique_name(one.name, self._stored)  # another window may have given the same one
+                found.append(replace(one, name=name))
+                self._stored[name] = _Stored(path, found[-1])
+        return tuple(found)
 
-    def sync(self, model: Model, objects: Iterable[EditableObject]) -> None:
+    def sync(self, models: OpenModels, objects: Iterable[EditableObject]) -> None:
         """Keep these and no others. Raises ``ValueError`` where that cannot be."""
         if self._folder is None:
             return
@@ -56,7 +58,7 @@ class UserObjects:
             stored = self._stored.get(name)
             if stored is None or not _is_same(stored.about, one):
                 path = stored.path if stored else self._folder / _file_name(name)
-                _write(path, one, model)
+                _write(path, one, models.of(one.codes))
                 self._stored[name] = _Stored(path, one)
         for name in self._stored.keys() - wanted.keys():
             self._stored.pop(name).path.unlink(missing_ok=True)
@@ -67,14 +69,15 @@ class UserObjects:
         path = next((path for path in paths if path.exists()), None)
         found = (optional(lambda: _read_directions(path)) or ()) if path else ()
         sizes = [tuple(code.shape) for code in (model.codes.mean.shape, model.codes.mean.texture)]
-        return tuple(one for one in found if [tuple(one.step.shape.shape), tuple(one.step.texture.shape)] == sizes)
+        fits = (one for one in found if [tuple(one.step.shape.shape), tuple(one.step.texture.shape)] == sizes)
+        return tuple(replace(one, step=replace(one.step, model=model.fingerprint)) for one in fits)
 
-    def keep_directions(self, model: Model, directions: Iterable[Direction]) -> None:
-        """Keep these and no others. Raises ``ValueError`` or ``OSError`` where that cannot be."""
-        if self._folder:
-            path = self._directions(model.fingerprint)
+    def keep_directions(self, models: OpenModels, directions: Iterable[Direction]) -> None:
+        """Keep these and no others of the open models. Raises ``ValueError`` or ``OSError`` where that cannot be."""
+        for model in models if self._folder else ():
+            path, own = self._directions(model.fingerprint), (one for one in directions if models.of(one.step) is model)
+            steps = [(one.name, one.step.shape.tolist(), one.step.texture.tolist()) for one in own]
             path.parent.mkdir(parents=True, exist_ok=True)
-            steps = [(one.name, one.step.shape.tolist(), one.step.texture.tolist()) for one in directions]
             with atomic_file(path, _read_directions) as partial:
                 partial.write_text(json.dumps(steps))
 
@@ -93,7 +96,7 @@ def _file_name(name: str) -> str:
 
 
 def _write(path: Path, one: EditableObject, model: Model) -> None:
-    scene = Scene(model.fingerprint, one.codes, orbit.home(model))
+    scene = Scene(one.codes, orbit.home(model))
     about = json.loads(scene.to_json()) | {"name": one.name, "confidence": one.confidence, "photo": one.photo}
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path, partial(_read, model=model)) as written:

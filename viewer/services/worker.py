@@ -13,38 +13,29 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-_REST = 1.0
-"""s without work after which the worker is at rest: memory that it gives back then costs time to get again"""
+_REST = 1.0  # s without work after which the worker is at rest: memory that it gives back then costs time to get again
 
 
 @dataclass(frozen=True, eq=False)
 class Job(Generic[T]):
     """A stream that the worker steps. Its callbacks run in :meth:`Worker.deliver`, on the window's thread."""
 
-    name: str
-    """a newer job of the same name takes the place of an older one"""
-    start: Callable[[], Iterable[T | None]]
-    """makes the stream, on the worker; None says only that time has passed"""
+    name: str  # a newer job of the same name takes the place of an older one
+    start: Callable[[], Iterable[T | None]]  # makes the stream, on the worker; None says only that time has passed
     value: Callable[[T], None]
-    end: Callable[[Exception | None], None] = lambda error: None
-    """called once, with what went wrong; not for a job that was cancelled or replaced"""
-    urgent: bool = False
-    """goes before all others until its first value, and is not replaced before it"""
-    share: float = 1.0
-    """of the worker's time, against other jobs'"""
+    end: Callable[[Exception | None], None] = lambda error: None  # called once unless cancelled
+    urgent: bool = False  # goes before all others until its first value, and is not replaced before it
+    share: float = 1.0  # of the worker's time, against other jobs'
 
 
 @dataclass(eq=False)
 class _Running:
     job: Job
-    spent: float
-    """seconds over the job's share"""
+    spent: float  # seconds over the job's share
     stream: Iterator | None = None
     shown: bool = False
-    over: bool = False
-    """to be stepped no more"""
-    muted: bool = False
-    """what it still has to deliver is dropped"""
+    over: bool = False  # to be stepped no more
+    muted: bool = False  # what it still has to deliver is dropped
 
 
 class Worker:

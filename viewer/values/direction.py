@@ -15,8 +15,7 @@ class Direction:
     """A way that changes shape, texture, or both by equally many standard deviations of the trained codes."""
 
     name: str
-    step: Codes
-    """one standard deviation; zero in a code that it leaves as it is"""
+    step: Codes  # one standard deviation; zero in a code that it leaves as it is
 
     @classmethod
     def principal(cls, book: CodeBook, part: Part, index: int) -> "Direction":
@@ -35,7 +34,8 @@ class Direction:
         spaces = {"shape": book.shape_space, "texture": book.texture_space}
         steps = {part: spaces[part].one_deviation(getattr(second, part) - getattr(first, part)) for part in parts}
         zero = _zero(book)
-        found = cls(name, Codes(steps.get("shape", zero.shape), steps.get("texture", zero.texture)))
+        step = replace(zero, shape=steps.get("shape", zero.shape), texture=steps.get("texture", zero.texture))
+        found = cls(name, step)
         if not found.parts:
             raise ValueError(f"both have the same {' and '.join(parts)}")
         return found
@@ -57,4 +57,5 @@ class Direction:
 
 
 def _zero(book: CodeBook) -> Codes:
-    return Codes(torch.zeros_like(book.shape_space.mean), torch.zeros_like(book.texture_space.mean))
+    mean = book.mean
+    return replace(mean, shape=torch.zeros_like(mean.shape), texture=torch.zeros_like(mean.texture))

@@ -1,9 +1,9 @@
-"""Frozen values as JSON, by the types of their fields; tensors, timelines and photos stand beside it, each once."""
+"""Frozen values as JSON, by the types of their fields; bulk stands beside it once and is referred to by number."""
 
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -15,13 +15,15 @@ from torch import Tensor
 
 from core.export.keyframes import Timeline
 from core.geometry.pixels import to_bytes
-from core.models.photo_detail import PhotoView, decompressed
+from core.models.codes import Codes
+from core.models.open_models import OpenModels
+from core.models.photo_detail import Erasure, PhotoView, decompressed
 from core.photos.photo import Photo
 from core.runtime.reading import open_image, reading, typed, whole
 from viewer.values.fit_history import FittedPhoto
 
-_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000
-"""bytes of the pixels of one photo, and of all in a project; a photo at a model's size has 65,536"""
+_SHARED = Timeline, PhotoView, Erasure  # types of values that many states of undo have in common
+_MAX_PHOTO, _MAX_PHOTOS = 16_000_000, 64_000_000  # bytes: pixels of one photo, and of all
 
 
 @dataclass(eq=False)
@@ -29,14 +31,13 @@ class Parts:
     """Values that JSON refers to by number: many states share a code or a timeline, and numbers in bulk are no text."""
 
     tensors: list[Tensor] = field(default_factory=list)
-    photos: list[bytes] = field(default_factory=list)
-    """files, the mask as opacity: PNG, and what photos add to colours as it is kept"""
+    photos: list[bytes] = field(default_factory=list)  # PNG with the mask as opacity, WebP of detail
     timelines: list[Any] = field(default_factory=list)
-    """as JSON"""
-    left: int = _MAX_PHOTOS
-    """bytes that the pixels of photos may take still, when they are read"""
-    _known: dict[int, tuple[object, int]] = field(default_factory=dict)
-    """by their identity, the values that are in already, kept alive, and their numbers"""
+    """timelines, and what is erased of photos, as JSON; as values once they have been decoded"""
+    models: OpenModels | None = None  # where the models of codes are found that are read
+    model: str = ""  # fingerprint of the model of codes that do not name any
+    left: int = _MAX_PHOTOS  # bytes that the pixels of photos may take still, when they are read
+    _known: dict[int, tuple[object, int]] = field(default_factory=dict)  # by identity, values and their numbers
 
     def number(self, value: object, stored: list, make: Callable[[], Any]) -> int:
         """Of a value in a list, which it joins unless it is there."""
@@ -51,15 +52,12 @@ def encode(value: Any, parts: Parts) -> Any:
     """A value as JSON; what it refers to joins the parts."""
     if isinstance(value, Tensor):
         return parts.number(value, parts.tensors, lambda: value.detach().cpu().contiguous())
-    if isinstance(value, Timeline):
-        return parts.number(value, parts.timelines, lambda: _encode_fields(value, parts))
+    if isinstance(value, _SHARED):
+        return parts.number(value, parts.timelines, lambda: _encode_shared(value, parts))
     if isinstance(value, Photo):
         image = parts.number(value, parts.photos, lambda: encode_photo(value))
         fine = value.fine and parts.number(value.fine, parts.photos, lambda: value.fine)
         return {"image": image, "fine": fine} | {name: encode(getattr(value, name), parts) for name in _BESIDE_IMAGE}
-    if isinstance(value, PhotoView):
-        image = parts.number(value.image, parts.photos, lambda: value.image)
-        return _encode_fields(value, parts) | {"image": image}
     if isinstance(value, FittedPhoto):
         return {"source": encode(value.source, parts), "photo": encode(value.photo, parts)}
     if is_dataclass(value) or hasattr(value, "_fields"):
@@ -67,6 +65,13 @@ def encode(value: Any, parts: Parts) -> Any:
     if isinstance(value, tuple):
         return [encode(one, parts) for one in value]
     return str(value) if isinstance(value, Path) else value
+
+
+def _encode_shared(value: Any, parts: Parts) -> Any:
+    about = _encode_fields(value, parts)
+    if isinstance(value, PhotoView):
+        about["image"] = parts.number(value.image, parts.photos, lambda: value.image)
+    return about
 
 
 def decode(kind: Any, value: Any, parts: Parts) -> Any:
@@ -121,7 +126,7 @@ def _decode_photo(about: Any, parts: Parts) -> Photo:
     return replace(photo, fine=fine)
 
 
-def _decode_view(about: Any, parts: Parts) -> PhotoView:
+def _decode_view(about: dict, parts: Parts) -> PhotoView:
     kinds = _kinds(PhotoView)
     beside = {name: decode(kinds[name], about[name], parts) for name in kinds if name in about and name != "image"}
     view = PhotoView(_part(parts.photos, about["image"]), **beside)
@@ -134,14 +139,31 @@ def _decode_fitted_photo(about: Any, parts: Parts) -> FittedPhoto:
     return FittedPhoto.of(source, _decode_photo(about["photo"], parts))
 
 
-def _decode_timeline(number: Any, parts: Parts) -> Timeline:
-    """The same one for the same number, once it has been decoded."""
-    found = _part(parts.timelines, number)
-    if not isinstance(found, Timeline):
-        found = parts.timelines[number] = typed(
-            Timeline, found, lambda kind: None if kind is Timeline else _reader(kind, parts), "timeline"
-        )
+def _decode_codes(about: Any, parts: Parts) -> Codes:
+    """Codes of an open model: of one that extends theirs where that is open. Raises ``ValueError`` where none is."""
+    codes: Codes = _decode_in_place(Codes, about, parts)
+    assert parts.models is not None, "no models"
+    model = parts.models[codes.model or parts.model]
+    sizes = model.field.config.shape_latent, model.field.config.texture_latent
+    if any((len(one.shape), len(one.texture)) != sizes for one in (codes, codes.detail) if one):
+        raise ValueError(f"it is no object of its model of {model.category or 'unnamed things'}")
+    return replace(codes, model=model.fingerprint)
+
+
+def _decode_shared(kind: Any, about: Any, parts: Parts) -> Any:
+    """The same value for the same number, once it has been decoded; files of November 2026 hold some in place."""
+    if isinstance(about, dict):
+        return _decode_in_place(kind, about, parts)
+    found = _part(parts.timelines, about)
+    if not isinstance(found, kind):
+        found = parts.timelines[about] = _decode_in_place(kind, found, parts)
     return found
+
+
+def _decode_in_place(kind: Any, about: Any, parts: Parts) -> Any:
+    if kind is PhotoView:
+        return _decode_view(typed(dict, about, name="view"), parts)
+    return typed(kind, about, lambda one: None if one is kind else _reader(one, parts), kind.__name__.lower())
 
 
 def _part(stored: list, number: Any) -> Any:
@@ -153,10 +175,9 @@ def _part(stored: list, number: Any) -> Any:
 
 _SPECIAL: dict[Any, Callable[[Any, Parts], Any]] = {
     Photo: _decode_photo,
-    PhotoView: _decode_view,
     FittedPhoto: _decode_fitted_photo,
-    Timeline: _decode_timeline,
-}
+    Codes: _decode_codes,
+} | {kind: partial(_decode_shared, kind) for kind in _SHARED}
 
 
 @cache

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,28 +16,24 @@ from PIL import Image
 from core.fitting.fit import FitStep, Hypothesis
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
+from core.photos.decode import IMAGE_SUFFIXES, upright_size
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints
 from core.rendering.progressive import Frame
+from core.runtime.reading import optional, read_numbers
 from viewer.values.printable import printable
 
-_AROUND = 0.08
-"""of the object's size, that is shown around it"""
-MAX_STEPS = 800
-"""kept; of more, every other one is forgotten"""
+_AROUND = 0.08  # of the object's size, that is shown around it
+MAX_STEPS = 800  # kept; of more, every other one is forgotten
 
 
 class PhotoSource(NamedTuple):
     """Where a photo comes from."""
 
     path: Path
-    pose: Path | None = None
-    """its camera, where that is known: an SRN pose file"""
-    hints: Hints | None = None
-    """where the object is, where a person pointed it out"""
+    pose: Path | None = None  # its camera, where that is known: an SRN pose file
+    hints: Hints | None = None  # where the object is, where a person pointed it out
     crop: Crop | None = None
-    category: str = ""
-    """that a person says it shows; empty: the classifier decides"""
 
     @property
     def name(self) -> str:
@@ -86,17 +82,13 @@ class FitHistory:
     """How a fit has gone so far."""
 
     sources: tuple[PhotoSource, ...] = ()
-    photos: tuple[FittedPhoto, ...] = ()
-    """as many of the sources as have been read"""
+    photos: tuple[FittedPhoto, ...] = ()  # as many of the sources as have been read
     steps: tuple[FitStep, ...] = ()
-    selected: int | None = None
-    """the step that is shown; None: the newest"""
-    photo_index: int = 0
-    """the photo that is shown"""
-    frame: Frame | None = None
-    """the newest render of that step, from the photo's camera"""
-    difference: UInt8[np.ndarray, "height width 3"] | None = None
-    """between the photo and that render, doubled; black where they agree"""
+    selected: int | None = None  # the step that is shown; None: the newest
+    photo_index: int = 0  # the photo that is shown
+    model: str = ""  # fingerprint of the model that is fitted; empty until the first photo's category is known
+    frame: Frame | None = None  # the newest render of that step, from the photo's camera
+    difference: UInt8[np.ndarray, "height width 3"] | None = None  # photo less render, doubled
 
     @property
     def name(self) -> str:
@@ -146,31 +138,29 @@ class FitRequest(NamedTuple):
 
     history: FitHistory
     resume_from: Hypothesis | None = None
-    restored: bool = False
-    """of a run that ended in it, maybe after its result had joined the objects"""
+    restored: bool = False  # of a run that ended in it, maybe after its result had joined the objects
 
 
-class Waiting(NamedTuple):
-    """Photos of one object that are still to be fitted."""
+def match_poses(paths: Sequence[Path]) -> tuple[tuple[PhotoSource, ...], tuple[Path, ...]]:
+    """Sort files into images, with the poses that have their names, and files that are neither.
 
-    sources: tuple[PhotoSource, ...]
-    category: str = ""
-    """whose model has to open for it; empty: that of the open model"""
+    A pose is a text of 16 numbers. Without an image, all files but texts count as images: reading them says why they
+    are none. Raises ``ValueError`` where there are only texts.
+    """
+    texts = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
+    no_texts = [path for path in paths if path not in texts.values()]
+    images = tuple(path for path in no_texts if _is_image(path)) or tuple(no_texts)
+    if not images:
+        raise ValueError(f"{paths[0].name}: there is no image beside it")
+    poses = {stem: path for stem, path in texts.items() if optional(partial(read_numbers, path, 16))}
+    sources = tuple(PhotoSource(path, poses.get(path.stem)) for path in images)
+    used = {*images, *(source.pose for source in sources)}
+    return sources, tuple(path for path in paths if path not in used)
 
-    @property
-    def name(self) -> str:
-        """Of the first photo's file."""
-        return self.sources[0].name
 
-
-def match_poses(paths: Sequence[Path]) -> tuple[PhotoSource, ...]:
-    """Images with the pose files that have their names. Raises ``ValueError`` for a pose without its image."""
-    poses = {path.stem: path for path in paths if path.suffix.lower() == ".txt"}
-    images = [path for path in paths if path.suffix.lower() != ".txt"]
-    sources = tuple(PhotoSource(path, poses.pop(path.stem, None)) for path in images)
-    if poses:
-        raise ValueError(f"{next(iter(poses.values())).name}: there is no image of this name beside the pose")
-    return sources
+def _is_image(path: Path) -> bool:
+    """By its name, or by its content."""
+    return path.suffix.lower() in IMAGE_SUFFIXES or optional(lambda: upright_size(path)) is not None
 
 
 @dataclass(frozen=True)
@@ -178,5 +168,4 @@ class Ready:
     """A fitted object that can be shown."""
 
     name: str
-    camera: Camera
-    """from where its photo was taken, at the size of the model's images"""
+    camera: Camera  # from where its photo was taken, at the size of the model's images

@@ -9,8 +9,7 @@ from jaxtyping import Float
 
 from core.geometry.camera import Camera, camera_rotation
 
-_LENGTH = 0.3
-"""scene units, of a frustum as it is shown"""
+_LENGTH = 0.3  # scene units, of a frustum as it is shown
 _EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
 
 

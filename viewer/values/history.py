@@ -14,8 +14,7 @@ from viewer.values.direction import Direction
 from viewer.values.part import PARTS
 from viewer.values.variety import readable
 
-_DEPTH = 500
-"""States kept; a state is a few hundred numbers."""
+_DEPTH = 500  # States kept; a state is a few hundred numbers
 
 
 class Pair(NamedTuple):
@@ -82,10 +81,8 @@ class History:
     now: State
     past: tuple[State, ...] = ()
     future: tuple[State, ...] = ()
-    gesture: str = ""
-    """the drag under way, whose edits change the state that it began"""
-    moved: bool = field(default=False, compare=False)
-    """the newest step is a move of the camera, which the next move continues"""
+    gesture: str = ""  # the drag under way, whose edits change the state that it began
+    moved: bool = field(default=False, compare=False)  # the next move continues this
 
     def changed(self, state: State, gesture: str = "", moves: bool = False) -> History:
         """Edited. Edits of one gesture, until :meth:`without_gesture`, are one step; so are moves of the camera
@@ -131,6 +128,10 @@ class History:
         """At another of the states; the others stay, before and after it."""
         states = self.states
         return History(states[index], states[:index], states[index + 1 :])
+
+    def newer(self, steps: int) -> History:
+        """Without the oldest steps before the state of now; so many stay."""
+        return replace(self, past=self.past[max(0, len(self.past) - steps) :])
 
     def after(self, earlier: History) -> History:
         """With all states of another history before these."""

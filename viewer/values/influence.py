@@ -8,20 +8,16 @@ from jaxtyping import UInt8
 from core.rendering.progressive import Frame
 from viewer.values.view_modes import colour_map
 
-_VISIBLE = 4 / 255
-"""of a colour: what an eye may notice"""
-_OVER = 0.8
-"""opacity of the heat over the object, where much changes"""
+_VISIBLE = 4 / 255  # of a colour: what an eye may notice
+_OVER = 0.8  # opacity of the heat over the object, where much changes
 
 
 @dataclass(frozen=True, eq=False)
 class CodeInfluence:
     """The difference between two renders from the same camera."""
 
-    image: UInt8[np.ndarray, "height width 4"]
-    """clear where nothing changes, the brighter the more"""
-    leak: float
-    """the largest change of any pixel's opacity, 0..1: how far the silhouette moves"""
+    image: UInt8[np.ndarray, "height width 4"]  # clear where nothing changes, the brighter the more
+    leak: float  # the largest change of any pixel's opacity, 0..1: how far the silhouette moves
 
     @classmethod
     def between(cls, low: Frame, high: Frame) -> "CodeInfluence":

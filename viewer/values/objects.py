@@ -1,7 +1,8 @@
-"""The objects of a session: those the model was trained on, and those added since."""
+"""The objects of a session: those that the open models were trained on, and those added since."""
 
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import torch
 
@@ -17,12 +18,9 @@ class EditableObject:
 
     name: str
     codes: Codes
-    fitted: bool = False
-    """to a photo"""
-    confidence: float | None = None
-    """the probability that the camera of that photo is right, 0..1; None where that is not known"""
-    photo: str = ""
-    """digest of that photo's pixels; empty where that is not known"""
+    fitted: bool = False  # to a photo
+    confidence: float | None = None  # probability that the photo's camera is right; None: not known
+    photo: str = ""  # digest of that photo's pixels; empty where that is not known
 
     def __post_init__(self) -> None:
         if self.confidence is not None and not 0 <= self.confidence <= 1:
@@ -30,67 +28,77 @@ class EditableObject:
 
 
 class ObjectLibrary:
-    """Objects by name: those of a model but its collapsed ones, and those that are added."""
+    """Objects by name: those of the models but their collapsed ones, and those that are added."""
 
-    def __init__(self, model: Model) -> None:
-        self._objects: dict[str, EditableObject] = {}
-        self.removed: frozenset[str] = frozenset()
-        """which are in no list any more; they stay, as undo may come back to them"""
-        self.version = 0
-        """counts the changes"""
-        for index in model.codes.valid:
-            self.add(EditableObject(model.codes.objects[index].name, model.codes[index]))
-        if not self._objects:
-            self.add(EditableObject("mean", model.codes.mean))
-        shapes = torch.stack([one.codes.shape for one in self._objects.values()])
-        self.families = families(list(self._objects), shapes)
-        """of the model's objects: one of each form, the most different forms first, and its variants"""
-        self._trained = len(self._objects)
+    def __init__(self, models: Iterable[Model]) -> None:
+        self._trained: dict[str, EditableObject] = {}
+        self._added: dict[str, EditableObject] = {}
+        self.removed: frozenset[str] = frozenset()  # in no list any more; undo may come back to them
+        self.version = 0  # counts the changes
+        self.families: dict[str, dict[str, tuple[str, ...]]] = {}
+        """by the fingerprint of their model: one object of each form, and its variants, different forms first"""
+        for model in models:
+            self.add_model(model)
+
+    def add_model(self, model: Model) -> None:
+        """Take in the objects that a model was trained on, or its mean object where it has none."""
+        book, names = model.codes, list[str]()
+        objects = [(book.objects[index].name, book[index]) for index in book.valid] or [("mean", book.mean)]
+        for wanted, codes in objects:
+            names.append(name := unique_name(wanted, self))
+            self._trained[name] = EditableObject(name, codes)
+        self.families[model.fingerprint] = families(names, torch.stack([codes.shape for _, codes in objects]))
+        self.version += 1
 
     def __getitem__(self, name: str) -> EditableObject:
-        return self._objects[name]
+        return self._added[name] if name in self._added else self._trained[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._added or name in self._trained
 
     @property
     def names(self) -> list[str]:
-        """Added objects first, the newest in front, then the model's own: one of each form, then the variants."""
-        return [*self.own, *self.families, *(name for variants in self.families.values() for name in variants)]
+        """Added objects first, the newest in front, then those of each model: one of each form, then the variants."""
+        forms = self.families.values()
+        return [*self.own, *(name for one in forms for name in (*one, *chain.from_iterable(one.values())))]
 
     @property
     def own(self) -> list[str]:
         """The names of added objects, the newest in front."""
         return [one.name for one in reversed(self.added)]
 
-    def __contains__(self, name: str) -> bool:
-        return name in self._objects
+    def families_of(self, name: str) -> dict[str, tuple[str, ...]]:
+        """The forms and their variants among which an object is listed; none for an added one."""
+        return {} if name in self._added else self.families[self[name].codes.model]
 
     @property
     def added(self) -> tuple[EditableObject, ...]:
-        """Those that are not the model's own, the oldest first: fitted, or opened."""
-        return tuple(one for one in self.ever_added if one.name not in self.removed)
+        """Those that are no model's own, the oldest first: fitted, or opened."""
+        return tuple(one for name, one in self._added.items() if name not in self.removed)
 
     @property
     def ever_added(self) -> tuple[EditableObject, ...]:
         """Those that were removed too."""
-        return tuple(self._objects.values())[self._trained :]
+        return tuple(self._added.values())
 
     def add(self, added: EditableObject) -> str:
         """Take in an object; its name, which is made unique."""
-        name = unique_name(added.name, self._objects)
-        self._objects[name] = replace(added, name=name)
+        name = unique_name(added.name, self)
+        self._added[name] = replace(added, name=name)
         self.version += 1
         return name
 
     def replace(self, name: str, better: EditableObject) -> None:
         """Put another object in the place of an added one; the name stays."""
-        self._objects[name] = replace(better, name=name)
+        self._added[name] = replace(better, name=name)
         self.version += 1
 
     def rename(self, name: str, to: str) -> str:
         """Give an added object another name, which is made unique; that name."""
-        to = unique_name(to, self._objects)
-        self._objects = {
+        to = unique_name(to, self)
+        self._added = {
             to if key == name else key: replace(one, name=to) if key == name else one
-            for key, one in self._objects.items()
+            for key, one in self._added.items()
         }
         self.version += 1
         return to

@@ -7,17 +7,13 @@ from core.geometry.camera import FRONT_AZIMUTH, Camera
 from core.models.model import Model
 from core.rendering.progressive import Frame
 
-HIGHEST = math.radians(89.0)
-"""Short of the pole, where the image would spin."""
+HIGHEST = math.radians(89.0)  # Short of the pole, where the image would spin
 _ZOOM_STEP = 1.1
-REACH = 0.4, 3.0
-"""Nearest and farthest, in shares of the distance the model was trained at."""
+REACH = 0.4, 3.0  # Nearest and farthest, in shares of the distance the model was trained at
 VIEWS = {"front": (FRONT_AZIMUTH, 0.0), "side": (FRONT_AZIMUTH - math.pi / 2, 0.0), "top": (FRONT_AZIMUTH, HIGHEST)}
 """Azimuth and elevation (rad) of the usual views."""
-_FAR = 30.0
-"""times as far away as with perspective: the camera of an orthographic view"""
-_MAX_PAN = 1.0
-"""How far the object can be panned, in shares of the view's shorter side."""
+_FAR = 30.0  # times as far away as with perspective: the camera of an orthographic view
+_MAX_PAN = 1.0  # How far the object can be panned, in shares of the view's shorter side
 
 
 def home(model: Model) -> Camera:
@@ -93,11 +89,9 @@ class PanelCrop:
 
     camera: Camera
     width: int
-    height: int
-    """px that are shown"""
+    height: int  # px that are shown
     left: int = 0
-    top: int = 0
-    """px before them"""
+    top: int = 0  # px before them
 
     def widened(self, across: int, down: int) -> "PanelCrop":
         """The same shown, of an image with so many px more on either side of it."""

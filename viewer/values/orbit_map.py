@@ -6,8 +6,7 @@ from dataclasses import replace
 from core.geometry.camera import FRONT_AZIMUTH, Camera
 from viewer.values.orbit import HIGHEST
 
-HORIZON = 0.5
-"""radius, in shares of the disc's"""
+HORIZON = 0.5  # radius, in shares of the disc's
 
 
 def place(camera: Camera) -> tuple[float, float]:

@@ -1,8 +1,7 @@
 """Text as the window can draw it."""
 
 _CONTROLS = {code: " " for code in (*range(32), 127) if chr(code) != "\n"}
-_JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))
-"""between the parts of an emoji, and how it looks: no glyphs, and not needed by those that there are"""
+_JOINERS = dict.fromkeys((0x200D, *range(0xFE00, 0xFE10)))  # join parts of an emoji: no glyphs
 
 
 def printable(text: object) -> str:

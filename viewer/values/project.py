@@ -1,70 +1,101 @@
-"""A project: one file with all that was made, with every model; a zip of JSON, tensors and photos."""
+"""A project: all that a person made, as a value and as one file, a zip of JSON, tensors and photos."""
 
 import json
 import zipfile
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
+import torch
 from safetensors.torch import load, save
 
+from core.fitting.fit import Hypothesis
+from core.models.open_models import OpenModels
 from core.runtime.files import atomic_file
 from core.runtime.reading import open_zip, parse_json, reading, typed
-from viewer.values.encoding import Parts
-from viewer.values.saved_session import SavedSession
+from viewer.values.encoding import Parts, decode, encode
+from viewer.values.fit_history import FitHistory, FitRequest
+from viewer.values.history import History
+from viewer.values.objects import EditableObject, unique_name
 
 SUFFIX = ".codenerf"
-_FORMAT = "codenerf-project-1"
 _ABOUT, _TENSORS = "project.json", "tensors.safetensors"
-_MAX_BYTES = 100_000_000
-"""of what is unpacked; a project of a day's work has some millions"""
+_MAX_BYTES = 100_000_000  # of what is unpacked; a project of a day's work has some millions
+
+
+class SavedTile(NamedTuple):
+    """A candidate of a fit, without its thumbnail."""
+
+    number: int
+    hypothesis: Hypothesis
+    eliminated_at: float | None
 
 
 @dataclass(frozen=True, eq=False)
 class Project:
-    """The sessions of all models with which something was made."""
+    """Everything that a session can go on with."""
 
-    model: str
-    """the name of the one that is open"""
-    sessions: tuple[SavedSession, ...]
-    path: Path | None = None
-    """where a person saved it last, if it is what is kept from launch to launch"""
+    history: History
+    objects: tuple[EditableObject, ...] = ()  # those that are no model's own, the oldest first
+    removed: tuple[str, ...] = ()  # those of them that are in no list any more
+    grid: tuple[str, ...] = ()  # objects in the grid
+    fit: FitHistory = field(default_factory=FitHistory)  # the last one that is over
+    tiles: tuple[SavedTile, ...] = ()  # its candidates
+    pending: tuple[FitRequest, ...] = ()  # the fit under way, and those that wait
+    models: tuple[str, ...] = ()  # names and paths of the models that were open
+    path: Path | None = None  # where a person saved it last, if it is kept from launch to launch
+
+    @property
+    def is_empty(self) -> bool:
+        """Nothing was made, edited or begun."""
+        return not (self.history.past or self.history.future or self.fit.sources or self.pending)
 
     @property
     def summary(self) -> str:
         """How many steps, objects and photos under way it holds; empty where it holds none."""
         counts = {
-            ("step", "steps"): sum(len(one.history.past) + len(one.history.future) for one in self.sessions),
-            ("object", "objects"): sum(
-                len({each.name for each in one.objects} - {*one.removed}) for one in self.sessions
-            ),
-            ("photo under way", "photos under way"): sum(len(one.pending) for one in self.sessions),
+            ("step", "steps"): len(self.history.past) + len(self.history.future),
+            ("object", "objects"): len({one.name for one in self.objects} - {*self.removed}),
+            ("photo under way", "photos under way"): len(self.pending),
         }
         return ", ".join(f"{count} {one if count == 1 else more}" for (one, more), count in counts.items() if count)
 
     def shared(self) -> "Project":
         """To be handed on: without the folders of this machine, except those of photos that have not been read yet."""
-        return Project(self.model, tuple(session.moved(lambda path: Path(path.name)) for session in self.sessions))
+        return replace(self._moved(lambda path: Path(path.name)), path=None)
 
     def beside(self, folder: Path) -> "Project":
         """With the photos that are found by their names in a folder."""
+        return self._moved(lambda path: folder / path if (folder / path).is_file() else path)
 
-        def move(path: Path) -> Path:
-            return folder / path if not path.is_absolute() and (folder / path).is_file() else path
+    def after(self, earlier: "Project") -> "Project":
+        """With all of another project before it; objects of that which have a name of this one's get another."""
+        taken, names = {one.name for one in self.objects}, dict[str, str]()
+        for one in earlier.objects:
+            names[one.name] = unique_name(one.name, taken)
+            taken.add(names[one.name])
+        before = earlier.history.renamed(names)
+        fitted = self if self.fit.sources else earlier
+        return replace(
+            self,
+            history=self.history.after(before).with_directions(before.now.directions),
+            objects=(*(replace(one, name=names[one.name]) for one in earlier.objects), *self.objects),
+            removed=(*(names.get(name, name) for name in earlier.removed), *self.removed),
+            grid=self.grid or tuple(names.get(name, name) for name in earlier.grid),
+            fit=fitted.fit,
+            tiles=fitted.tiles,
+            pending=(*self.pending, *earlier.pending),
+        )
 
-        return replace(self, sessions=tuple(session.moved(move) for session in self.sessions))
-
-    def save(self, path: Path) -> None:
+    def save(self, path: Path, models: OpenModels) -> None:
         """Write it, whole or not at all. Raises ``ValueError`` for a path that cannot be written."""
         parts = Parts()
-        about = {
-            "format": _FORMAT,
-            "model": self.model,
-            "path": str(self.path) if self.path else None,
-            "sessions": [session.encoded(parts) for session in self.sessions],
-            "timelines": parts.timelines,
-        }
-        with atomic_file(path, Project.load) as partial, zipfile.ZipFile(partial, "w") as file:
+        bare = replace(self, fit=_without_renders(self.fit), pending=tuple(map(_request, self.pending)))
+        about = {"format": "codenerf-project-2", "project": encode(bare, parts), "timelines": parts.timelines}
+        with atomic_file(path, partial(Project.load, models=models)) as written, zipfile.ZipFile(written, "w") as file:
             file.writestr(_ABOUT, json.dumps(about), zipfile.ZIP_DEFLATED)
             # A copy each, as safetensors refuses tensors that share memory.
             file.writestr(_TENSORS, save({str(number): one.clone() for number, one in enumerate(parts.tensors)}))
@@ -72,29 +103,79 @@ class Project:
                 file.writestr(_photo(number), photo)
 
     @classmethod
-    def load(cls, path: Path) -> "Project":
-        """Read it. Raises ``ValueError`` where it is no whole project."""
+    def load(cls, path: Path, models: OpenModels) -> "Project":
+        """Read it; the models that it names are opened. Raises ``ValueError`` where it is no whole project, or where
+        one of its models cannot be opened.
+        """
         with reading(path, "a project"), open_zip(path, _MAX_BYTES) as file:
-            return cls._from_zip(file)
+            about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
+            tensors = load(file.read(_TENSORS))
+            count = sum(name.startswith("photos/") for name in file.namelist())
+            photos = [file.read(_photo(number)) for number in range(count)]
+            parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about.timelines, models)
+            return _first_format(about, parts) if about.project is None else _decoded(about.project, parts)
 
-    @classmethod
-    def _from_zip(cls, file: zipfile.ZipFile) -> "Project":
-        about = typed(_About, parse_json(file.read(_ABOUT)), name="project")
-        tensors = load(file.read(_TENSORS))
-        count = sum(name.startswith("photos/") for name in file.namelist())
-        photos = [file.read(_photo(number)) for number in range(count)]
-        parts = Parts([tensors[str(number)] for number in range(len(tensors))], photos, about.timelines)
-        return cls(about.model, tuple(SavedSession.decoded(one, parts) for one in about.sessions), about.path)
+    def _moved(self, move: Callable[[Path], Path]) -> "Project":
+        """With other paths of the photos and poses that have been read."""
+        pending = tuple(one._replace(history=_moved(one.history, move)) for one in self.pending)
+        return replace(self, fit=_moved(self.fit, move), pending=pending)
 
 
 class _About(NamedTuple):
     """The JSON of a project."""
 
-    format: Literal["codenerf-project-1"]
-    model: str
-    sessions: list
+    format: Literal["codenerf-project-1", "codenerf-project-2"]
     timelines: list
-    path: Path | None = None
+    project: dict | None = None
+    model: str = ""
+    sessions: tuple[dict, ...] = ()
+    path: Path | None = None  # the last three of the first format: a session for each model, one of which was open
+
+
+def _decoded(about: dict, parts: Parts) -> Project:
+    assert parts.models is not None
+    for name in about.get("models", ()):
+        with suppress(ValueError):  # codes of a model that is not there say so
+            parts.models.open(str(name))
+    found: Project = decode(Project, about, parts)
+    for fit in (found.fit, *(request.history for request in found.pending)):
+        _check_cameras(fit)
+    return found
+
+
+def _first_format(about: _About, parts: Parts) -> Project:
+    """The sessions of all models one after another, that of the model that was open at the end."""
+    assert parts.models is not None
+    found: Project | None = None
+    for session in sorted(about.sessions, key=lambda one: one["model"] == about.model):
+        parts.model = session["history"]["now"]["scene"]["model"]  # codes did not know it
+        one = _decoded(_completed(session, parts) | {"models": [session["model"]]}, parts)
+        model = parts.models[parts.model].fingerprint  # one that extends it may be open in its place
+        pending = tuple(request._replace(history=_of_model(request.history, model)) for request in one.pending)
+        one = replace(one, fit=_of_model(one.fit, model), pending=pending, path=about.path)
+        found = one.after(found) if found else one
+    if found is None:
+        raise ValueError("nothing was made in it")
+    return found
+
+
+def _completed(value: Any, parts: Parts) -> Any:
+    """JSON of the first format with what its oldest files lack: how photos were moved in their crops."""
+    if isinstance(value, list):
+        return [_completed(one, parts) for one in value]
+    if not isinstance(value, dict):
+        return value
+    found = {name: _completed(one, parts) for name, one in value.items()}
+    if isinstance(found.get("photo"), dict) and "name" in found:
+        found |= {"photo": "", "fitted": True}  # of an object, whose photo is known by its digest now
+    if {"origin", "cameras"} <= found.keys() and "crop_transform" not in found and "step" not in found:
+        found["crop_transform"] = len(parts.tensors)
+        parts.tensors.append(torch.zeros(len(found["cameras"]), 4))
+    return found
+
+
+def _of_model(fit: FitHistory, model: str) -> FitHistory:
+    return replace(fit, model=model if fit.photos else "")
 
 
 def is_project(path: Path) -> bool:
@@ -104,3 +185,30 @@ def is_project(path: Path) -> bool:
 
 def _photo(number: int) -> str:
     return f"photos/{number}.png"
+
+
+def _moved(fit: FitHistory, move: Callable[[Path], Path]) -> FitHistory:
+    """Files that have not been read yet stay where they are."""
+    read = [one._replace(path=move(one.path), pose=one.pose and move(one.pose)) for one in fit.sources]
+    read = read[: len(fit.photos)]
+    photos = tuple(replace(photo, source=source) for photo, source in zip(fit.photos, read, strict=True))
+    return replace(fit, sources=(*read, *fit.sources[len(read) :]), photos=photos)
+
+
+def _check_cameras(fit: FitHistory) -> None:
+    """Raise ``ValueError`` where the cameras of a fit are not of its photos' sizes, at which they are rendered."""
+    sizes = {fitted.pixels.shape[1::-1] for fitted in fit.photos}
+    for step in fit.steps:
+        for cameras in (step.cameras, *(one.cameras for one in (*step.hypotheses, step.runner_up) if one)):
+            if not {(camera.width, camera.height) for camera in cameras} <= sizes:
+                raise ValueError("the cameras have another size than the photos")
+
+
+def _without_renders(fit: FitHistory) -> FitHistory:
+    """Renders are made again. Of each step but the last, the leading hypothesis is enough to resume from."""
+    steps = tuple(replace(step, hypotheses=step.hypotheses[:1]) for step in fit.steps[:-1])
+    return replace(fit, steps=(*steps, *fit.steps[-1:]), frame=None, difference=None)
+
+
+def _request(request: FitRequest) -> FitRequest:
+    return request._replace(history=_without_renders(request.history))

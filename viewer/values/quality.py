@@ -6,10 +6,8 @@ from typing import NamedTuple
 class Quality(NamedTuple):
     """Of the image that is rendered at once."""
 
-    detail: int
-    """px along its shorter side, if the view has as many"""
-    samples: int
-    """intervals along the longest side of the scene's box"""
+    detail: int  # px along its shorter side, if the view has as many
+    samples: int  # intervals along the longest side of the scene's box
 
 
 QUALITIES = (
@@ -22,5 +20,4 @@ QUALITIES = (
     Quality(768, 256),
 )
 """From coarse to fine; each takes about twice as long as the one before."""
-DEFAULT_QUALITY = 3
-"""index into :data:`QUALITIES`"""
+DEFAULT_QUALITY = 3  # index into :data:`QUALITIES`

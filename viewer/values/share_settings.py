@@ -8,12 +8,11 @@ from core.export.keyframes import Timeline, View, turntable
 from core.export.mesh import MAX_RESOLUTION, MeshSettings
 from core.export.mesh_formats import FORMATS, TEXTURED
 from core.export.video import WHITE, VideoSettings
-from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.models.scene import IMAGE_FORMATS, OPAQUE_FORMATS, Scene
 from core.rendering.background import Background, Gradient
 
-KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}
-"""what can be shared, and its name"""
+KINDS = {"turntable": "Turntable", "video": "Video", "picture": "Picture", "mesh": "Mesh"}  # names
 BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "transparent": "Transparent"}
 """what is behind the object, and its name"""
 
@@ -22,41 +21,26 @@ BACKGROUNDS = {"view": "As in the view", "white": "White", "colour": "Colour", "
 class ShareSettings:
     """How a file is written. Raises ``ValueError`` for a choice that there is not."""
 
-    kind: str = "turntable"
-    """one of :data:`KINDS`"""
+    kind: str = "turntable"  # one of :data:`KINDS`
     video: str = ".mp4"
     picture: str = ".png"
-    mesh: str = ".glb"
-    """endings of names"""
-    size: int = 512
-    """px, width and height"""
-    rate: int = 24
-    """frames per second"""
-    quality: int = 85
-    """1 to 100"""
-    frames: int = 72
-    """of one turn"""
-    fill: bool = True
-    """the object fills the frame; else it is as large as in the view"""
-    background: str = "view"
-    """one of :data:`BACKGROUNDS`"""
+    mesh: str = ".glb"  # endings of names
+    size: int = 512  # px, width and height
+    rate: int = 24  # frames per second
+    quality: int = 85  # 1 to 100
+    frames: int = 72  # of one turn
+    fill: bool = True  # the object fills the frame; else it is as large as in the view
+    background: str = "view"  # one of :data:`BACKGROUNDS`
     red: int = 255
     green: int = 255
-    blue: int = 255
-    """0..255, the colour of that background"""
-    shadow: bool = False
-    """on the ground: as in the view"""
+    blue: int = 255  # 0..255, the colour of that background
+    shadow: bool = False  # on the ground: as in the view
     view_background: Gradient | None = None
-    exact: bool = False
-    """every pixel of a picture or a video by the network; else drawn from a baked copy"""
-    cells: int = 0
-    """of a mesh along the object; 0: as many as its detail needs"""
-    texture: int = 1024
-    """px, of the image with the colours of a mesh; 0: its vertices have them"""
-    triangles: int = 0
-    """of a mesh at the most; 0: as many as its detail needs"""
-    metres: float = 0.0
-    """the longest side of a mesh; 0: as usual for the model's objects"""
+    exact: bool = False  # every pixel of a picture or a video by the network; else drawn from a baked copy
+    cells: int = 0  # of a mesh along the object; 0: as many as its detail needs
+    texture: int = 1024  # px, of the image with the colours of a mesh; 0: its vertices have them
+    triangles: int = 0  # of a mesh at the most; 0: as many as its detail needs
+    metres: float = 0.0  # the longest side of a mesh; 0: as usual for the model's objects
 
     def __post_init__(self) -> None:
         choices = (
@@ -114,19 +98,19 @@ class ShareSettings:
         texture = self.texture if self.mesh in TEXTURED else 0
         return MeshSettings(self.cells or None, self.metres or usual, texture, self.triangles)
 
-    def views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
+    def views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
         """The views to render, one after another. A video keeps its cameras, but for coming nearer, all by the same; a
         turntable that fills its frame is seen from no nearer than the model's images are, however near the view is.
         """
-        shots = self.unframed_views(model, scene, timeline)
-        return filling_frame(model, shots, zoom_out=self.kind != "video") if self.fill else shots
+        shots = self.unframed_views(models, scene, timeline)
+        return filling_frame(models, shots, zoom_out=self.kind != "video") if self.fill else shots
 
-    def unframed_views(self, model: Model, scene: Scene, timeline: Timeline) -> list[View]:
+    def unframed_views(self, models: OpenModels, scene: Scene, timeline: Timeline) -> list[View]:
         """The views before they fill the frame, which takes a while and makes little difference to how long they take
         to render.
         """
         if self.kind == "turntable":
-            nearest = model.distance if self.fill else 0.0
+            nearest = models.of(scene.codes).distance if self.fill else 0.0
             camera = replace(scene.camera, distance=max(nearest, scene.camera.distance))
             shots = turntable(scene.codes, camera, self.frames)
         elif self.kind == "video":

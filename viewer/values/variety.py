@@ -14,10 +14,8 @@ _SOURCE = re.compile(
     r"|sharetextures|smarts|zhabotinsky)_"
 )
 """who made a mesh, before its name"""
-_GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")
-"""of the generators: the category, the seed of the form, that of the texture; a family has no texture"""
-_VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")
-"""of a mesh: reshaped, repainted"""
+_GENERATED = re.compile(r"^([a-z]+)-(\d{7})(?:-(\d{7}))?$")  # category, seed of the form, seed of the texture
+_VARIANT = re.compile(r"(-form\d+)?(-look\d+)?$")  # of a mesh: reshaped, repainted
 _NOUN = re.compile(r"(?<=[a-z])(?<!\barm)(?=(chair|stool)\b)")
 
 

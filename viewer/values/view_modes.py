@@ -11,8 +11,7 @@ from core.geometry.camera import Camera, camera_directions, camera_rotation, pix
 from core.geometry.pixels import to_bytes
 from core.rendering.progressive import Frame
 
-_OPAQUE = 0.5
-"""opacity from which a pixel counts as the object's"""
+_OPAQUE = 0.5  # opacity from which a pixel counts as the object's
 _COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 65], [252, 255, 190]])
 """from nothing to the most"""
 
@@ -119,5 +118,4 @@ MODES: dict[str, Callable[[Frame, Camera], np.ndarray | None]] = {
     "samples": _samples,
     "source": _source,
 }
-_WITHOUT_BACKGROUND = ("opacity", "samples")
-"""Modes whose images have no background to shine through."""
+_WITHOUT_BACKGROUND = ("opacity", "samples")  # Modes whose images have no background to shine through

@@ -12,17 +12,12 @@ from viewer.values.quality import DEFAULT_QUALITY, QUALITIES, Quality
 class ViewSettings:
     """How objects are seen, whichever model is open."""
 
-    panel: tuple[int, int] = (512, 512)
-    """px, the size of the view"""
-    pan: tuple[float, float] = (0.0, 0.0)
-    """how far the object is moved right and down, in shares of the view's shorter side"""
+    panel: tuple[int, int] = (512, 512)  # px, the size of the view
+    pan: tuple[float, float] = (0.0, 0.0)  # right and down, in shares of the view's shorter side
     quality: Quality = QUALITIES[DEFAULT_QUALITY]
-    mode: str = "colour"
-    """one of :data:`viewer.values.view_modes.MODES`"""
-    opengl: bool = False
-    """OpenGL draws a baked copy while the object is turned; else every image is exact"""
-    covered: int = 0
-    """px at the view's lower edge that something lies over: an object stands above it"""
+    mode: str = "colour"  # one of :data:`viewer.values.view_modes.MODES`
+    opengl: bool = False  # OpenGL draws a baked copy while the object is turned; else every image is exact
+    covered: int = 0  # px at the view's lower edge that something lies over: an object stands above it
 
     @property
     def offset(self) -> tuple[float, float]:

@@ -10,12 +10,9 @@ from viewer.screen.theme import ON_PLATE, PLATE, PLATE_OPACITY, WARM, packed
 from viewer.values.orbit_map import HORIZON, moved_to, place
 from viewer.widgets.controls import end_gesture, tooltip
 
-_RADIUS = 4.5
-"""em"""
-_DOT = 0.4
-"""em, radius of a keyframe"""
-_SAMPLES = 96
-"""points of the way"""
+_RADIUS = 4.5  # em
+_DOT = 0.4  # em, radius of a keyframe
+_SAMPLES = 96  # points of the way
 _MAP_HELP = "From where the object is seen: the middle is above it, the circle the horizon, the bottom its front"
 
 
@@ -23,12 +20,11 @@ class CameraPath:
     """A dot for every keyframe, to be dragged, and one for the camera of the view."""
 
     def __init__(self) -> None:
-        self._way: tuple[Timeline, list[tuple[float, float]]] | None = None
-        """of which timeline, and its places"""
+        self._way: tuple[Timeline, list[tuple[float, float]]] | None = None  # of which timeline, and its places
 
     def draw(self, context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
         """In the lower right corner of the view, if that is large enough."""
-        timeline, em = context.player.timeline, hello_imgui.em_size()
+        timeline, em = context.session.player.timeline, hello_imgui.em_size()
         if not context.preferences.camera_path or len(timeline.keys) < 2 or min(size.x, size.y) < 4 * _RADIUS * em:
             return
         middle, radius = corner + size - ImVec2(1, 1) * (_RADIUS + 0.7) * em, _RADIUS * em
@@ -51,12 +47,12 @@ class CameraPath:
         way = [middle + ImVec2(*there) * radius for there in self._way[1]]
         for one, other in pairwise(way):
             draw.add_line(one, other, packed(context.palette.accent), 0.12 * em)
-        here = middle + ImVec2(*place(context.editor.scene.camera)) * radius
+        here = middle + ImVec2(*place(context.session.editor.scene.camera)) * radius
         draw.add_circle(here, 0.55 * em, packed(WARM), thickness=0.12 * em)
 
 
 def _draw_key(context: PanelContext, index: int, middle: ImVec2, radius: float) -> None:
-    player, em = context.player, hello_imgui.em_size()
+    player, em = context.session.player, hello_imgui.em_size()
     key = player.timeline.keys[index]
     there = middle + ImVec2(*place(key.view.camera)) * radius
     imgui.set_cursor_screen_pos(there - ImVec2(_DOT, _DOT) * em)

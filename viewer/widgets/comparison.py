@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, hello_imgui, imgui
 
 from viewer.context import PanelContext
 from viewer.screen.theme import packed
-from viewer.widgets.controls import tooltip
+from viewer.widgets.controls import draw_choice, tooltip
 
 _MODES = ("Both", "Wipe", "Onion skin", "Difference")
 _WHITE = (1.0, 1.0, 1.0)
@@ -17,25 +17,15 @@ class Comparison:
 
     def __init__(self) -> None:
         self._mode = _MODES[0]
-        self._share = 0.5
-        """0 shows the render alone, 1 the photo alone"""
+        self._share = 0.5  # 0 shows the render alone, 1 the photo alone
 
     def draw_choice(self) -> None:
         """A line of modes."""
-        gap = imgui.get_style().item_spacing.x  # half of it, on either side, is in the colour of the chosen one
-        imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
-        for number, mode in enumerate(_MODES):
-            if number:
-                imgui.same_line(0, gap)
-                if imgui.get_content_region_avail().x < imgui.calc_text_size(mode).x + gap:
-                    imgui.new_line()
-                    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
-            if imgui.selectable(mode, self._mode == mode, size=ImVec2(imgui.calc_text_size(mode).x, 0))[0]:
-                self._mode = mode
+        self._mode = draw_choice({mode: mode for mode in _MODES}, self._mode)
 
     def draw(self, context: PanelContext, height: float) -> None:
         """The images, as large as the panel's width and so many px of height allow."""
-        room, photo = imgui.get_content_region_avail().x, context.fitting.history.photo
+        room, photo = imgui.get_content_region_avail().x, context.session.fitting.history.photo
         limits = ImVec2(room, max(3 * hello_imgui.em_size(), height))
         left, top, right, bottom = photo.part if photo else (0.0, 0.0, 1.0, 1.0)
         ratio = (right - left) / (bottom - top)
@@ -49,7 +39,7 @@ class Comparison:
             _draw_photo(context, corner, size)
         elif self._mode == "Difference":
             tooltip("Black where photo and render agree; twice the difference elsewhere")
-            _draw_image(context, "", context.fitting.history.difference, corner, size)
+            _draw_image(context, "", context.session.fitting.history.difference, corner, size)
         else:
             self._draw_both(context, corner, size)
 
@@ -75,7 +65,7 @@ class Comparison:
             tooltip("Drag: the farther right, the more of the photo. Hold F: the photo alone")
         draw, edge = imgui.get_window_draw_list(), corner.x + self._share * size.x
         if self._mode == "Onion skin":
-            history = context.fitting.history
+            history = context.session.fitting.history
             _draw_image(context, "", history.image, corner, size)
             _draw_image(context, "", history.photo.pixels if history.photo else None, corner, size, share=self._share)
             return
@@ -101,13 +91,13 @@ def _reserve(name: str, size: ImVec2, room: float) -> ImVec2:
 
 
 def _draw_photo(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
-    view = context.fitting.history.photo
+    view = context.session.fitting.history.photo
     _draw_image(context, "Photo", view.pixels if view else None, corner, size)
 
 
 def _draw_render(context: PanelContext, corner: ImVec2, size: ImVec2) -> None:
     """Its caption is at the right, where a wipe shows it."""
-    _draw_image(context, "Render", context.fitting.history.image, corner, size, to_right=True)
+    _draw_image(context, "Render", context.session.fitting.history.image, corner, size, to_right=True)
 
 
 def _draw_image(
@@ -123,7 +113,7 @@ def _draw_image(
     opposite = corner + size
     if pixels is not None and context.images is not None:
         texture = context.images.texture(pixels, context.palette)
-        photo = context.fitting.history.photo
+        photo = context.session.fitting.history.photo
         part = photo.part if photo else (0.0, 0.0, 1.0, 1.0)
         draw.add_image_rounded(texture, corner, opposite, part[:2], part[2:], packed(_WHITE, share), 0.3 * em)
     else:

@@ -46,7 +46,7 @@ def tooltip_beside(text: str, more: str = "") -> None:
 def end_gesture(context: PanelContext) -> None:
     """End the drag of the last item once it is let go, so that the next edit is a step of its own."""
     if imgui.is_item_deactivated():
-        context.editor.end_gesture()
+        context.session.editor.end_gesture()
 
 
 def button(label: str, text: str, width: float = 0.0, enabled: bool = True, colour: Colour | None = None) -> bool:
@@ -74,6 +74,22 @@ def action_button(
     text = f"{label or found.words}###{action}"
     if button(text, hint[:1].upper() + hint[1:], width, found.enabled(context), colour):
         found.run(context)
+
+
+def draw_choice(choices: dict[str, str], chosen: str) -> str:
+    """Labels by value in a line, or in several where it is narrow, one of them chosen; the one that is chosen now."""
+    gap = imgui.get_style().item_spacing.x  # half of it, on either side, is in the colour of the chosen one
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
+    for number, (value, label) in enumerate(choices.items()):
+        width = imgui.calc_text_size(label).x
+        if number:
+            imgui.same_line(0, gap)
+            if imgui.get_content_region_avail().x < width + gap:
+                imgui.new_line()
+                imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + gap / 2)
+        if imgui.selectable(f"{label}###{value}", chosen == value, size=(width, 0))[0]:
+            chosen = value
+    return chosen
 
 
 def flow(label: str, width: float = 0.0) -> None:
@@ -148,7 +164,7 @@ def draw_progress(context: PanelContext, *kinds: str, width: float = 0.0) -> boo
     Args:
         width: em, of both; 0 fills the line.
     """
-    exporting = context.exporting
+    exporting = context.session.exporting
     if exporting.path is None or (kinds and exporting.kind not in kinds):
         return False
     left, name = exporting.remaining, printable(exporting.path.name)

@@ -21,10 +21,8 @@ class NewDirection:
     def __init__(self) -> None:
         self._field = NameField()
         self._asks = False
-        self._principal: Direction | None = None
-        """what is named; None: the way from A to B"""
-        self._parts: tuple[Part, ...] = PARTS
-        """what changes on the way from A to B"""
+        self._principal: Direction | None = None  # what is named; None: the way from A to B
+        self._parts: tuple[Part, ...] = PARTS  # what changes on the way from A to B
 
     def ask(self, principal: Direction | None = None) -> None:
         """Ask for the name of a principal direction, or of the way from A to B."""
@@ -47,7 +45,7 @@ class NewDirection:
         imgui.end_popup()
 
     def _add(self, context: PanelContext, name: str) -> None:
-        editor = context.editor
+        editor = context.session.editor
         try:
             new = replace(self._principal or _from_a_to_b(editor, self._parts), name=name)
         except ValueError as error:
@@ -64,7 +62,7 @@ class DirectionMenu:
 
     def draw(self, context: PanelContext, index: int, label: str) -> None:
         """For the named direction of this number."""
-        directions = context.editor.state.directions
+        directions = context.session.editor.state.directions
         push_small()
         pressed = imgui.small_button(label)
         imgui.pop_font()
@@ -76,9 +74,9 @@ class DirectionMenu:
             return
         others = directions[:index], directions[index + 1 :]
         if new := self._field.draw(directions[index].name):
-            context.editor.set_directions((*others[0], replace(directions[index], name=new), *others[1]))
+            context.session.editor.set_directions((*others[0], replace(directions[index], name=new), *others[1]))
         if button("Remove###remove direction", "Undo (Ctrl+Z) brings it back"):
-            context.editor.set_directions((*others[0], *others[1]))
+            context.session.editor.set_directions((*others[0], *others[1]))
             imgui.close_current_popup()
         imgui.end_popup()
 

@@ -9,14 +9,10 @@ from viewer.context import PanelContext
 from viewer.screen.theme import packed
 from viewer.widgets.controls import tooltip
 
-_RADIUS = 0.04
-"""of a stroke, a share of the photo's longer side"""
-_LEAST = 0.01
-"""share of it that the mouse moves at least between two points"""
-_SHOWN = 384
-"""px of the longer side, of what is shown"""
-_GONE = np.array([255, 120, 120])
-"""over what is erased"""
+_RADIUS = 0.04  # of a stroke, a share of the photo's longer side
+_LEAST = 0.01  # share of it that the mouse moves at least between two points
+_SHOWN = 384  # px of the longer side, of what is shown
+_GONE = np.array([255, 120, 120])  # over what is erased
 
 
 class Eraser:
@@ -28,7 +24,7 @@ class Eraser:
 
     def draw(self, context: PanelContext, number: int, width: float) -> None:
         """One of the photos, so many px wide."""
-        detail = context.editor.scene.codes.detail
+        detail = context.session.editor.scene.codes.detail
         if detail is None or context.images is None:
             return
         view = detail.views[min(number, len(detail.views) - 1)]
@@ -40,7 +36,9 @@ class Eraser:
             self._extend((imgui.get_mouse_pos().x - corner.x) / size.x, (imgui.get_mouse_pos().y - corner.y) / size.y)
         elif self._points:
             stroke, self._points = Erasure(tuple(self._points), _RADIUS), []
-            context.editor.set_detail(detail.erasing(min(number, len(detail.views) - 1), (*view.erased, stroke)))
+            context.session.editor.set_detail(
+                detail.erasing(min(number, len(detail.views) - 1), (*view.erased, stroke))
+            )
         draw = imgui.get_window_draw_list()
         draw.add_image(context.images.texture(self._pixels(view), context.palette), corner, corner + size)
         for x, y in self._points:

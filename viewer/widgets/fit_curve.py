@@ -9,8 +9,7 @@ from viewer.screen.theme import WARM, packed
 from viewer.widgets.controls import button, end_gesture, tooltip
 
 _SCRUB_HELP = "Drag to see any step of the search, here and in the view; undo brings you back"
-_HEIGHT = 5.5
-"""em"""
+_HEIGHT = 5.5  # em
 
 
 class FitCurve:
@@ -18,7 +17,7 @@ class FitCurve:
 
     def draw(self, context: PanelContext) -> None:
         """The plot, and where it was dragged the step that is shown."""
-        fitting = context.fitting
+        fitting = context.session.fitting
         if fitting.history.steps:
             self._draw_plot(context, fitting, _HEIGHT * hello_imgui.em_size())
             _draw_step(fitting)

@@ -7,14 +7,12 @@ from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 from core.rendering.progressive import Frame
 from viewer.context import PanelContext
 from viewer.screen.theme import Colour, on, packed
+from viewer.services.messages import Button, MessageKind
 from viewer.values.part import Part
 
-THUMBNAIL = 4.5
-"""em, of most thumbnails: 72 px at the usual size of text"""
-_DIMMED = 0.55
-"""how much of what is stale is hidden"""
-DRAGGED = "object"
-"""the kind of payload that is dragged to a slot"""
+THUMBNAIL = 4.5  # em, of most thumbnails: 72 px at the usual size of text
+_DIMMED = 0.55  # how much of what is stale is hidden
+DRAGGED = "object"  # the kind of payload that is dragged to a slot
 ICONS: dict[Part, str] = {
     "shape": icons_fontawesome_4.ICON_FA_CUBE,
     "texture": icons_fontawesome_4.ICON_FA_PAINT_BRUSH,
@@ -23,7 +21,7 @@ ICONS: dict[Part, str] = {
 
 def paint(context: PanelContext, name: str, corner: ImVec2, side: float) -> None:
     """An object's thumbnail, or an empty square until it is rendered."""
-    paint_frame(context, context.thumbnails.of_object(context.editor.objects[name].codes), corner, side)
+    paint_frame(context, context.session.thumbnails.of_object(context.session.editor.objects[name].codes), corner, side)
 
 
 def paint_frame(
@@ -70,13 +68,31 @@ def mark(corner: ImVec2, label: str, colour: Colour) -> None:
     draw.add_text(place, packed(on(colour)), label)
 
 
-def dropped(context: PanelContext) -> str:
-    """The object that was dropped on the last item, if any."""
+def dropped(context: PanelContext, mixed: bool = True) -> str:
+    """The object that was dropped on the last item, if any.
+
+    Args:
+        mixed: it is to be mixed with the one that is shown; one of another model is not, and a message says so.
+    """
     if not imgui.begin_drag_drop_target():
         return ""
     payload = imgui.accept_drag_drop_payload_py_id(DRAGGED)
     imgui.end_drag_drop_target()
-    return context.dragged if payload else ""
+    session, name = context.session, context.dragged
+    if payload and mixed and not session.editor.is_mixable(name):
+        show = Button("Show it", lambda: session.editor.show_object(name))
+        session.messages.notify(unmixable(context, name), MessageKind.NOTE, buttons=(show,))
+        return ""
+    return name if payload else ""
+
+
+def unmixable(context: PanelContext, name: str) -> str:
+    """Why an object cannot be mixed with the one that is shown."""
+    editor = context.session.editor
+    return (
+        f"A {editor.models.of(editor.objects[name].codes).noun} cannot be mixed with a {editor.model.noun}: "
+        "show it to begin with it"
+    )
 
 
 def rounding() -> float:

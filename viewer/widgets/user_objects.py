@@ -18,8 +18,8 @@ def draw_dot(context: PanelContext, name: str, corner: ImVec2, side: float) -> N
     """In a corner of the thumbnail of a fitted object, in the colour of how sure its camera is; in another corner of
     one that has not been shown yet.
     """
-    found, em, draw = context.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
-    if name in context.fitting.results.unseen:
+    found, em, draw = context.session.editor.objects[name], hello_imgui.em_size(), imgui.get_window_draw_list()
+    if name in context.session.fitting.results.unseen:
         centre = corner + ImVec2(side - 0.75 * em, 0.75 * em)
         draw.add_circle_filled(centre, 0.42 * em, packed(context.palette.accent))
     if found.fitted:
@@ -46,8 +46,7 @@ class UserObjectMenu:
 
     def __init__(self) -> None:
         self._field = NameField()
-        self._renamed: tuple[str, str] | None = None
-        """an object, and its new name"""
+        self._renamed: tuple[str, str] | None = None  # an object, and its new name
 
     def draw(self, context: PanelContext, name: str) -> None:
         """In the menu of an object that is not the model's own."""
@@ -57,13 +56,13 @@ class UserObjectMenu:
             _export(context, name)
         if imgui.begin_menu("Remove###remove object"):
             if imgui.menu_item_simple(f"Remove {name}###remove for good"):
-                context.workspace.remove(name)
+                context.session.remove(name)
             imgui.end_menu()
 
     def apply(self, context: PanelContext) -> None:
         """Rename what was renamed; to be called once all objects are drawn, of which some may have the old name."""
         if self._renamed:
-            context.workspace.rename(*self._renamed)
+            context.session.rename(*self._renamed)
             self._renamed = None
 
     def _draw_rename(self, name: str) -> None:
@@ -75,10 +74,14 @@ class UserObjectMenu:
 
 def _export(context: PanelContext, name: str) -> None:
     """As a scene, which is opened by dropping it."""
-    editor = context.editor
-    scene = Scene(editor.model.fingerprint, editor.objects[name].codes, editor.scene.camera)
-    context.ask(
+    editor = context.session.editor
+    scene = Scene(editor.objects[name].codes, editor.scene.camera)
+    context.files.ask(
         FileRequest(
-            "Export the object as", lambda path: context.exporting.scene(path, scene), (".json",), True, f"{name}.json"
+            "Export the object as",
+            lambda path: context.session.exporting.scene(path, scene),
+            (".json",),
+            True,
+            f"{name}.json",
         )
     )

@@ -4,21 +4,15 @@ import math
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
-from core.models.library import sample_images, shipped_models
-from core.models.model import singular
 from viewer.context import PanelContext
 from viewer.widgets import object_tiles
 from viewer.widgets.controls import action_button, tooltip
 from viewer.widgets.text import caption
 
-_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6
-"""em, of the card, around it and within it"""
-_SMALL, _SAMPLE = 11.0, 3.0
-"""em: the card once the object has been turned, and the thumbnail of a photo to try"""
-_LOW = 18.0
-"""em: in a lower view the whole card would hide the object"""
-_GAP, _LEAST = 0.6, 7.0
-"""em, between photos, and of the button beside them"""
+_WIDEST, _MARGIN, _PADDING = 27.0, 0.7, 0.6  # em, of the card, around it and within it
+_SMALL, _SAMPLE = 11.0, 3.0  # em: the card once the object has been turned, and the thumbnail of a photo to try
+_LOW = 18.0  # em: in a lower view the whole card would hide the object
+_GAP, _LEAST = 0.6, 7.0  # em, between photos, and of the button beside them
 _OPEN = f"{icons_fontawesome_4.ICON_FA_IMAGE}  Open photo…"
 
 
@@ -26,15 +20,12 @@ class Welcome:
     """A card at the bottom of the view."""
 
     def __init__(self) -> None:
-        nouns = " or ".join(f"a {singular(category)}" for category in shipped_models())
-        self.covered = 0.0
-        """px, from the card's upper edge to the rectangle's lower one, in the last frame"""
-        self._sentence = f"Drop a photo of {nouns}, or open one: it is rebuilt in 3-D."
+        self.covered = 0.0  # px, from the card's upper edge to the rectangle's lower one, in the last frame
 
     @staticmethod
     def is_due(context: PanelContext) -> bool:
         """Whether nothing has been made, edited or begun yet; to turn the object is no edit."""
-        editor, fitting = context.editor, context.fitting
+        editor, fitting = context.session.editor, context.session.fitting
         first, timeline = editor.history.states[0].scene.codes, editor.state.timeline
         edited = timeline.keys or any(state.scene.codes is not first for state in editor.history.states)
         return not (edited or editor.objects.added or fitting.running or fitting.history.photo)
@@ -44,7 +35,7 @@ class Welcome:
         turned.
         """
         em = hello_imgui.em_size()
-        small = bool(context.editor.history.past) or size.y < _LOW * em
+        small = bool(context.session.editor.history.past) or size.y < _LOW * em
         width = min((_SMALL if small else _WIDEST) * em, size.x - 2 * _MARGIN * em)
         left = size.x - width - _MARGIN * em if small else (size.x - width) / 2  # beside the badge, when there is one
         imgui.set_cursor_screen_pos(ImVec2(corner.x + left, corner.y + max(0.0, size.y - self.covered)))
@@ -64,9 +55,9 @@ class Welcome:
 
     def _draw_open(self, context: PanelContext) -> None:
         """The sentence, and the button at the left of the photos: a low card, which hides no legs."""
-        caption(context, self._sentence)
+        caption(context, f"Drop a photo of {nouns(context)}, or open one: it is rebuilt in 3-D.")
         em = hello_imgui.em_size()
-        photos = len(sample_images(context.editor.model.category)) * (_SAMPLE + _GAP)
+        photos = len(context.session.samples) * (_SAMPLE + _GAP)
         imgui.push_style_var(imgui.StyleVar_.frame_padding, (0.5 * em, (_SAMPLE - 1) / 2 * em))
         width = imgui.get_content_region_avail().x / em - photos
         beside = width > _LEAST
@@ -76,16 +67,21 @@ class Welcome:
             imgui.same_line(0, _GAP * em)
 
 
+def nouns(context: PanelContext) -> str:
+    """What can be rebuilt: an object of any open model."""
+    return " or ".join(dict.fromkeys(f"a {model.noun or 'thing'}" for model in context.session.models))
+
+
 def draw_samples(context: PanelContext, largest: float = math.inf) -> None:
-    """Photos to try, small, in a line, each so many px wide at the most; a click rebuilds one."""
+    """Photos to try, small, in a line or two, each so many px wide at the most; a click rebuilds one."""
     em, gap = hello_imgui.em_size(), _GAP * hello_imgui.em_size()
-    paths = sample_images(context.editor.model.category)
+    paths, room = context.session.samples, imgui.get_content_region_avail().x
     if not paths:
         return
-    room = imgui.get_content_region_avail().x
-    side = min(object_tiles.THUMBNAIL * em, (room - gap * (len(paths) - 1)) / len(paths), largest)
+    across = len(paths) if room > len(paths) * (_SAMPLE * em + gap) else -(-len(paths) // 2)
+    side = min(object_tiles.THUMBNAIL * em, (room - gap * (across - 1)) / across, largest)
     for number, path in enumerate(paths):
-        if number:
+        if number % across:
             imgui.same_line(0, gap)
         corner = imgui.get_cursor_screen_pos()
         if imgui.invisible_button(f"sample {path.stem}", (side, side)):

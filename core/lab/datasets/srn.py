@@ -17,6 +17,7 @@ from PIL import Image
 
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose
+from core.photos.decode import IMAGE_SUFFIXES
 from core.runtime.files import atomic_folder, write_json
 from core.runtime.reading import number, open_image, read_json, read_text, reading, typed, whole
 
@@ -200,15 +201,15 @@ def _read_manifest(path: Path) -> tuple[str, dict[str, tuple[str, str]]]:
 
 def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
     """One object's folder."""
-    paths = sorted(path for path in (folder / "rgb").glob("*.png") if not _is_junk(path))
+    paths, masks_there = _images(folder / "rgb"), {path.stem: path for path in _images(folder / "mask")}
     if not paths:
-        raise ValueError(f"{folder / 'rgb'}: no images (*.png)")
+        raise ValueError(f"{folder / 'rgb'}: no images ({', '.join(IMAGE_SUFFIXES)})")
     stems = [path.stem for path in paths]
     poses = {pose.stem: pose for pose in (folder / "pose").glob("*.txt") if not _is_junk(pose)}
     if set(poses) != set(stems):
         raise ValueError(f"{folder / 'pose'}: {len(poses)} poses do not match the {len(stems)} images by name")
     focal, made_for = _read_intrinsics(folder / "intrinsics.txt")
-    images, masks = zip(*(_read_image(path, folder / "mask" / path.name) for path in paths), strict=True)
+    images, masks = zip(*(_read_image(path, masks_there.get(path.stem)) for path in paths), strict=True)
     height, width = images[0].shape[:2]
     for path, image in zip(paths, images, strict=True):
         if image.shape != (height, width, 3):
@@ -216,6 +217,11 @@ def _read_object(folder: Path, identity: tuple[str, str]) -> ObjectViews:
     scaled = focal * height / made_for
     cameras = tuple(_camera(poses[stem], scaled, width, height) for stem in stems)
     return ObjectViews(folder.name, *identity, np.stack(images), np.stack(masks), cameras)
+
+
+def _images(folder: Path) -> list[Path]:
+    """The images in a folder, by their names; none where there is no folder."""
+    return sorted(one for one in folder.glob("*") if one.suffix.lower() in IMAGE_SUFFIXES and not _is_junk(one))
 
 
 def _is_junk(path: Path) -> bool:
@@ -241,7 +247,7 @@ def _camera(path: Path, focal: float, width: int, height: int) -> Camera:
 
 
 def _read_image(
-    path: Path, mask_path: Path
+    path: Path, mask_path: Path | None
 ) -> tuple[UInt8[np.ndarray, "height width 3"], Bool[np.ndarray, "height width"]]:
     """An image laid on white, and its mask: from the mask file, else from alpha, else where it is not white."""
     with reading(path, "an image"):
@@ -253,7 +259,7 @@ def _read_image(
         if clear:
             share = alpha.astype(np.float32) / 255
             image = (image * share + 255 * (1 - share) + 0.5).astype(np.uint8)
-        if mask_path.exists():
+        if mask_path:
             with reading(mask_path, "an image"), open_image(mask_path) as opened:
                 mask = np.asarray(opened.convert("L")) > 127
         else:

@@ -13,7 +13,7 @@ from PIL import Image
 from core.lab.evaluation.disentanglement import PairScore, summarise_pairs
 from core.lab.evaluation.protocol import EvaluationProtocol, EvaluationSummary, ObjectScore, PoseSummary, summarise
 from core.lab.evaluation.statistics import Mean
-from core.runtime.files import write_json
+from core.runtime.files import atomic_file, is_stream, write_json
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -57,12 +57,13 @@ def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) ->
 def write_report(
     path: Path, scores: Sequence[ObjectScore], protocol: EvaluationProtocol, about: dict[str, str]
 ) -> None:
-    """Writes the numbers as JSON, per object too, and a chart as PNG beside it."""
+    """Write the numbers as JSON, per object too, and a chart as PNG beside it; to a stream the numbers alone."""
     objects = [asdict(score) | {"outlier": score.outlier} for score in scores]
     content = about | {"protocol": asdict(protocol), "summary": asdict(summarise(scores)), "objects": objects}
     write_json(path, content)
-    with suppress(ImportError):
-        chart(scores).savefig(path.with_suffix(".png"))
+    if not is_stream(path):
+        with suppress(ImportError), atomic_file(path.with_suffix(".png")) as partial:
+            chart(scores).savefig(partial)
 
 
 def chart(scores: Sequence[ObjectScore]) -> "Figure":
@@ -110,7 +111,7 @@ def format_disentanglement(scores: Sequence[PairScore]) -> str:
 
 
 def write_disentanglement_report(path: Path, scores: Sequence[PairScore], about: dict[str, str]) -> None:
-    """Writes the numbers as JSON, per pair too, and beside it, as PNG, true and rendered views, held-out first."""
+    """Write the numbers as JSON, per pair too, and beside it, as PNG, true and rendered views, held-out first."""
     pairs = [
         {
             "name": score.pair.entry.name,
@@ -122,12 +123,15 @@ def write_disentanglement_report(path: Path, scores: Sequence[PairScore], about:
         for score in scores
     ]
     write_json(path, about | {"summary": asdict(summarise_pairs(scores)), "pairs": pairs})
+    if is_stream(path):
+        return
     first = sorted(scores, key=lambda score: score.pair.trained)[:_SHEET]
     height, width = first[0].images.shape[:2]
     sheet = Image.new("RGB", (width * min(4, len(first)), height * math.ceil(len(first) / 4)), "white")
     for index, score in enumerate(first):
         sheet.paste(Image.fromarray(score.images), (index % 4 * width, index // 4 * height))
-    sheet.save(path.with_suffix(".png"))
+    with atomic_file(path.with_suffix(".png")) as partial:
+        sheet.save(partial)
 
 
 def _row(name: str, summary: EvaluationSummary) -> str:

@@ -75,7 +75,7 @@ def write_pose(model: Model) -> None:
 def test_render_draws_objects_scenes_and_the_mean_fast_or_exactly(file: str, model: Model):
     place = "--azimuth 30 --elevation 10 --distance 2"
     run(f"render --model {file} --object 2 {place} --size 24 --out a.png")
-    Scene(model.fingerprint, model.codes[2], model.camera(np.radians(30), np.radians(10))).save(Path("s.json"))
+    Scene(model.codes[2], model.camera(np.radians(30), np.radians(10))).save(Path("s.json"))
     run(f"render --model {file} --scene s.json --size 24 --out b.png")
     run(f"render --model {file} --scene s.json --size 24 --out exact.png --exact")
     run(f"render --model {file} --size 24 --out mean.png")
@@ -323,6 +323,19 @@ def test_that_several_photos_have_no_confidence_is_said(file, model, capsys, fit
     printed = capsys.readouterr()
     assert json.loads(printed.out)["confidence"] is None
     assert "of several photos together" in printed.err
+
+
+def test_a_chair_and_a_car_in_one_fit_are_named(file, model, capsys, monkeypatch, fit_ends):
+    guesses = iter([{"chairs": 0.9, "cars": 0.05}, {"chairs": 0.8, "cars": 0.1}, {"chairs": 0.1, "cars": 0.8}])
+    monkeypatch.setattr(fitting, "guess_category", lambda *_: next(guesses))
+    Path("b.png").write_bytes(Path("a.png").read_bytes())
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model.codes[0]))
+    run(f"fit a.png a.png b.png --model {file}")
+    lines = [line for line in capsys.readouterr().err.splitlines() if "one object" in line]
+    assert lines == [
+        "python -m core: b.png: this looks like a car, the first image like a chair: the images of one fit show one "
+        "object"
+    ]
 
 
 def test_a_box_is_in_pixels_of_the_upright_image(file, capsys, monkeypatch):

@@ -127,3 +127,24 @@ def test_what_is_no_timeline_is_refused() -> None:
         Timeline((Keyframe(4.0, shot()),), loop=True)
     with pytest.raises(ValueError, match="takes"):
         replace(Timeline(), length=math.inf)
+
+
+@pytest.mark.parametrize("loop", [True, False])
+@pytest.mark.parametrize("smooth", [True, False])
+def test_between_objects_of_two_models_it_cuts_and_the_camera_goes_on(loop: bool, smooth: bool) -> None:
+    def of(view: View, model: str, size: int) -> View:
+        return View(replace(view.codes, shape=view.codes.shape.repeat(size), model=model), view.camera)
+
+    plain = shot(0.0, code=0.0), shot(0.5, code=1.0), shot(1.0, code=2.0), shot(1.5, code=3.0)
+    cut = timeline(
+        *(of(view, "chairs" if n < 2 else "cars", 1 if n < 2 else 2) for n, view in enumerate(plain)),
+        loop=loop,
+        smooth=smooth,
+    )
+    whole = timeline(*plain, loop=loop, smooth=smooth)
+    assert [cut.at(t).codes.model for t in (0.0, 1.0, 1.99, 2.0, 3.0, 3.9)] == ["chairs"] * 3 + ["cars"] * 3
+    for seconds in (0.0, 0.7, 1.5, 2.2, 3.5):
+        assert cut.at(seconds).camera == whole.at(seconds).camera
+    torch.testing.assert_close(cut.at(1.7).codes.shape, torch.ones(3))  # rests on the last key before the cut
+    assert 2.0 < float(cut.at(2.5).codes.shape[0]) < 3.0 and len(cut.at(2.5).codes.shape) == 6
+    assert cut.loop_error() < 2.0 or not loop

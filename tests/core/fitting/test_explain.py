@@ -26,7 +26,7 @@ def test_stages_end_with_what_they_kept_and_candidates_and_terms_tell_why(
 ):
     found = explain(tiny, job, steps)
     assert found.stages[-1] is steps[-1]
-    assert [step for step, after in pairwise(steps) if step.active != after.active] == list(found.stages[:-1])
+    assert [step for step, after in pairwise(steps) if step.stage != after.stage] == list(found.stages[:-1])
     assert found.candidates is not None
     assert torch.isfinite(found.candidates.score).all()
     assert float(found.candidates.score[0]) == float(found.candidates.score.max())

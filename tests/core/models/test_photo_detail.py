@@ -41,7 +41,7 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
     codes = replace(
         model.codes.mean, detail=replace(some_detail(model).erasing(0, (SCRATCH,)), strength=0.4, other_side="model")
     )
-    scene = Scene(model.fingerprint, codes, CAMERA)
+    scene = Scene(codes, CAMERA)
     scene.save(tmp_path / "s.json")
     assert Scene.load(tmp_path / "s.json", model) == scene
     save_image(np.zeros((4, 4, 3), np.uint8), tmp_path / "p.png", scene)
@@ -63,7 +63,7 @@ def test_a_scene_and_a_picture_keep_it(model: Model, tmp_path: Path) -> None:
 )
 def test_a_damaged_one_is_refused_in_one_line(model: Model, tmp_path: Path, change: dict) -> None:
     codes = replace(model.codes.mean, detail=some_detail(model))
-    about = json.loads(Scene(model.fingerprint, codes, CAMERA).to_json())
+    about = json.loads(Scene(codes, CAMERA).to_json())
     (about["detail"] if change.keys() & about["detail"].keys() else about["detail"]["views"][0]).update(change)
     (tmp_path / "s.json").write_text(json.dumps(about))
     with pytest.raises(ValueError) as raised:

@@ -17,8 +17,8 @@ PIXELS = np.arange(6 * 5 * 3, dtype=np.uint8).reshape(6, 5, 3)
 
 
 def some(model: Model) -> Scene:
-    codes = Codes(torch.randn(8) * 1e-3, torch.randn(4) * 1e3)
-    return Scene(model.fingerprint, codes, model.camera(0.1 + 1e-15, 1 / 3))
+    codes = Codes(torch.randn(8) * 1e-3, torch.randn(4) * 1e3, model=model.fingerprint)
+    return Scene(codes, model.camera(0.1 + 1e-15, 1 / 3))
 
 
 def test_a_scene_comes_back_exactly(model: Model, tmp_path):
@@ -48,8 +48,10 @@ def test_a_scene_of_another_model_is_refused_by_name(model: Model, tmp_path):
 def test_a_scene_of_a_model_that_this_one_extends_becomes_one_of_this_model(model: Model, tmp_path):
     scene = some(random_model(seed=1))
     scene.save(tmp_path / "s.json")
-    extended = replace(model, extends=("0123456789abcdef", scene.model))
-    assert Scene.load(tmp_path / "s.json", extended) == replace(scene, model=model.fingerprint)
+    extended = replace(model, extends=("0123456789abcdef", scene.codes.model))
+    assert Scene.load(tmp_path / "s.json", extended) == replace(
+        scene, codes=replace(scene.codes, model=model.fingerprint)
+    )
 
 
 @pytest.mark.parametrize(

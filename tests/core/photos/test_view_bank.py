@@ -26,7 +26,7 @@ from core.photos.view_bank import (
 from core.rendering.reference import render_exact
 from core.rendering.surface import surface_points
 from core.runtime.caches import CACHE, Kind
-from core.runtime.files import cache_folder
+from core.runtime.folders import cache_folder
 from tests.conftest import make_view_bank, random_model
 
 PARTS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
@@ -179,7 +179,7 @@ def test_a_model_that_shows_nothing_is_refused(folder: Path):
 
 def test_tests_do_not_write_into_the_folder_of_the_user():
     assert str(cache_folder()) == os.environ["CODENERF_CACHE"]
-    words = [sys.executable, "-c", "from core.runtime.files import cache_folder; print(cache_folder())"]
+    words = [sys.executable, "-c", "from core.runtime.folders import cache_folder; print(cache_folder())"]
     bare = {name: value for name, value in os.environ.items() if name != "CODENERF_CACHE"}
     said = subprocess.run(words, env=bare, capture_output=True, text=True, check=True).stdout
     assert Path(said.strip()).name.startswith("codenerf-viewer") or "codenerf-viewer" in said

@@ -175,3 +175,22 @@ def test_an_image_is_measured_as_it_will_be_decoded(tmp_path: Path) -> None:
 def test_what_may_be_lacking_is_none() -> None:
     assert optional(lambda: 1 // 0) is None
     assert optional(lambda: 3) == 3
+
+
+@pytest.mark.parametrize("path", ["a.json", "d" * 300 + "/a.json"])
+@pytest.mark.parametrize("named", [True, False])
+def test_a_message_is_short_whatever_the_file_holds(path: str, named: bool) -> None:
+    with pytest.raises(ValueError) as raised, reading(path):
+        raise ValueError(f"{path if named else ''} begins {'x' * 5000} ends")
+    assert len(str(raised.value)) <= max(200, len(path) + 100)
+    assert "begins" in str(raised.value)
+    assert str(raised.value).endswith("ends")
+    assert path in str(raised.value)
+
+
+def test_an_address_is_no_file() -> None:
+    with (
+        pytest.raises(ValueError, match="is an address: save an image from there"),
+        reading(Path("https://example.org/chair.png"), "an image"),
+    ):
+        Path("https://example.org/chair.png").read_bytes()

@@ -9,16 +9,13 @@ from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.share_settings import ShareSettings
-from viewer.workspace import Workspace
 
 
-def test_a_saved_image_brings_its_scene_back_exactly(
-    session: Session, editor: Editor, workspace: Workspace, tmp_path: Path
-) -> None:
+def test_a_saved_image_brings_its_scene_back_exactly(session: Session, editor: Editor, tmp_path: Path) -> None:
     editor.sample("texture")
     editor.set_camera(orbit.dragged(editor.scene.camera, 0.123, 0.05))
     scene = editor.scene
-    workspace.exporting.share(tmp_path / "mine.png", ShareSettings("picture", size=24))
+    session.exporting.share(tmp_path / "mine.png", ShareSettings("picture", size=24))
     editor.show_object("object 5")
     finish(session)
     session.open_scene(tmp_path / "mine.png")
@@ -27,51 +24,47 @@ def test_a_saved_image_brings_its_scene_back_exactly(
     assert editor.scene.codes == editor.objects["object 5"].codes
 
 
-def test_a_turntable_is_written_with_progress(session: Session, workspace: Workspace, tmp_path: Path) -> None:
+def test_a_turntable_is_written_with_progress(session: Session, tmp_path: Path) -> None:
     seen: list[float] = []
-    workspace.exporting.share(tmp_path / "turn.gif", ShareSettings(frames=4, size=16))
-    finish(session, lambda: bool(seen.append(workspace.exporting.progress)) or not workspace.exporting.running)
+    session.exporting.share(tmp_path / "turn.gif", ShareSettings(frames=4, size=16))
+    finish(session, lambda: bool(seen.append(session.exporting.progress)) or not session.exporting.running)
     assert max(seen) == 1.0
     with Image.open(tmp_path / "turn.gif") as video:
         assert (video.n_frames, video.size) == (4, (16, 16))
     assert session.messages.errors == []
 
 
-def test_a_cancelled_turntable_leaves_no_file(session: Session, workspace: Workspace, tmp_path: Path) -> None:
-    workspace.exporting.share(tmp_path / "turn.mp4", ShareSettings(frames=700, size=16))
-    while workspace.exporting.progress == 0:
+def test_a_cancelled_turntable_leaves_no_file(session: Session, tmp_path: Path) -> None:
+    session.exporting.share(tmp_path / "turn.mp4", ShareSettings(frames=700, size=16))
+    while session.exporting.progress == 0:
         session.jobs.worker.deliver()
-    assert workspace.exporting.remaining > 0
-    workspace.exporting.cancel()
+    assert session.exporting.remaining > 0
+    session.exporting.cancel()
     finish(session, lambda: not list(tmp_path.iterdir()))
-    assert not workspace.exporting.running
+    assert not session.exporting.running
 
 
 @pytest.mark.parametrize("name", ["turn.avi", "turn", "missing/turn.mp4", "missing/turn.gif"])
-def test_a_turntable_that_cannot_be_written_is_reported(
-    session: Session, workspace: Workspace, tmp_path: Path, name: str
-) -> None:
-    workspace.exporting.share(tmp_path / name, ShareSettings(frames=2, size=16))
+def test_a_turntable_that_cannot_be_written_is_reported(session: Session, tmp_path: Path, name: str) -> None:
+    session.exporting.share(tmp_path / name, ShareSettings(frames=2, size=16))
     finish(session)
     assert len(session.messages.errors) == 1
-    assert not workspace.exporting.running
+    assert not session.exporting.running
 
 
-def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(
-    session: Session, workspace: Workspace, tmp_path: Path
-) -> None:
+def test_a_mesh_that_cannot_be_made_is_reported_and_leaves_nothing(session: Session, tmp_path: Path) -> None:
     for name in ("a.stl", "a", "missing/a.glb", "mist.glb"):  # the tiny model is a mist: it has no surface
         session.messages.clear()
-        workspace.exporting.share(tmp_path / name, ShareSettings("mesh", cells=16))
+        session.exporting.share(tmp_path / name, ShareSettings("mesh", cells=16))
         finish(session)
         assert len(session.messages.errors) == 1, name
-        assert not workspace.exporting.running
+        assert not session.exporting.running
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp"])
-def test_a_picture_is_saved_on_white(session: Session, workspace: Workspace, tmp_path: Path, name: str) -> None:
-    workspace.exporting.share(tmp_path / name, ShareSettings("picture", size=48))
+def test_a_picture_is_saved_on_white(session: Session, tmp_path: Path, name: str) -> None:
+    session.exporting.share(tmp_path / name, ShareSettings("picture", size=48))
     finish(session)
     assert session.messages.errors == []
     with Image.open(tmp_path / name) as image:
@@ -81,24 +74,22 @@ def test_a_picture_is_saved_on_white(session: Session, workspace: Workspace, tmp
 
 
 @pytest.mark.parametrize("name", ["a.xyz", "missing/a.png"])
-def test_a_picture_that_cannot_be_saved_is_reported(
-    session: Session, workspace: Workspace, tmp_path: Path, name: str
-) -> None:
-    workspace.exporting.share(tmp_path / name, ShareSettings("picture", size=16))
+def test_a_picture_that_cannot_be_saved_is_reported(session: Session, tmp_path: Path, name: str) -> None:
+    session.exporting.share(tmp_path / name, ShareSettings("picture", size=16))
     finish(session)
     assert len(session.messages.errors) == 1
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_full_disk_is_reported_and_leaves_nothing(
-    session: Session, editor: Editor, workspace: Workspace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    session: Session, editor: Editor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Image.Image, "save", full)
     scene = editor.scene
-    workspace.exporting.share(tmp_path / "a.png", ShareSettings("picture", size=16))
+    session.exporting.share(tmp_path / "a.png", ShareSettings("picture", size=16))
     finish(session)
     assert session.messages.errors == ["Cannot export a.png: cannot write a.png: No space left on device"]
     assert list(tmp_path.iterdir()) == []

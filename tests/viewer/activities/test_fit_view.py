@@ -15,19 +15,18 @@ from tests.viewer.stand_ins import endless_fit, quick_fit
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
-from viewer.workspace import Workspace
 
 
 @pytest.fixture
-def growing(session: Session, workspace: Workspace, photo: Path) -> Workspace:
+def growing(session: Session, photo: Path) -> Session:
     """A fit under way that the view shows."""
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    workspace.fitting.start(photo)
-    deliver(session, lambda: workspace.viewport.source == "fit")
-    return workspace
+    session.fitting.start(photo)
+    deliver(session, lambda: session.viewport.source == "fit")
+    return session
 
 
-def test_the_view_is_turned_around_the_growing_object(session: Session, editor: Editor, growing: Workspace) -> None:
+def test_the_view_is_turned_around_the_growing_object(session: Session, editor: Editor, growing: Session) -> None:
     fitting, viewport = growing.fitting, growing.viewport
     seen_from = viewport.camera
     assert seen_from.azimuth == pytest.approx(1.0)
@@ -50,7 +49,7 @@ def test_the_view_is_turned_around_the_growing_object(session: Session, editor: 
     assert editor.scene.camera == turned
 
 
-def test_follow_returns_to_the_camera_of_the_photo(session: Session, editor: Editor, growing: Workspace) -> None:
+def test_follow_returns_to_the_camera_of_the_photo(session: Session, editor: Editor, growing: Session) -> None:
     fitting, viewport = growing.fitting, growing.viewport
     assert not fitting.can_follow
     editor.set_camera(orbit.turned(viewport.camera, 0.8, 0.0))
@@ -63,7 +62,7 @@ def test_follow_returns_to_the_camera_of_the_photo(session: Session, editor: Edi
     assert editor.scene.camera == fitting.view.camera
 
 
-def test_follow_returns_to_the_fit_after_an_edit(session: Session, editor: Editor, growing: Workspace) -> None:
+def test_follow_returns_to_the_fit_after_an_edit(session: Session, editor: Editor, growing: Session) -> None:
     fitting, viewport = growing.fitting, growing.viewport
     editor.show_object("object 5")
     assert not viewport.following
@@ -85,8 +84,8 @@ def paint_middle(model: Model, job: RenderJob) -> Iterator[Frame | None]:
     yield Frame(image, np.zeros((height, width), np.float32), np.ones((height, width), np.float32), 0, 1, 8, 0.0)
 
 
-def test_the_render_lies_where_the_photo_has_the_object(session: Session, workspace: Workspace, photo: Path) -> None:
-    model = workspace.editor.model
+def test_the_render_lies_where_the_photo_has_the_object(session: Session, photo: Path) -> None:
+    model = session.editor.model
     shift = torch.tensor([[0.0, 0.0, 5.0, -3.0]]) / model.focal
 
     def moved_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
@@ -95,17 +94,17 @@ def test_the_render_lies_where_the_photo_has_the_object(session: Session, worksp
             yield replace(step, hypotheses=(replace(first, crop_transform=shift), *others))
 
     session.jobs.backend = replace(session.jobs.backend, fit=moved_fit, frames=paint_middle)
-    workspace.fitting.start(photo)
+    session.fitting.start(photo)
     finish(session)
-    frame = workspace.fitting.history.frame
+    frame = session.fitting.history.frame
     assert frame is not None
     middle = model.image_size // 2
     assert np.argwhere(frame.image[..., 0] == 0).tolist() == [[middle - 3, middle + 5]]
 
 
-def test_the_render_is_turned_as_the_photo_is(session: Session, workspace: Workspace, photo: Path) -> None:
+def test_the_render_is_turned_as_the_photo_is(session: Session, photo: Path) -> None:
     """Clockwise, around where the photo has the object."""
-    model = workspace.editor.model
+    model = session.editor.model
 
     def paint_right(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         height, width = job.camera.height, job.camera.width
@@ -120,9 +119,9 @@ def test_the_render_is_turned_as_the_photo_is(session: Session, workspace: Works
             yield replace(step, hypotheses=(replace(first, crop_transform=transform), *others))
 
     session.jobs.backend = replace(session.jobs.backend, fit=rolled_fit, frames=paint_right)
-    workspace.fitting.start(photo)
+    session.fitting.start(photo)
     finish(session)
-    frame = workspace.fitting.history.frame
+    frame = session.fitting.history.frame
     assert frame is not None
     black, middle = np.argwhere(frame.image[..., 0] == 0), model.image_size // 2
     assert black.min(0).tolist() == [middle - 3 + 5, middle + 2 - 2]

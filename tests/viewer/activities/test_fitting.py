@@ -9,114 +9,107 @@ import pytest
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo
+from core.photos.segmentation import CutOut
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import CheckedFit, broken_fit, endless_fit, quick_fit, quick_photo
 from viewer.editor import Editor
 from viewer.services.messages import MessageKind
 from viewer.session import Session
-from viewer.workspace import Workspace
+from viewer.values.fit_history import PhotoSource
 
 
 def test_a_fit_joins_the_objects_and_becomes_current(
-    session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
+    session: Session, editor: Editor, model: Model, photo: Path
 ) -> None:
     before = editor.state
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
     assert editor.scene.codes == model.codes[3]
     assert editor.scene.camera.azimuth == pytest.approx(1.0)
     assert editor.scene.camera.width == model.image_size
     assert editor.objects.names[0] == "block"
     assert editor.state.mix.a == ("block", "block")
-    workspace.thumbnails.of_object(editor.objects["block"].codes)
+    session.thumbnails.of_object(editor.objects["block"].codes)
     finish(session)
-    assert workspace.thumbnails.of_object(editor.objects["block"].codes)
-    assert workspace.fitting.history.frame is not None
-    assert len(workspace.fitting.history.steps) == 10
-    assert workspace.fitting.history.photo is not None
-    assert workspace.fitting.history.difference is not None
-    wrong = np.abs(workspace.fitting.history.photo.pixels.astype(int) - workspace.fitting.history.frame.image)
-    np.testing.assert_array_equal(workspace.fitting.history.difference, (2 * wrong).clip(0, 255))
-    assert workspace.fitting.view.camera == editor.scene.camera
-    assert workspace.fitting.history.progress == 1.0
+    assert session.thumbnails.of_object(editor.objects["block"].codes)
+    assert session.fitting.history.frame is not None
+    assert len(session.fitting.history.steps) == 10
+    assert session.fitting.history.photo is not None
+    assert session.fitting.history.difference is not None
+    wrong = np.abs(session.fitting.history.photo.pixels.astype(int) - session.fitting.history.frame.image)
+    np.testing.assert_array_equal(session.fitting.history.difference, (2 * wrong).clip(0, 255))
+    assert session.fitting.view.camera == editor.scene.camera
+    assert session.fitting.history.progress == 1.0
     editor.undo()
     assert editor.state == before
     assert "block" in editor.objects.names
 
 
-def test_a_second_fit_of_the_same_file_has_a_name_of_its_own(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
+def test_a_second_fit_of_the_same_file_has_a_name_of_its_own(session: Session, editor: Editor, photo: Path) -> None:
     for _ in range(2):
-        workspace.fitting.start(photo)
-        finish(session, lambda: not workspace.fitting.running)
+        session.fitting.start(photo)
+        finish(session, lambda: not session.fitting.running)
     assert editor.objects.names[:2] == ["block (2)", "block"]
 
 
-def test_a_fit_that_is_stopped_keeps_what_it_found(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
+def test_a_fit_that_is_stopped_keeps_what_it_found(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    workspace.fitting.start(photo)
-    finish_when = lambda: len(workspace.fitting.history.steps) > 4  # noqa: E731
+    session.fitting.start(photo)
+    finish_when = lambda: len(session.fitting.history.steps) > 4  # noqa: E731
     while not finish_when():
         session.jobs.worker.deliver()
-    assert workspace.fitting.running
-    workspace.fitting.stop()
+    assert session.fitting.running
+    session.fitting.stop()
     finish(session)
-    assert not workspace.fitting.running
-    assert editor.scene.codes == workspace.fitting.history.steps[-1].codes
+    assert not session.fitting.running
+    assert editor.scene.codes == session.fitting.history.steps[-1].codes
     assert editor.scene.codes.detail is not None, "the photo's detail"
     assert editor.objects.names[0] == "block"
 
 
-def test_the_view_follows_a_fit_until_a_person_changes_the_scene(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
+def test_the_view_follows_a_fit_until_a_person_changes_the_scene(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    before = workspace.viewport.frame
-    workspace.viewport.change(panel=(300, 200))
-    workspace.fitting.start(photo)
-    deliver(session, lambda: workspace.fitting.history.frame is not None)
-    assert workspace.viewport.following
-    assert workspace.viewport.source == "fit"
-    assert workspace.viewport.frame is not before
-    assert workspace.viewport.frame.resolution[0] > workspace.viewport.frame.resolution[1]
-    assert workspace.fitting.history.frame.resolution == (workspace.viewport.frame.resolution[1],) * 2
-    workspace.player.add_key()
-    workspace.viewport.pan_by(0.1, 0.0)
-    assert workspace.viewport.following
+    before = session.viewport.frame
+    session.viewport.change(panel=(300, 200))
+    session.fitting.start(photo)
+    deliver(session, lambda: session.fitting.history.frame is not None)
+    assert session.viewport.following
+    assert session.viewport.source == "fit"
+    assert session.viewport.frame is not before
+    assert session.viewport.frame.resolution[0] > session.viewport.frame.resolution[1]
+    assert session.fitting.history.frame.resolution == (session.viewport.frame.resolution[1],) * 2
+    session.player.add_key()
+    session.viewport.pan_by(0.1, 0.0)
+    assert session.viewport.following
     assert not session.jobs.busy("view")
     editor.set_to_mean("shape")
-    assert not workspace.viewport.following
+    assert not session.viewport.following
     editor.undo()
-    assert workspace.viewport.following
-    workspace.fitting.stop()
+    assert session.viewport.following
+    session.fitting.stop()
     finish(session)
-    assert not workspace.viewport.following
+    assert not session.viewport.following
 
 
-def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, workspace: Workspace, photo: Path) -> None:
+def test_a_fit_that_fails_changes_nothing(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=broken_fit)
     before, names = editor.history, editor.objects.names
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
     assert editor.history is before
     assert editor.objects.names == names
     assert session.messages.errors == ["Cannot rebuild this image: the loss is not finite"]
 
 
-def test_any_step_is_shown_and_a_new_fit_forgets_it(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
-    workspace.fitting.view.scrub(3)
-    workspace.fitting.keep()
-    workspace.fitting.resume()
-    workspace.fitting.view.show_photo(1)
-    assert not workspace.fitting.running
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
-    past, fitting = len(editor.history.past), workspace.fitting
+def test_any_step_is_shown_and_a_new_fit_forgets_it(session: Session, editor: Editor, photo: Path) -> None:
+    session.fitting.view.scrub(3)
+    session.fitting.keep()
+    session.fitting.resume()
+    session.fitting.view.show_photo(1)
+    assert not session.fitting.running
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    past, fitting = len(editor.history.past), session.fitting
     for index in (8, 3, -5, 99):
         fitting.view.scrub(index, gesture="scrub")
     editor.end_gesture()
@@ -137,48 +130,48 @@ def test_any_step_is_shown_and_a_new_fit_forgets_it(
     assert all(tile.frame for tile in fitting.candidates.tiles)
 
 
-def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, workspace: Workspace, photo: Path) -> None:
-    workspace.fitting.start(photo)
+def test_a_fit_that_fails_to_resume_keeps_what_there_was(session: Session, photo: Path) -> None:
+    session.fitting.start(photo)
     finish(session)
-    history, tiles = workspace.fitting.history, workspace.fitting.candidates.tiles
+    history, tiles = session.fitting.history, session.fitting.candidates.tiles
 
     def failing(model: Model, job: FitJob) -> Iterator[FitStep]:
         raise ValueError("the fit diverged from every start")
         yield
 
     session.jobs.backend = replace(session.jobs.backend, fit=failing)
-    workspace.fitting.resume()
-    finish(session, lambda: not workspace.fitting.running)
-    assert workspace.fitting.history is history
-    assert workspace.fitting.candidates.tiles is tiles
+    session.fitting.resume()
+    finish(session, lambda: not session.fitting.running)
+    assert session.fitting.history is history
+    assert session.fitting.candidates.tiles is tiles
     assert session.messages.errors == ["Cannot rebuild this image: the fit diverged from every start"]
 
 
 def test_files_that_are_no_images_are_reported_and_change_nothing(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path, bad_files: dict[str, Path]
+    session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]
 ) -> None:
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
-    before, history = editor.history, workspace.fitting.history
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    before, history = editor.history, session.fitting.history
     for path in bad_files.values():
         session.messages.clear()
-        workspace.fitting.start(path)
-        finish(session, lambda: not workspace.fitting.running)
+        session.fitting.start(path)
+        finish(session, lambda: not session.fitting.running)
         assert editor.history is before
-        assert workspace.fitting.history is history
+        assert session.fitting.history is history
         assert [message.kind for message in session.messages.all] == [MessageKind.PROBLEM], path.name
         assert "Traceback" not in session.messages.errors[0]
 
 
-def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, workspace: Workspace, photo: Path) -> None:
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
-    first = workspace.fitting.history
-    workspace.fitting.start(photo)
-    workspace.fitting.add_photo(first, photo)
-    assert len(workspace.fitting.history.sources) == 1
-    finish(session, lambda: not workspace.fitting.pending)
-    assert len(workspace.fitting.history.sources) == 2
+def test_a_photo_chosen_for_a_fit_is_not_added_to_another(session: Session, photo: Path) -> None:
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    first = session.fitting.history
+    session.fitting.start(photo)
+    session.fitting.add_photo(first, photo)
+    assert len(session.fitting.history.sources) == 1
+    finish(session, lambda: not session.fitting.pending)
+    assert len(session.fitting.history.sources) == 2
 
 
 def block(photo: Path, name: str) -> Path:
@@ -189,9 +182,9 @@ def block(photo: Path, name: str) -> Path:
 
 
 def test_photos_dropped_during_a_fit_wait_and_none_is_lost(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path, bad_files: dict[str, Path]
+    session: Session, editor: Editor, photo: Path, bad_files: dict[str, Path]
 ) -> None:
-    fitting = workspace.fitting
+    fitting = session.fitting
     for path in (photo, block(photo, "b"), bad_files["text.png"], block(photo, "c")):
         fitting.start(path)
     assert [request.history.name for request in fitting.queue] == ["block b", "text", "block c"]
@@ -208,9 +201,9 @@ def test_photos_dropped_during_a_fit_wait_and_none_is_lost(
     assert not fitting.results.unseen
 
 
-def test_stopping_a_fit_begins_the_next_one(session: Session, workspace: Workspace, photo: Path) -> None:
+def test_stopping_a_fit_begins_the_next_one(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    fitting = workspace.fitting
+    fitting = session.fitting
     fitting.start(photo)
     fitting.start(block(photo, "b"))
     fitting.start(block(photo, "c"))
@@ -223,9 +216,9 @@ def test_stopping_a_fit_begins_the_next_one(session: Session, workspace: Workspa
     assert not fitting.running
 
 
-def test_a_photo_that_waits_may_go_first(session: Session, workspace: Workspace, photo: Path) -> None:
+def test_a_photo_that_waits_may_go_first(session: Session, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    fitting = workspace.fitting
+    fitting = session.fitting
     fitting.start(photo)
     fitting.start(block(photo, "b"))
     fitting.start(block(photo, "c"))
@@ -234,18 +227,16 @@ def test_a_photo_that_waits_may_go_first(session: Session, workspace: Workspace,
     assert fitting.history.name == "block c"
     assert [request.history.name for request in fitting.queue] == ["block", "block b"]
     assert not fitting.queue[0].history.steps  # it begins anew
-    deliver(session, lambda: workspace.viewport.source == "fit")  # it is followed, as a person asked for it
+    deliver(session, lambda: session.viewport.source == "fit")  # it is followed, as a person asked for it
     session.jobs.backend = replace(session.jobs.backend, fit=quick_fit)
     fitting.stop()
     finish(session, lambda: not fitting.pending)
-    assert set(workspace.editor.objects.own) == {"block", "block b", "block c"}
+    assert set(session.editor.objects.own) == {"block", "block b", "block c"}
     assert session.messages.errors == []
 
 
-def test_what_is_only_checked_ends_with_its_result_where_a_photo_goes_first(
-    session: Session, workspace: Workspace, photo: Path
-) -> None:
-    fit, fitting = CheckedFit(), workspace.fitting
+def test_what_is_only_checked_ends_with_its_result_where_a_photo_goes_first(session: Session, photo: Path) -> None:
+    fit, fitting = CheckedFit(), session.fitting
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
     fitting.start(photo)
     fitting.start(block(photo, "b"))
@@ -254,58 +245,54 @@ def test_what_is_only_checked_ends_with_its_result_where_a_photo_goes_first(
     assert (fitting.history.name, fitting.queue) == ("block b", ())
     fit.may_end.set()
     finish(session, lambda: not fitting.pending)
-    assert set(workspace.editor.objects.own) == {"block", "block b"}
+    assert set(session.editor.objects.own) == {"block", "block b"}
 
 
-def test_photos_that_may_be_cut_out_wrongly_are_pointed_out_one_after_the_other(
-    session: Session, workspace: Workspace, photo: Path
-) -> None:
-    def doubted(path: Path, model: Model, *more: object) -> Photo:
-        return replace(quick_photo(path, model, *more), mask_confidence=0.2)
+def test_photos_that_may_be_cut_out_wrongly_are_pointed_out_one_after_the_other(session: Session, photo: Path) -> None:
+    def doubted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+        return replace(quick_photo(cut, model, source), mask_confidence=0.2)
 
-    session.jobs.backend = replace(session.jobs.backend, load_photo=doubted)
+    session.jobs.backend = replace(session.jobs.backend, frame_photo=doubted)
     for name in ("block a", "block b"):
         shutil.copy(photo, photo.with_name(f"{name}.png"))
-        workspace.fitting.start(photo.with_name(f"{name}.png"))
-    finish(session, lambda: not workspace.fitting.pending)
-    assert workspace.editor.objects.own == ["block b", "block a"]  # both were fitted
+        session.fitting.start(photo.with_name(f"{name}.png"))
+    finish(session, lambda: not session.fitting.pending)
+    assert session.editor.objects.own == ["block b", "block a"]  # both were fitted
     buttons = [one for message in session.messages.all for one in message.buttons if one.label == "Point at it"]
     for button in buttons:
         button.press()
     session.tick()
-    assert workspace.segmenting.sources[0].path.stem == "block a"
-    workspace.segmenting.close()
+    assert session.segmenting.sources[0].path.stem == "block a"
+    session.segmenting.close()
     session.tick()
-    assert workspace.segmenting.active
-    assert workspace.segmenting.sources[0].path.stem == "block b"
-    workspace.segmenting.close()
+    assert session.segmenting.active
+    assert session.segmenting.sources[0].path.stem == "block b"
+    session.segmenting.close()
     session.tick()
-    assert not workspace.segmenting.active
+    assert not session.segmenting.active
 
 
-def test_a_result_does_not_take_over_what_is_edited(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
+def test_a_result_does_not_take_over_what_is_edited(session: Session, editor: Editor, photo: Path) -> None:
     session.jobs.backend = replace(session.jobs.backend, fit=endless_fit)
-    workspace.fitting.start(photo)
-    deliver(session, lambda: len(workspace.fitting.history.steps) > 3)
+    session.fitting.start(photo)
+    deliver(session, lambda: len(session.fitting.history.steps) > 3)
     editor.show_object("object 5")
     before = editor.state
-    workspace.fitting.stop()
+    session.fitting.stop()
     assert editor.state is before
     assert editor.objects.names[0] == "block"
-    assert "block" in workspace.fitting.results.unseen
+    assert "block" in session.fitting.results.unseen
     (show,) = session.messages.all[-1].buttons
     show.press()
     assert editor.state.mix.a.shape == "block"
 
 
 def test_the_first_result_can_be_used_while_it_is_checked(
-    session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
+    session: Session, editor: Editor, model: Model, photo: Path
 ) -> None:
     fit = CheckedFit()
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
-    fitting = workspace.fitting
+    fitting = session.fitting
     fitting.start(photo)
     deliver(session, lambda: fitting.results.checking is not None)
     assert fitting.running
@@ -324,24 +311,22 @@ def test_the_first_result_can_be_used_while_it_is_checked(
 
 
 def test_a_better_result_waits_where_the_first_one_was_edited(
-    session: Session, editor: Editor, workspace: Workspace, model: Model, photo: Path
+    session: Session, editor: Editor, model: Model, photo: Path
 ) -> None:
     fit = CheckedFit()
     session.jobs.backend = replace(session.jobs.backend, fit=fit)
-    workspace.fitting.start(photo)
-    deliver(session, lambda: workspace.fitting.results.checking is not None)
+    session.fitting.start(photo)
+    deliver(session, lambda: session.fitting.results.checking is not None)
     editor.set_to_mean("texture")
     before = editor.state
     fit.may_end.set()
-    finish(session, lambda: not workspace.fitting.running)
+    finish(session, lambda: not session.fitting.running)
     assert editor.state is before
-    workspace.fitting.results.show("block")
+    session.fitting.results.show("block")
     assert editor.scene.codes == model.codes[4]
 
 
-def test_a_first_result_that_nothing_beats_stays_as_it_is(
-    session: Session, editor: Editor, workspace: Workspace, photo: Path
-) -> None:
+def test_a_first_result_that_nothing_beats_stays_as_it_is(session: Session, editor: Editor, photo: Path) -> None:
     def agreeing(model: Model, job: FitJob) -> Iterator[FitStep]:
         steps = list(quick_fit(model, job))
         yield from steps
@@ -349,10 +334,36 @@ def test_a_first_result_that_nothing_beats_stays_as_it_is(
         yield replace(steps[-1], restart=True, margin=0.5)
 
     session.jobs.backend = replace(session.jobs.backend, fit=agreeing)
-    workspace.fitting.start(photo)
-    deliver(session, lambda: workspace.fitting.results.checking is not None or not workspace.fitting.running)
-    finish(session, lambda: not workspace.fitting.running)
+    session.fitting.start(photo)
+    deliver(session, lambda: session.fitting.results.checking is not None or not session.fitting.running)
+    finish(session, lambda: not session.fitting.running)
     assert len(editor.history.past) == 1
-    assert not workspace.fitting.results.unseen
+    assert not session.fitting.results.unseen
     assert "the first result stays" in session.messages.all[-1].text
-    assert editor.objects["block"].confidence == workspace.fitting.history.last.confidence
+    assert editor.objects["block"].confidence == session.fitting.history.last.confidence
+
+
+def test_a_photo_of_something_else_among_several_is_named_and_so_is_what_lies_beside_them(
+    session: Session, photo: Path
+) -> None:
+    other, beside = photo.with_name("block other.png"), photo.with_name("block.mov")
+    shutil.copy(photo, other)
+    beside.write_bytes(b"moving")
+    guesses = iter(({"chairs": 0.9, "boats": 0.1}, {"chairs": 0.1, "boats": 0.9}))
+    session.jobs.backend = replace(session.jobs.backend, guess_category=lambda _: next(guesses))
+    session.fitting.start(photo, beside, other)
+    finish(session, lambda: not session.fitting.running)
+    texts = [message.text for message in session.messages.shown]
+    assert "Left out block.mov: neither image nor pose" in texts
+    (said,) = (text for text in texts if "the images of one fit show one object" in text)
+    assert said.startswith("block other.png: this looks like a boat")
+
+
+def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
+    def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+        return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
+
+    session.jobs.backend = replace(session.jobs.backend, frame_photo=noted)
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
+    assert any("image 2 of the 3" in message.text for message in session.messages.shown)

@@ -6,7 +6,6 @@ from tests.viewer.driver import finish
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
-from viewer.workspace import Workspace
 
 
 @pytest.fixture
@@ -41,16 +40,16 @@ def test_a_hand_that_turns_the_object_is_never_disturbed(nearer: Session, editor
     assert editor.scene.camera == replace(turned, distance=1.1)
 
 
-def test_a_zoom_of_a_persons_own_stays_until_home(nearer: Session, editor: Editor, workspace: Workspace) -> None:
-    zoomed = orbit.zoomed(editor.scene.camera, 3, workspace.model)
+def test_a_zoom_of_a_persons_own_stays_until_home(nearer: Session, editor: Editor, session: Session) -> None:
+    zoomed = orbit.zoomed(editor.scene.camera, 3, session.editor.model)
     editor.set_camera(zoomed, gesture="zoom")
     editor.end_gesture()
     editor.show_object("object 2")
     finish(nearer)
     assert editor.scene.camera == zoomed
-    workspace.viewport.reset_view()
+    session.viewport.reset_view()
     finish(nearer)
-    assert editor.scene.camera == replace(orbit.home(workspace.model), distance=1.1)
+    assert editor.scene.camera == replace(orbit.home(session.editor.model), distance=1.1)
     editor.show_object("object 3")
     finish(nearer)
     assert editor.scene.camera.distance == 1.1

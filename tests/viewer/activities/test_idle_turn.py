@@ -9,23 +9,22 @@ from viewer.activities.idle_turn import IdleTurn
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
-from viewer.workspace import Workspace
 
 
 @pytest.fixture
-def idle(session: Session, workspace: Workspace, photo: Path, clock: Clock) -> IdleTurn:
+def idle(session: Session, photo: Path, clock: Clock) -> IdleTurn:
     """A result has just come into the view."""
     session.jobs.backend = replace(session.jobs.backend, bake=Bakery())
-    viewport = workspace.viewport
+    viewport = session.viewport
     viewport.change(opengl=True)
-    turn = IdleTurn(session.jobs, workspace.editor, viewport, clock)
-    session.fit_photos(photo)
-    finish(session, lambda: viewport.sharp and viewport.is_baked(workspace.editor.scene.codes))
+    turn = IdleTurn(session.jobs, session.editor, viewport, clock)
+    session.fitting.start(photo)
+    finish(session, lambda: viewport.sharp and viewport.is_baked(session.editor.scene.codes))
     return turn
 
 
 def test_a_result_turns_until_it_is_stopped_and_stays_there(
-    idle: IdleTurn, clock: Clock, workspace: Workspace, editor: Editor
+    idle: IdleTurn, clock: Clock, session: Session, editor: Editor
 ) -> None:
     before, edits = editor.scene, len(editor.history.past)
     idle.tick()
@@ -33,8 +32,8 @@ def test_a_result_turns_until_it_is_stopped_and_stays_there(
     azimuths = []
     for clock.now in (3.0, 4.0):
         idle.tick()
-        assert workspace.viewport.baked_frame is not None
-        azimuths.append(workspace.viewport.baked_frame.camera.azimuth)
+        assert session.viewport.baked_frame is not None
+        azimuths.append(session.viewport.baked_frame.camera.azimuth)
     assert before.camera.azimuth != azimuths[0] != azimuths[1]
     assert editor.scene is before  # no edit
     idle.stop()
@@ -44,10 +43,10 @@ def test_a_result_turns_until_it_is_stopped_and_stays_there(
 
 
 def test_it_stays_where_it_is_though_an_exact_picture_comes_between_two_frames(
-    idle: IdleTurn, clock: Clock, workspace: Workspace, editor: Editor
+    idle: IdleTurn, clock: Clock, session: Session, editor: Editor
 ) -> None:
     """Of slow frames: the view takes their length for a rest."""
-    before, viewport = editor.scene.camera, workspace.viewport
+    before, viewport = editor.scene.camera, session.viewport
     for clock.now in (0.0, 3.0):
         idle.tick()
     assert viewport.baked_frame is not None and viewport.full_frame is not None
@@ -67,8 +66,8 @@ def test_an_edit_ends_it(idle: IdleTurn, clock: Clock, editor: Editor) -> None:
     assert editor.scene.camera == turned
 
 
-def test_what_is_not_baked_does_not_turn(idle: IdleTurn, clock: Clock, workspace: Workspace) -> None:
-    workspace.viewport.change(opengl=False)
+def test_what_is_not_baked_does_not_turn(idle: IdleTurn, clock: Clock, session: Session) -> None:
+    session.viewport.change(opengl=False)
     for clock.now in (0.0, 3.0):
         idle.tick()
     assert not idle.turning

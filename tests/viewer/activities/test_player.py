@@ -9,26 +9,23 @@ from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
 from viewer.values.share_settings import ShareSettings
-from viewer.workspace import Workspace
 
 
 @pytest.fixture
-def player(session: Session, workspace: Workspace, editor: Editor, clock: Clock) -> Player:
+def player(session: Session, editor: Editor, clock: Clock) -> Player:
     """Two keyframes in four seconds."""
-    workspace.player = Player(session.jobs, editor, workspace.viewport, clock)
-    workspace.player.add_key()
-    workspace.player.seek(2.0)
+    session.player = Player(session.jobs, editor, session.viewport, clock)
+    session.player.add_key()
+    session.player.seek(2.0)
     editor.show_object("object 3")
     editor.set_camera(orbit.turned(editor.scene.camera, 1.0, 0.0))
-    workspace.player.add_key()
+    session.player.add_key()
     editor.end_gesture()
-    return workspace.player
+    return session.player
 
 
-def test_the_player_stops_where_undo_takes_its_keys(
-    session: Session, editor: Editor, workspace: Workspace, clock: Clock
-) -> None:
-    player = workspace.player = Player(session.jobs, editor, workspace.viewport, clock)
+def test_the_player_stops_where_undo_takes_its_keys(session: Session, editor: Editor, clock: Clock) -> None:
+    player = session.player = Player(session.jobs, editor, session.viewport, clock)
     player.add_key()
     player.play()
     editor.undo()
@@ -80,31 +77,27 @@ def test_what_is_no_loop_ends_and_begins_again(player: Player, clock: Clock) -> 
     assert player.seconds == 0.0
 
 
-def test_frames_are_rendered_ahead_and_shown(
-    session: Session, workspace: Workspace, player: Player, clock: Clock
-) -> None:
+def test_frames_are_rendered_ahead_and_shown(session: Session, player: Player, clock: Clock) -> None:
     player.play()
     finish(session)
     clock.now += 1.0
     player.tick()
-    assert workspace.viewport.frame is not None
-    assert not workspace.viewport.frame.final
+    assert session.viewport.frame is not None
+    assert not session.viewport.frame.final
     player.pause()
     finish(session)
-    assert workspace.viewport.frame.final
+    assert session.viewport.frame.final
 
 
-def test_it_fits_a_view_that_changes_its_size(
-    session: Session, workspace: Workspace, player: Player, clock: Clock
-) -> None:
+def test_it_fits_a_view_that_changes_its_size(session: Session, player: Player, clock: Clock) -> None:
     player.play()
     finish(session)
-    workspace.viewport.change(panel=(300, 100))
+    session.viewport.change(panel=(300, 100))
     player.tick()
     finish(session)
     player.tick()
-    assert workspace.viewport.frame is not None
-    width, height = workspace.viewport.frame.resolution
+    assert session.viewport.frame is not None
+    width, height = session.viewport.frame.resolution
     assert width == 3 * height
     assert player.playing
 
@@ -119,29 +112,26 @@ def test_any_edit_stops_it(editor: Editor, player: Player, clock: Clock) -> None
     assert editor.scene == shown
 
 
-def test_a_model_opened_meanwhile_has_an_empty_timeline(session: Session, player: Player) -> None:
+def test_a_project_begun_meanwhile_has_an_empty_timeline(session: Session, player: Player) -> None:
     player.play()
-    session.open_model("other")
+    session.new()
     finish(session)
     assert not player.playing
-    assert session.workspace is not None
-    assert session.workspace.player.timeline.keys == ()
+    assert session.player.timeline.keys == ()
     assert session.messages.errors == []
 
 
-def test_a_timeline_without_keys_does_nothing(workspace: Workspace, tmp_path: Path) -> None:
-    workspace.player.play()
-    workspace.player.seek(1.0)
-    workspace.exporting.share(tmp_path / "a.gif", ShareSettings("video"))
-    assert not workspace.player.playing
-    assert not workspace.exporting.running
+def test_a_timeline_without_keys_does_nothing(session: Session, tmp_path: Path) -> None:
+    session.player.play()
+    session.player.seek(1.0)
+    session.exporting.share(tmp_path / "a.gif", ShareSettings("video"))
+    assert not session.player.playing
+    assert not session.exporting.running
 
 
-def test_what_cannot_be_written_is_reported(
-    session: Session, workspace: Workspace, player: Player, tmp_path: Path
-) -> None:
+def test_what_cannot_be_written_is_reported(session: Session, player: Player, tmp_path: Path) -> None:
     webp = ShareSettings("video", video=".webp", background="transparent")
-    workspace.exporting.share(tmp_path / "a.mp4", webp)
+    session.exporting.share(tmp_path / "a.mp4", webp)
     finish(session)
     assert "transparent" in session.messages.errors[0]
     assert not list(tmp_path.iterdir())

@@ -18,21 +18,20 @@ from viewer.services.backend import Backend
 from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.fit_history import PhotoSource
-from viewer.workspace import Workspace
 
 
 def test_a_image_that_is_segmented_by_hand_must_be_one(
-    session: Session, editor: Editor, workspace: Workspace, bad_files: dict[str, Path]
+    session: Session, editor: Editor, bad_files: dict[str, Path]
 ) -> None:
     before = editor.history
     for path in bad_files.values():
         session.messages.clear()
-        workspace.segmenting.open((PhotoSource(path),), 0)
-        workspace.segmenting.set_crop(Crop(0.8))
+        session.segmenting.open((PhotoSource(path),), 0)
+        session.segmenting.set_crop(Crop(0.8))
         finish(session)
         assert editor.history is before
-        assert session.messages.errors or workspace.segmenting.problem, path.name
-        workspace.segmenting.close()
+        assert session.messages.errors or session.segmenting.problem, path.name
+        session.segmenting.close()
 
 
 def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: Path) -> None:
@@ -48,10 +47,7 @@ def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: 
         Backend(lambda name: tiny, frames=quick_frames, view_bank=view_bank, guess_category=no_guess),
         seed=0,
     )
-    session.open_model("chairs")
-    deliver(session, lambda: session.workspace is not None)
-    assert session.workspace is not None
-    segmenting = session.workspace.segmenting
+    segmenting = session.segmenting
     segmenting.open((PhotoSource(photo),), 0)
     deliver(session, lambda: segmenting.result is not None)
     assert segmenting.result is not None
@@ -74,13 +70,10 @@ def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
     tiny = tiny_model()
     backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)
-    session.open_model("chairs")
-    deliver(session, lambda: session.workspace is not None)
-    assert session.workspace is not None
-    fitting = session.workspace.fitting
+    fitting = session.fitting
     fitting.start(tmp_path / "street.png")
     finish(session, lambda: not fitting.running)
-    assert not session.workspace.segmenting.active
-    assert session.workspace.editor.objects.names[0] == "street"
+    assert not session.segmenting.active
+    assert session.editor.objects.names[0] == "street"
     assert fitting.history.photo is not None
     assert fitting.history.photo.photo.cropped

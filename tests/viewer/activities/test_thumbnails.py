@@ -13,10 +13,9 @@ from viewer.activities.thumbnails import SIZE, Thumbnails
 from viewer.editor import Editor
 from viewer.services.kept_thumbnails import KeptThumbnails
 from viewer.session import Session
-from viewer.workspace import Workspace
 
 
-def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, workspace: Workspace, model: Model) -> None:
+def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, model: Model) -> None:
     rendered: list[RenderJob] = []
 
     def counted(model: Model, job: RenderJob) -> Iterator[Frame | None]:
@@ -25,64 +24,59 @@ def test_a_thumbnail_is_rendered_once_for_equal_codes(session: Session, workspac
 
     session.jobs.backend = replace(session.jobs.backend, frames=counted)
     camera = model.camera(0.1, 0.2).resized(16, 16)
-    assert workspace.thumbnails.get(model.codes[1], camera) is None
+    assert session.thumbnails.get(model.codes[1], camera) is None
     finish(session)
-    found = workspace.thumbnails.get(model.codes[1].mixed(model.codes[2], 0.0, 0.0), camera)
+    found = session.thumbnails.get(model.codes[1].mixed(model.codes[2], 0.0, 0.0), camera)
     assert found is not None
     assert found.resolution == (16, 16)
-    assert workspace.thumbnails.get(model.codes[2], camera) is None
+    assert session.thumbnails.get(model.codes[2], camera) is None
     finish(session)
     assert len(rendered) == 2
 
 
-def test_what_is_requested_no_more_is_not_rendered(session: Session, workspace: Workspace, model: Model) -> None:
+def test_what_is_requested_no_more_is_not_rendered(session: Session, model: Model) -> None:
     camera = model.camera(0.1, 0.2).resized(16, 16)
     for index in range(40):
-        workspace.thumbnails.get(model.codes[index % 6].mixed(model.codes[0], index / 40, 0.0), camera)
+        session.thumbnails.get(model.codes[index % 6].mixed(model.codes[0], index / 40, 0.0), camera)
     finish(session)
-    before = workspace.thumbnails.count
+    before = session.thumbnails.count
     assert 0 < before < 40
     finish(session)
-    assert workspace.thumbnails.count == before
+    assert session.thumbnails.count == before
 
 
-def test_thumbnails_that_cannot_be_rendered_are_reported_once(
-    session: Session, workspace: Workspace, model: Model
-) -> None:
+def test_thumbnails_that_cannot_be_rendered_are_reported_once(session: Session, model: Model) -> None:
     def broken(model: Model, job: RenderJob) -> Iterator[Frame | None]:
         raise ValueError("no image today")
 
     session.jobs.backend = replace(session.jobs.backend, frames=broken)
-    workspace.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
     assert session.messages.errors == ["Cannot render the thumbnails: no image today"]
     session.messages.clear()
-    workspace.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+    session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
     assert session.messages.errors == []
 
 
-def test_another_model_has_other_thumbnails(session: Session, workspace: Workspace, model: Model) -> None:
-    workspace.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
+def test_another_model_has_other_thumbnails(session: Session, model: Model) -> None:
+    session.thumbnails.get(model.codes[1], model.camera(0.1, 0.2).resized(16, 16))
     finish(session)
-    assert workspace.thumbnails.count == 1
-    session.open_model("chairs")
+    assert session.thumbnails.count == 1
+    session.new()
     finish(session)
-    assert session.workspace is not None
-    assert session.workspace.thumbnails.count == 0
+    assert session.thumbnails.count == 0
 
 
-def test_thumbnails_are_rendered_when_they_are_requested(
-    session: Session, editor: Editor, workspace: Workspace, model: Model
-) -> None:
+def test_thumbnails_are_rendered_when_they_are_requested(session: Session, editor: Editor, model: Model) -> None:
     names = editor.objects.names
     assert len(names) == len(model.codes)
-    assert [workspace.thumbnails.of_object(editor.objects[name].codes) for name in names[:2]] == [None, None]
+    assert [session.thumbnails.of_object(editor.objects[name].codes) for name in names[:2]] == [None, None]
     finish(session)
-    assert all(workspace.thumbnails.of_object(editor.objects[name].codes) for name in names[:2])
-    assert workspace.thumbnails.of_object(editor.objects[names[2]].codes) is None
+    assert all(session.thumbnails.of_object(editor.objects[name].codes) for name in names[:2])
+    assert session.thumbnails.of_object(editor.objects[names[2]].codes) is None
     finish(session)
-    assert workspace.thumbnails.of_object(editor.objects[names[2]].codes)
+    assert session.thumbnails.of_object(editor.objects[names[2]].codes)
 
 
 @pytest.fixture
@@ -98,26 +92,22 @@ def rendered(session: Session) -> list[int]:
     return widths
 
 
-def test_coarse_thumbnails_come_first(
-    session: Session, workspace: Workspace, model: Model, rendered: list[int]
-) -> None:
+def test_coarse_thumbnails_come_first(session: Session, model: Model, rendered: list[int]) -> None:
     camera = model.camera(0.1, 0.2).resized(64, 64)
     sizes: list[int] = []
     for _ in range(3):
-        found = [workspace.thumbnails.get(model.codes[index], camera) for index in range(3)]
+        found = [session.thumbnails.get(model.codes[index], camera) for index in range(3)]
         sizes.append(min(frame.image.shape[0] if frame else 0 for frame in found))
         finish(session)
     assert sizes == [0, 32, 64]
     assert rendered == [32, 32, 32, 64, 64, 64]
 
 
-def test_what_is_wanted_in_every_frame_is_rendered_once(
-    session: Session, workspace: Workspace, model: Model, rendered: list[int]
-) -> None:
+def test_what_is_wanted_in_every_frame_is_rendered_once(session: Session, model: Model, rendered: list[int]) -> None:
     camera = model.camera(0.1, 0.2).resized(64, 64)
 
     def fine() -> bool:
-        found = [workspace.thumbnails.get(model.codes[index], camera) for index in range(3)]
+        found = [session.thumbnails.get(model.codes[index], camera) for index in range(3)]
         return {frame.image.shape[0] if frame else 0 for frame in found} == {64}
 
     deliver(session, fine)  # frames of a window
@@ -131,13 +121,13 @@ def test_objects_have_their_thumbnails_at_once_the_next_time(session: Session, m
         first.get(model.codes[0], camera)  # of a panel: not kept
         return [first.of_object(model.codes[index]) for index in range(3)]
 
-    first = Thumbnails(session.jobs, model, kept)
+    first = Thumbnails(session.jobs, kept)
     while (before := shown(first)) and (None in before or min(one.image.shape[0] for one in before if one) < SIZE):
         first.tick()
         finish(session)
     first.tick()
     finish(session)
-    again = shown(Thumbnails(session.jobs, model, kept))
+    again = shown(Thumbnails(session.jobs, kept))
     for one, other in zip(before, again, strict=True):
         assert one and other
         np.testing.assert_array_equal(one.image, other.image)

@@ -11,7 +11,6 @@ from tests.viewer.stand_ins import Bakery
 from viewer.editor import Editor
 from viewer.session import Session
 from viewer.values import orbit
-from viewer.workspace import Workspace
 
 
 @pytest.mark.parametrize(
@@ -40,10 +39,8 @@ def bakery(session: Session) -> Bakery:
     return bake
 
 
-def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(
-    session: Session, workspace: Workspace, bakery: Bakery
-) -> None:
-    viewport, editor = workspace.viewport, workspace.editor
+def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(session: Session, bakery: Bakery) -> None:
+    viewport, editor = session.viewport, session.editor
     editor.set_camera(orbit.turned(editor.scene.camera, 0.2, 0.0))
     assert viewport.baked_frame is None
     viewport.change(opengl=True)
@@ -65,10 +62,8 @@ def test_a_baked_object_is_turned_by_opengl_until_the_exact_picture_is_there(
     assert bakery.codes == [editor.scene.codes]
 
 
-def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(
-    session: Session, workspace: Workspace, bakery: Bakery
-) -> None:
-    viewport, editor = workspace.viewport, workspace.editor
+def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(session: Session, bakery: Bakery) -> None:
+    viewport, editor = session.viewport, session.editor
     viewport.change(opengl=True)
     finish(session, lambda: viewport.baked is not None)
     for kind in ("shape", "texture"):
@@ -81,24 +76,22 @@ def test_an_edit_of_the_object_is_rendered_and_bakes_it_again(
     assert len(bakery.codes) == 3
 
 
-def test_an_object_that_cannot_be_baked_is_reported_once(session: Session, workspace: Workspace) -> None:
+def test_an_object_that_cannot_be_baked_is_reported_once(session: Session) -> None:
     def broken(model: Model, codes: Codes) -> Iterator[None]:
         raise ValueError("no grid")
         yield
 
     session.jobs.backend = replace(session.jobs.backend, bake=broken)
-    workspace.viewport.change(opengl=True)
+    session.viewport.change(opengl=True)
     finish(session, lambda: bool(session.messages.errors))
-    finish(session, lambda: workspace.viewport.sharp)
-    workspace.editor.set_camera(orbit.turned(workspace.editor.scene.camera, 0.2, 0.0))
-    finish(session, lambda: workspace.viewport.sharp)
+    finish(session, lambda: session.viewport.sharp)
+    session.editor.set_camera(orbit.turned(session.editor.scene.camera, 0.2, 0.0))
+    finish(session, lambda: session.viewport.sharp)
     assert session.messages.errors == ["Cannot bake the object: no grid"]
 
 
-def test_a_timeline_of_a_baked_object_is_turned_by_opengl(
-    session: Session, workspace: Workspace, bakery: Bakery
-) -> None:
-    viewport, editor, player = workspace.viewport, workspace.editor, workspace.player
+def test_a_timeline_of_a_baked_object_is_turned_by_opengl(session: Session, bakery: Bakery) -> None:
+    viewport, editor, player = session.viewport, session.editor, session.player
     viewport.change(opengl=True)
     finish(session, lambda: viewport.is_baked(editor.scene.codes) and viewport.sharp)
     player.add_key()
@@ -116,10 +109,8 @@ def test_a_timeline_of_a_baked_object_is_turned_by_opengl(
     finish(session, lambda: viewport.sharp)
 
 
-def test_what_is_on_screen_is_not_sharp_once_the_scene_has_changed(
-    session: Session, workspace: Workspace, editor: Editor
-) -> None:
-    finish(session, lambda: workspace.viewport.sharp)
+def test_what_is_on_screen_is_not_sharp_once_the_scene_has_changed(session: Session, editor: Editor) -> None:
+    finish(session, lambda: session.viewport.sharp)
     editor.sample("texture")
-    assert not workspace.viewport.sharp  # its render is still to come
-    finish(session, lambda: workspace.viewport.sharp)
+    assert not session.viewport.sharp  # its render is still to come
+    finish(session, lambda: session.viewport.sharp)

@@ -22,16 +22,20 @@ def run(folder: Path) -> None:
     """Never returns by itself."""
     model: Model = random_model()
     backend = Backend(
-        lambda name: model, quick_photo, quick_frames, quick_fit, lambda model: iter(()), guess_category=no_guess
+        lambda name: model,
+        frame_photo=quick_photo,
+        frames=quick_frames,
+        fit=quick_fit,
+        view_bank=lambda model: iter(()),
+        guess_category=no_guess,
     )
     window.prepare(headless=True)
     app = App(Session(Worker(), backend, seed=0), (1280, 800), folder, headless=True, native_dialogs=False)
 
     def act(ctx: imgui.test_engine.TestContext) -> None:
         driver = Driver(app, ctx, folder)
-        app.context.session.open_model("chairs")
         driver.wait()
-        editor = driver.workspace.editor
+        editor = driver.session.editor
         editor.add_and_show(fitted(model), editor.scene.camera)
         driver.show("Photo")
         driver.click("Photo/###both sides")

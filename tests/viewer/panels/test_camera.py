@@ -10,7 +10,7 @@ from viewer.values import orbit
 
 def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: Path, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.show("Camera")
         window.ctx.mouse_move("//View/orbit")
         for key, view in ((imgui.Key._1, "front"), (imgui.Key._2, "side"), (imgui.Key.keypad3, "top")):
@@ -29,7 +29,7 @@ def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: P
         window.press(imgui.Key._4)  # no photo yet
         assert editor.scene.camera == camera
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not session.fitting.running)
         window.wait()
         found = editor.scene.camera
         window.click("Camera/###see_side")
@@ -41,7 +41,7 @@ def test_usual_views_have_keys_and_the_camera_has_numbers(drive: Drive, photo: P
 
 def test_the_camera_is_copied_pasted_and_without_perspective(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.show("Camera")
         window.drag("View/orbit", 90, -20)
         here = editor.scene.camera
@@ -56,10 +56,10 @@ def test_the_camera_is_copied_pasted_and_without_perspective(drive: Drive) -> No
         assert "no camera" in window.session.messages.errors[0]
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key._5)
-        assert workspace.orthographic
+        assert session.orthographic
         window.press(imgui.Key._1)
-        assert (editor.scene.camera.azimuth, workspace.orthographic) == (orbit.VIEWS["front"][0], True)
+        assert (editor.scene.camera.azimuth, session.orthographic) == (orbit.VIEWS["front"][0], True)
         window.click("Camera/###orthographic")
-        assert not workspace.orthographic
+        assert not session.orthographic
 
     drive(act)

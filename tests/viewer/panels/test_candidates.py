@@ -25,7 +25,7 @@ def test_candidates_are_shown_and_one_is_preferred(drive: Drive, backend: Backen
                 yield step
 
     def act(window: Driver) -> None:
-        editor, fitting = window.workspace.editor, window.workspace.fitting
+        editor, fitting = window.session.editor, window.session.fitting
         window.fit(photo)
         assert [tile.frame is not None for tile in fitting.candidates.tiles] == [True] * 4
         window.context.drop([str(photo)])

@@ -5,7 +5,7 @@ from tests.viewer.driver import Drive, Driver
 
 def test_a_click_in_the_history_brings_an_edit_back_and_moves_of_the_camera_fill_it_not(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         first = editor.state
         for step in (1, 2, 3):
             window.drag("View/orbit", 60)

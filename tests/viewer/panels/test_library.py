@@ -1,14 +1,13 @@
-import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+
+from imgui_bundle import imgui
 
 from core.models.codes import Entry
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
 from tests.viewer.stand_ins import endless_fit
 from viewer.services.backend import Backend
-from viewer.values.share_settings import ShareSettings
 
 
 def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, backend: Backend, model: Model) -> None:
@@ -17,14 +16,14 @@ def test_one_of_each_form_is_listed_and_its_variants_fold_out(drive: Drive, back
     varied = replace(model, codes=book)
 
     def act(window: Driver) -> None:
-        mix = window.workspace.editor.state.mix
+        mix = window.session.editor.state.mix
         assert mix.a.shape == "kenney_chair"
         assert mix.b.startswith("object")  # an unlike one, not a variant
         assert window.exists("Library/**/show object 5")
         assert not window.exists("Library/**/show kenney_chair-look1")
         window.click("Library/**/variants of kenney_chair")
         window.click("Library/**/show kenney_chair-look1")
-        assert window.workspace.editor.state.mix.a.shape == "kenney_chair-look1"
+        assert window.session.editor.state.mix.a.shape == "kenney_chair-look1"
         window.click("Library/**/variants of kenney_chair")
         assert not window.exists("Library/**/show kenney_chair-look1")
 
@@ -35,13 +34,13 @@ def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
         window.click("Library/###fit_image")
         window.type(str(photo))
-        window.wait(lambda: not window.workspace.fitting.running)
+        window.wait(lambda: not window.session.fitting.running)
         window.wait()
-        assert window.workspace.editor.objects.own == ["block"]
+        assert window.session.editor.objects.own == ["block"]
         other = photo.with_name("block two.png")
         other.write_bytes(photo.read_bytes())
         window.fit(other)
-        fitting = window.workspace.fitting
+        fitting = window.session.fitting
         assert fitting.history.photo.source.path == other
         window.click("Library/**/show block")  # the photo panel follows
         assert fitting.history.photo.source.path == photo
@@ -49,7 +48,7 @@ def test_what_was_rebuilt_is_mine(drive: Drive, photo: Path) -> None:
         assert fitting.history.photo.source.path == other
         window.click("Library/**/show object 3")
         window.click("Library/**/show block")
-        assert window.workspace.editor.state.mix.a == ("block", "block")
+        assert window.session.editor.state.mix.a == ("block", "block")
 
     drive(act)
 
@@ -62,7 +61,7 @@ def test_photos_that_wait_are_tiles_that_can_go_first_or_be_removed(
         path.write_bytes(photo.read_bytes())
 
     def act(window: Driver) -> None:
-        fitting = window.workspace.fitting
+        fitting = window.session.fitting
         for path in paths:
             window.context.drop([str(path)])
         window.wait(
@@ -84,32 +83,32 @@ def test_photos_that_wait_are_tiles_that_can_go_first_or_be_removed(
     drive(act, replace(backend, fit=endless_fit))
 
 
-def test_a_photo_of_the_other_category_waits_as_a_tile_for_the_file_under_way(
-    drive: Drive, backend: Backend, model: Model, photo: Path, tmp_path: Path
-) -> None:
-    def slow(*_: object) -> Iterator[int]:
-        while True:
-            time.sleep(0.01)
-            yield 0
-
-    other = replace(model, category="cars")
-    quick = replace(
-        backend,
-        load_model=lambda name: other if name == "cars" else model,
-        guess_category=lambda _: {"cars": 0.95, "chairs": 0.01},
-        video=slow,
-    )
-
+def test_chairs_and_cars_are_one_library(drive: Drive, both: Backend) -> None:
     def act(window: Driver) -> None:
-        exporting = window.workspace.exporting
-        exporting.share(tmp_path / "turn.mp4", ShareSettings())
-        window.context.drop([str(photo)])
-        window.wait(lambda: bool(window.session.waiting))
-        window.click("Library/**/waits block.png")
-        assert exporting.running  # nothing is given up before a person says so
-        window.click("**/###do it now")
-        window.wait(lambda: window.session.model_name == "cars" and not window.session.fitting_runs)
-        assert not exporting.running
-        assert window.workspace.editor.objects.own == ["block"]
+        session, editor = window.session, window.session.editor
+        cars, chairs = session.models
+        window.click("Library/**/show car 2")
+        assert editor.model is cars and editor.state.mix.b.startswith("car")
+        window.click(f"Library/###{chairs.fingerprint}")
+        assert not window.exists("Library/**/show car 2")
+        window.drop("Library/**/show object 3", "Mix/slot texture")
+        assert editor.model is cars
+        (said,) = session.messages.shown
+        assert said.text == "A chair cannot be mixed with a car: show it to begin with it"
+        window.click("Messages/###show it 0")
+        assert editor.model is chairs
+        window.click("Library/**/show object 2", 1)
+        window.click("**/Make it B")
+        assert editor.state.mix.b == "object 2"
+        window.click("Library/###mine")
+        assert not window.exists("Library/**/show object 2")
+        window.click("Library/###all")
+        window.click("Library/**/show car 3", 1)
+        window.ctx.item_click("**/Make it B")  # which is greyed
+        window.press(imgui.Key.escape)
+        assert editor.state.mix.b == "object 2"
+        for _ in range(3):
+            window.undo()
+        assert editor.model is chairs and not editor.history.past
 
-    drive(act, quick)
+    drive(act, both)

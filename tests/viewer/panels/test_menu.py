@@ -1,11 +1,8 @@
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from imgui_bundle import imgui
 
-from core.models.model import Model
-from tests.conftest import random_model
 from tests.viewer.driver import Drive, Driver
 from viewer.actions import ACTIONS, find_actions
 from viewer.panels.menu import MENUS
@@ -14,13 +11,13 @@ from viewer.services.backend import Backend
 
 def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.drag("View/orbit", 80)
         scene = editor.scene
-        workspace.exporting.scene(tmp_path / "mine.json")
+        session.exporting.scene(tmp_path / "mine.json")
         window.context.drop([str(tmp_path / "mine.json")])
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not session.fitting.running)
         window.wait()
         assert [Path(name).name for name in window.context.preferences.recent] == ["block.png", "mine.json"]
         window.menu("File/Open recent/###recent 2")
@@ -31,7 +28,7 @@ def test_files_opened_lately_are_in_the_menu(drive: Drive, photo: Path, tmp_path
 
 def test_menus_help_and_theme(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         ctx = window.ctx
         context = window.context
         window.press(imgui.Key.f1)
@@ -80,61 +77,21 @@ def test_the_keyboard_alone_reaches_every_action(drive: Drive) -> None:
     drive(act, size=(900, 600))
 
 
-def test_models_are_a_switch_and_samples_in_a_menu(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_samples_of_every_category_are_in_a_menu(drive: Drive, both: Backend, monkeypatch: pytest.MonkeyPatch) -> None:
     def act(window: Driver) -> None:
-        session, editor = window.session, window.workspace.editor
-        assert session.model_name == "chairs"
-        window.drag("View/orbit", 30)
-        window.click("##MainMenuBar/##MenuBar/###model chairs")  # which is there already
-        assert not session.loading
-        assert editor.history.past
-        window.click("##MainMenuBar/##MenuBar/###model cars")
-        window.wait()
-        assert session.model_name == "cars"
-        assert not window.workspace.editor.history.past
-        window.click("##MainMenuBar/##MenuBar/###model chairs")
-        window.wait()
-        assert window.workspace.editor.history.past
         started = list[Path]()
-        monkeypatch.setattr(window.workspace.fitting, "start", started.append)
+        monkeypatch.setattr(window.session.fitting, "start", started.append)
         window.menu("File/Samples/cushion")
-        assert [path.name for path in started] == ["cushion.png"]
+        window.menu("File/Samples/sports")
+        assert [path.name for path in started] == ["cushion.png", "sports.png"]
         assert started[0].is_file()
 
-    drive(act)
-
-
-def test_photos_and_looks_of_the_other_model_switch_to_it(
-    drive: Drive, backend: Backend, model: Model, photo: Path, tmp_path: Path
-) -> None:
-    models = {"chairs": model, "cars": replace(random_model(seed=5), category="cars")}
-
-    def act(window: Driver) -> None:
-        session = window.session
-        window.context.drop([str(photo)])
-        window.wait(lambda: session.model_name == "cars" and not session.fitting_runs)
-        window.wait()
-        scene = window.workspace.editor.scene
-        assert window.workspace.editor.objects.own == ["block"]
-        window.menu("File/###save_scene")
-        window.type(str(tmp_path / "look.json"))
-        window.click("##MainMenuBar/##MenuBar/###model chairs")
-        window.wait(lambda: session.model_name == "chairs")
-        window.wait()
-        assert not window.workspace.editor.objects.own
-        window.context.drop([str(tmp_path / "look.json")])
-        window.wait(lambda: session.model_name == "cars")
-        window.wait()
-        assert window.workspace.editor.scene == scene
-        assert session.messages.errors == []
-
-    guess = {"cars": 0.95, "chairs": 0.01}
-    drive(act, replace(backend, load_model=models.__getitem__, guess_category=lambda _: guess))
+    drive(act, both)
 
 
 def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         held: list[object] = [None, OSError("wl-paste or xclip is required"), [str(photo)]]
 
         def grabbed() -> object:
@@ -152,7 +109,7 @@ def test_images_are_pasted(drive: Drive, photo: Path, monkeypatch: pytest.Monkey
         window.wait(lambda: len(session.messages.errors) == 2)
         assert "xclip" in session.messages.errors[1]
         window.menu("File/###paste")
-        window.wait(lambda: bool(workspace.fitting.history.steps) and not workspace.fitting.running)
+        window.wait(lambda: bool(session.fitting.history.steps) and not session.fitting.running)
         assert editor.objects.names[0] == "block"
         imgui.set_clipboard_text(photo.as_uri())
         window.press(imgui.Key.mod_ctrl, imgui.Key.v)
@@ -179,29 +136,29 @@ def test_projects_are_saved_opened_dropped_and_recent(drive: Drive, photo: Path,
     def act(window: Driver) -> None:
         window.fit(photo)
         window.drag("View/orbit", 60)
-        made, ctrl = window.workspace.editor.history, imgui.Key.mod_ctrl
+        made, ctrl = window.session.editor.history, imgui.Key.mod_ctrl
         window.press(ctrl, imgui.Key.s)
         window.type(str(tmp_path / "chair"))
         assert (tmp_path / "chair.codenerf").is_file()
         window.press(imgui.Key._2)  # a step of its own, as another drag would not be
-        again = window.workspace.editor.history
+        again = window.session.editor.history
         window.press(ctrl, imgui.Key.s)  # where it was saved before
         assert not window.context.files.asking
         window.press(ctrl, imgui.Key.n)
-        assert not window.workspace.editor.history.past
+        assert not window.session.editor.history.past
         assert window.session.project_path is None
         window.press(ctrl, imgui.Key.o)
         window.type(str(tmp_path / "chair.codenerf"))
-        assert window.workspace.editor.history == again
-        assert window.workspace.fitting.history.photo is not None
+        assert window.session.editor.history == again
+        assert window.session.fitting.history.photo is not None
         window.menu("File/###new_project")
         window.context.drop([str(tmp_path / "chair.codenerf")])
-        assert window.workspace.editor.history == again
+        assert window.session.editor.history == again
         window.menu("File/###new_project")
         window.menu("File/Open recent/###recent 1")
-        assert window.workspace.editor.history == again
+        assert window.session.editor.history == again
         window.undo()
-        assert window.workspace.editor.state == made.now
+        assert window.session.editor.state == made.now
         window.menu("File/###save_project_as")
         window.type(str(tmp_path / "chair.codenerf"))  # it is there: that asks
         assert window.context.files.asking

@@ -3,14 +3,13 @@ import pytest
 import torch
 from imgui_bundle import ImVec2
 
-from core.models.codes import Codes
 from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
 
 
 def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.click("Library/**/show object 2")
         window.choose("object 4", "Make it B")
         assert (editor.state.mix.a, editor.state.mix.b) == (("object 2", "object 2"), "object 4")
@@ -32,7 +31,7 @@ def test_objects_are_picked_and_mixed(drive: Drive, model: Model) -> None:
 
 def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.click("Library/**/show object 2")
         window.choose("object 4", "Make it B")
         before = editor.state
@@ -40,7 +39,7 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
         inset = (pad.max.x - pad.min.x) / 10
         dot = ImVec2(pad.min.x + inset, pad.max.y - inset)
         window.wait()
-        assert window.workspace.thumbnails.count >= 25  # the mixes are seen before one drags
+        assert window.session.thumbnails.count >= 25  # the mixes are seen before one drags
         window.ctx.mouse_move_to_pos(dot)  # the middle of the dot, in the corner of A
         window.ctx.mouse_down(0)
         window.ctx.yield_(2)
@@ -69,14 +68,14 @@ def test_the_pad_mixes_shape_across_and_texture_upwards(drive: Drive, model: Mod
 
 def test_shape_and_texture_are_taken_from_different_thumbnails(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.drop("Library/**/show object 3", "Mix/slot shape")
         window.choose("object 2", "Take only its texture")
-        assert editor.scene.codes == Codes(model.codes[3].shape, model.codes[2].texture)
+        assert editor.scene.codes == model.codes[3].taking("texture", model.codes[2])
         window.drop("Library/**/show object 5", "Mix/slot B")
         assert (editor.state.mix.a, editor.state.mix.b) == (("object 3", "object 2"), "object 5")
         window.click("Mix/###swap")
-        assert editor.scene.codes == Codes(model.codes[2].shape, model.codes[3].texture)
+        assert editor.scene.codes == model.codes[2].taking("texture", model.codes[3])
         assert len(editor.history.past) == 4
 
     drive(act)
@@ -84,7 +83,7 @@ def test_shape_and_texture_are_taken_from_different_thumbnails(drive: Drive, mod
 
 def test_what_is_locked_is_left_alone(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.click("Mix/###lock shape")
         window.click("Library/**/show object 2")
         window.drop("Library/**/show object 3", "Mix/slot shape")

@@ -8,12 +8,12 @@ def test_the_performance_panel_describes_the_frame_on_screen(
     drive: Drive, real_backend: Backend, tmp_path: Path
 ) -> None:
     def act(window: Driver) -> None:
-        session, workspace = window.session, window.workspace
+        session = window.session
         window.show("Performance")
         window.drag("View/orbit", 40)
-        window.wait(lambda: workspace.viewport.frame.final and not session.jobs.busy("view"))
-        sizes, seconds = zip(*workspace.viewport.times, strict=True)
-        assert sizes[-1] == workspace.viewport.full_frame[0].resolution
+        window.wait(lambda: session.viewport.frame.final and not session.jobs.busy("view"))
+        sizes, seconds = zip(*session.viewport.times, strict=True)
+        assert sizes[-1] == session.viewport.full_frame[0].resolution
         assert list(seconds) == sorted(seconds)
         assert session.messages.errors == []
         own = window.context.frame_times

@@ -14,20 +14,23 @@ from imgui_bundle import imgui
 from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo
+from core.photos.segmentation import CutOut
+from tests.conftest import open_models, random_model
 from tests.viewer.driver import Drive, Driver
-from tests.viewer.stand_ins import broken_fit, endless_fit, no_guess, quick_fit, quick_frames, quick_photo
+from tests.viewer.stand_ins import broken_fit, endless_fit, quick_fit, quick_photo
 from tests.viewer.test_editor import fitted
 from viewer.services.backend import Backend
+from viewer.values.fit_history import PhotoSource
 from viewer.values.project import Project
 from viewer.widgets.user_objects import COLOURS
 
 
 def test_a_dropped_image_is_fitted(drive: Drive, model: Model, photo: Path, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         before = editor.state
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not session.fitting.running)
         window.wait()
         assert editor.scene.codes == model.codes[3]
         window.click("Photo/###share")  # what one does next is there
@@ -52,9 +55,9 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
         return whole[int(box.min.y) + 40 : int(box.max.y) - 5, int(box.min.x) + 5 : int(box.max.x) - 5]
 
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.context.drop([str(photo)])
-        window.wait(lambda: workspace.fitting.history.difference is not None and not workspace.fitting.running)
+        window.wait(lambda: session.fitting.history.difference is not None and not session.fitting.running)
         window.wait()
         found = editor.scene.camera
         window.click("View/###reset_view")
@@ -89,8 +92,8 @@ def test_photo_and_render_are_compared_at_the_fitted_pose(drive: Drive, photo: P
 
 def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: not fitting.running)
         window.wait()
@@ -124,8 +127,8 @@ def test_a_fit_is_scrubbed_and_a_step_restored(drive: Drive, photo: Path, tmp_pa
 
 def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: not fitting.running)
         window.click("Photo/Details")
@@ -163,14 +166,14 @@ def test_a_fit_is_resumed_from_a_step_and_from_the_view(drive: Drive, photo: Pat
 
 def test_a_doubtful_fit_is_seen_from_its_other_viewpoint(drive: Drive, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not session.fitting.running)
         window.wait()
         found, past = editor.state, len(editor.history.past)
         window.click("Photo/###viewpoint 2")
         assert editor.scene.camera.azimuth == pytest.approx(1.0 + math.pi)
-        assert workspace.fitting.view.from_runner_up
+        assert session.fitting.view.from_runner_up
         assert editor.scene.camera.width == found.scene.camera.width
         assert editor.scene.codes == found.scene.codes
         assert len(editor.history.past) == past + 1
@@ -185,7 +188,7 @@ def test_photo_and_viewpoint_are_those_of_the_chosen_object(drive: Drive, photo:
     other.write_bytes(photo.read_bytes())
 
     def act(window: Driver) -> None:
-        fitting, editor = window.workspace.fitting, window.workspace.editor
+        fitting, editor = window.session.fitting, window.session.editor
         window.fit(photo)
         window.fit(other)
         window.click("Photo/###viewpoint 2")
@@ -210,13 +213,12 @@ def test_photo_and_viewpoint_are_those_of_the_chosen_object(drive: Drive, photo:
 
 def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace = window.workspace
         window.context.drop([str(photo)])
-        window.wait(lambda: not workspace.fitting.running)
+        window.wait(lambda: not window.session.fitting.running)
         window.wait()
-        camera = workspace.editor.scene.camera
+        camera = window.session.editor.scene.camera
         window.click("Photo/###viewpoint 2")  # it keeps its place, disabled
-        assert workspace.editor.scene.camera == camera
+        assert window.session.editor.scene.camera == camera
 
     def lone_fit(model: Model, job: FitJob) -> Iterator[FitStep]:
         return (replace(step, runner_up=None, margin=None) for step in quick_fit(model, job))
@@ -226,8 +228,8 @@ def test_a_fit_without_a_runner_up_offers_no_other_viewpoint(drive: Drive, backe
 
 def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.show("Photo")
         window.click("Photo/###fit_image")
         window.type(str(photo))
@@ -243,7 +245,7 @@ def test_a_fit_chosen_by_name_can_be_stopped(drive: Drive, backend: Backend, pho
 
 
 def test_several_photos_are_fitted_together_with_known_poses(
-    drive: Drive, photo: Path, model: Model, tmp_path: Path
+    drive: Drive, backend: Backend, photo: Path, model: Model, tmp_path: Path
 ) -> None:
     camera = model.camera(2.0, 0.5)
     for name in ("block b.txt", "other.txt"):
@@ -252,8 +254,8 @@ def test_several_photos_are_fitted_together_with_known_poses(
         (tmp_path / name).write_bytes(photo.read_bytes())
 
     def act(window: Driver) -> None:
-        session, workspace = window.session, window.workspace
-        fitting = workspace.fitting
+        session = window.session
+        fitting = session.fitting
         window.context.drop([str(photo), str(tmp_path / "block b.png"), str(tmp_path / "block b.txt")])
         window.wait(lambda: bool(fitting.history.steps) and not fitting.running)
         assert [source.pose is not None for source in fitting.history.sources] == [False, True]
@@ -273,17 +275,18 @@ def test_several_photos_are_fitted_together_with_known_poses(
         assert fitting.history.sources[2].pose == tmp_path / "other.txt"
         window.wait()
         window.context.drop([str(photo), str(tmp_path / "other.txt")])
-        assert "other.txt" in session.messages.errors[0]
+        assert session.messages.shown[-1].text == "Left out other.txt: neither image nor pose"
+        window.wait(lambda: not fitting.running)
         session.messages.clear()
         window.context.drop([str(tmp_path / "other.txt")])
         assert len(session.messages.errors) == 1
         assert not fitting.running
 
-    def posed(path: Path, model: Model, pose: Path | None = None, *more: object) -> Photo:
-        found = quick_photo(path, model)
-        return replace(found, camera=camera.resized(32, 32)) if pose else found
+    def posed(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+        found = quick_photo(cut, model, source)
+        return replace(found, camera=camera.resized(32, 32)) if source.pose else found
 
-    drive(act, Backend(lambda name: model, posed, quick_frames, quick_fit, guess_category=no_guess))
+    drive(act, replace(backend, frame_photo=posed))
 
 
 @pytest.mark.parametrize(("psnr", "words"), [(30.0, "sure"), (12.0, "doubtful")])
@@ -315,8 +318,8 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, ba
         yield from quick_fit(model, job)
 
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
-        fitting = workspace.fitting
+        session, editor = window.session, window.session.editor
+        fitting = session.fitting
         window.context.drop([str(photo)])
         window.wait(lambda: fitting.history.photo is not None)
         window.click("Photo/###stop fit")
@@ -334,7 +337,7 @@ def test_a_fit_stopped_before_its_first_step_can_be_begun_again(drive: Drive, ba
 @pytest.mark.usefixtures("lasting_messages")
 def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backend, photo: Path) -> None:
     def act(window: Driver) -> None:
-        session, editor = window.session, window.workspace.editor
+        session, editor = window.session, window.session.editor
         before = editor.history
         window.context.drop([str(photo)])
         window.wait(lambda: bool(session.messages.errors))
@@ -347,7 +350,7 @@ def test_a_fit_that_fails_is_reported_and_dismissed(drive: Drive, backend: Backe
 
 def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, model: Model) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         assert not window.exists("Photo/##photo detail")
         editor.add_and_show(fitted(model), editor.scene.camera)
         window.show("Photo")
@@ -364,7 +367,7 @@ def test_the_photo_s_detail_has_a_slider_that_is_one_step_of_undo(drive: Drive, 
 
 def test_the_photo_s_detail_is_copied_to_the_other_side_and_erased(drive: Drive, model: Model, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         editor.add_and_show(fitted(model), editor.scene.camera)
         window.show("Photo")
         before = editor.state
@@ -378,8 +381,8 @@ def test_the_photo_s_detail_is_copied_to_the_other_side_and_erased(drive: Drive,
         xs = [x for x, _ in erased.views[0].erased[0].points]
         assert len(xs) > 1 and xs[-1] > xs[0]
         assert editor.history.past[-1].scene.codes.detail == copied, "a stroke is one step"
-        window.session.project().save(tmp_path / "a.codenerf")
-        again = Project.load(tmp_path / "a.codenerf").sessions[0].history.now
+        window.session.project().save(tmp_path / "a.codenerf", window.session.models)
+        again = Project.load(tmp_path / "a.codenerf", window.session.models).history.now
         assert again.scene.codes.detail == erased
         window.click("Photo/###restore detail")
         assert editor.scene.codes.detail == copied
@@ -404,8 +407,7 @@ def test_a_window_killed_after_an_erasure_has_it_again(tmp_path: Path, opengl: N
 
 
 def _erased(path: Path) -> bool:
-    (session,) = Project.load(path).sessions
-    detail = session.history.now.scene.codes.detail
+    detail = Project.load(path, open_models(random_model())).history.now.scene.codes.detail
     return detail is not None and detail.other_side == "soft" and len(detail.views[0].erased) == 1
 
 

@@ -3,7 +3,7 @@ from tests.viewer.driver import Drive, Driver
 
 def test_a_code_is_measured_and_brought_back(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.show("Realism")
         window.click("Library/**/show object 3")
         assert [editor.nearest(part)[0] for part in ("shape", "texture")] == ["object 3", "object 3"]

@@ -16,7 +16,7 @@ def test_the_view_is_turned_around_a_growing_fit_and_follow_returns(
     drive: Drive, backend: Backend, photo: Path
 ) -> None:
     def act(window: Driver) -> None:
-        fitting, viewport, editor = window.workspace.fitting, window.workspace.viewport, window.workspace.editor
+        fitting, viewport, editor = window.session.fitting, window.session.viewport, window.session.editor
         window.context.drop([str(photo)])
         window.wait(lambda: viewport.source == "fit")
         assert not window.exists("###Running fit/###follow")
@@ -54,7 +54,7 @@ def test_a_finished_fit_waits_to_be_shown_while_another_object_is_edited(
         yield from (replace(step, codes=codes) for step in endless_fit(model, job))
 
     def act(window: Driver) -> None:
-        fitting, editor = window.workspace.fitting, window.workspace.editor
+        fitting, editor = window.session.fitting, window.session.editor
         window.context.drop([str(photo)])
         window.context.drop([str(second)])
         window.wait(lambda: bool(fitting.history.steps))
@@ -81,7 +81,7 @@ def test_the_first_result_is_used_while_a_second_search_checks_it(
     drive: Drive, backend: Backend, model: Model, photo: Path
 ) -> None:
     def act(window: Driver) -> None:
-        fitting, editor = window.workspace.fitting, window.workspace.editor
+        fitting, editor = window.session.fitting, window.session.editor
         window.context.drop([str(photo)])
         window.wait(lambda: fitting.results.checking is not None)
         assert editor.scene.codes == model.codes[3]

@@ -59,7 +59,7 @@ class _Canvas:
 
     def covered(self, x: float, y: float) -> bool:
         """Whether the object was found at this place."""
-        result = self.window.workspace.segmenting.result
+        result = self.window.session.segmenting.result
         assert result is not None
         mask = result.found.mask
         return bool(mask[int(y * mask.shape[0]), int(x * mask.shape[1])])
@@ -67,14 +67,14 @@ class _Canvas:
 
 def _drop(window: Driver, photo: Path) -> _Canvas:
     """Open the dialog with a photo."""
-    window.workspace.segmenting.open((PhotoSource(photo),), 0)
-    window.wait(lambda: window.workspace.segmenting.active and not window.session.jobs.busy())
+    window.session.segmenting.open((PhotoSource(photo),), 0)
+    window.wait(lambda: window.session.segmenting.active and not window.session.jobs.busy())
     return _Canvas(window)
 
 
 def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backend: Backend, busy: Path) -> None:
     def act(window: Driver) -> None:
-        segmenting, editor = window.workspace.segmenting, window.workspace.editor
+        segmenting, editor = window.session.segmenting, window.session.editor
         before = editor.history
         canvas = _drop(window, busy)
         window.press(imgui.Key.f1)
@@ -146,7 +146,7 @@ def test_one_click_finds_each_of_several_objects(
     rooms = [_room(names, seed) for seed, names in enumerate(pictures)]
 
     def act(window: Driver) -> None:
-        segmenting = window.workspace.segmenting
+        segmenting = window.session.segmenting
         for number, (room, places) in enumerate(rooms):
             room.save(tmp_path / f"{number}.png")
             canvas = _drop(window, tmp_path / f"{number}.png")
@@ -165,7 +165,7 @@ def test_one_click_finds_each_of_several_objects(
 
 def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend: Backend, busy: Path) -> None:
     def act(window: Driver) -> None:
-        segmenting, workspace = window.workspace.segmenting, window.workspace
+        segmenting, session = window.session.segmenting, window.session
         _drop(window, busy).draw(*_BOX)
         window.set("Cut out###segment/**/##scale", 0.8)
         window.wait()
@@ -173,9 +173,9 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         hints = segmenting.hints
         window.click("Cut out###segment/**/###fit segmentation")
         assert not segmenting.active
-        window.wait(lambda: not workspace.fitting.running)
-        assert workspace.editor.objects.names[0] == "busy"
-        fitted = workspace.fitting.history.photo
+        window.wait(lambda: not session.fitting.running)
+        assert session.editor.objects.names[0] == "busy"
+        fitted = session.fitting.history.photo
         assert fitted is not None
         assert fitted.source.hints == hints
         assert fitted.photo.cropped
@@ -199,7 +199,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
 
 def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: Backend, busy: Path) -> None:
     def act(window: Driver) -> None:
-        segmenting, workspace = window.workspace.segmenting, window.workspace
+        segmenting, session = window.session.segmenting, window.session
         _drop(window, busy).draw(*_BOX)
         hints = segmenting.hints
         window.context.drop([str(busy.with_name("missing.png"))])
@@ -209,9 +209,9 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: 
         window.wait()
         assert segmenting.hints == hints
         window.click("Cut out###segment/**/###cancel segmentation")
-        window.wait(lambda: bool(workspace.editor.objects.own))  # the one that was dropped
+        window.wait(lambda: bool(session.editor.objects.own))  # the one that was dropped
         assert not segmenting.active
-        assert workspace.editor.objects.own == ["busy"]
+        assert session.editor.objects.own == ["busy"]
 
     tiny = tiny_model()
     make_view_bank(tiny)
@@ -230,7 +230,7 @@ def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
             yield None
 
     def act(window: Driver) -> None:
-        segmenting, rebuild = window.workspace.segmenting, "Cut out###segment/**/###fit segmentation"
+        segmenting, rebuild = window.session.segmenting, "Cut out###segment/**/###fit segmentation"
 
         def enabled() -> bool:
             return not window.ctx.item_info(f"//{rebuild}").item_flags & imgui.ItemFlags_.disabled
@@ -249,8 +249,8 @@ def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
         may_end.set()
         window.wait(lambda: segmenting.settled)
         window.click(rebuild)
-        window.wait(lambda: not window.session.fitting_runs)
-        assert window.workspace.editor.objects.own == ["block"]
+        window.wait(lambda: not window.session.fitting.running)
+        assert window.session.editor.objects.own == ["block"]
 
     tiny = tiny_model()
     make_view_bank(tiny)
@@ -264,7 +264,7 @@ def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_pa
     Image.fromarray(np.dstack((colours, (255 * soft).astype(np.uint8)))).save(tmp_path / "soft.png")
 
     def act(window: Driver) -> None:
-        segmenting = window.workspace.segmenting
+        segmenting = window.session.segmenting
         segmenting.open((PhotoSource(tmp_path / "soft.png"),), 0)
         window.wait(lambda: segmenting.settled)
 

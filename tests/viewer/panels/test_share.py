@@ -44,7 +44,7 @@ def test_a_turntable_is_saved_and_its_folder_shown(
     shown: list[Path] = []
 
     def act(window: Driver) -> None:
-        session, exporting = window.session, window.workspace.exporting
+        session, exporting = window.session, window.session.exporting
         window.context.file_manager = shown.append
         window.click("View/###share")
         window.click("Share/###turntable")
@@ -72,12 +72,12 @@ def test_the_preview_is_the_first_frame_on_its_background(
     block = filled(model, 100.0)
 
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         camera = editor.scene.camera
         window.context.set_preference(shadow=False)
         editor.set_camera(replace(camera, distance=0.6 * camera.distance))
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
-        exporting, preview = window.workspace.exporting, window.workspace.exporting.preview
+        exporting, preview = window.session.exporting, window.session.exporting.preview
         window.wait(lambda: preview.image is not None)
         filling = preview.image
         assert filling[[0, -1], :, 3].max() == 0 < filling[..., 3].mean() - 80  # all of it is in sight
@@ -133,7 +133,7 @@ def test_the_preview_becomes_finer_with_the_baked_copy(drive: Drive, backend: Ba
         return np.full((size, size, 4), baked.cells, np.uint8)
 
     def act(window: Driver) -> None:
-        viewport, preview = window.workspace.viewport, window.workspace.exporting.preview
+        viewport, preview = window.session.viewport, window.session.exporting.preview
         window.context.set_preference(turning="on")
         window.wait(lambda: viewport.baked is not None)
         window.press(imgui.Key.mod_ctrl, imgui.Key.e)
@@ -170,8 +170,8 @@ def test_a_film_needs_keyframes(drive: Drive) -> None:
         assert window.ctx.item_info("//Share/###save").item_flags & imgui.ItemFlags_.disabled
         assert window.session.messages.errors == []
         window.press(imgui.Key.k)  # what may be typed for a name changes nothing
-        assert not window.workspace.player.timeline.keys
-        window.workspace.player.add_key()
+        assert not window.session.player.timeline.keys
+        window.session.player.add_key()
         window.wait()
         window.click("Share/###save")
         assert window.context.files.asking
@@ -181,7 +181,7 @@ def test_a_film_needs_keyframes(drive: Drive) -> None:
 
 def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: Model) -> None:
     def act(window: Driver) -> None:
-        session, workspace = window.session, window.workspace
+        session = window.session
         window.context.share("mesh")
         choose(window, "##mesh", ".ply")
         choose(window, "##cells", "96 cells")
@@ -189,8 +189,8 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         window.context.set_preference(share=replace(window.context.preferences.share, cells=24))
         window.click("Share/###save")
         window.type(str(tmp_path / "block"))
-        window.wait(lambda: workspace.exporting.progress > 0)
-        window.wait(lambda: not workspace.exporting.running)
+        window.wait(lambda: session.exporting.progress > 0)
+        window.wait(lambda: not session.exporting.running)
         assert session.messages.errors == []
         found = trimesh.load_mesh(tmp_path / "block.ply")
         assert found.is_watertight
@@ -205,7 +205,7 @@ def test_a_mesh_is_saved(drive: Drive, tmp_path: Path, backend: Backend, model: 
         window.set("Share/##metres", 2.0)
         window.click("Share/###save")
         window.type(str(tmp_path / "block.glb"))
-        window.wait(lambda: (tmp_path / "block.glb").exists() and not workspace.exporting.running)
+        window.wait(lambda: (tmp_path / "block.glb").exists() and not session.exporting.running)
         (read,) = trimesh.load_scene(tmp_path / "block.glb").geometry.values()
         assert (read.extents.max(), read.bounds[0, 1]) == pytest.approx((2.0, 0.0), abs=1e-5)
         assert read.visual.material.baseColorTexture.width > 48
@@ -222,15 +222,15 @@ def test_what_is_cancelled_leaves_nothing(drive: Drive, tmp_path: Path, backend:
                 yield number / 1000
 
     def act(window: Driver) -> None:
-        session, workspace = window.session, window.workspace
+        session = window.session
         window.context.share("mesh")
         window.click("Share/###save")
         window.type(str(tmp_path / "chair.glb"))
-        window.wait(lambda: workspace.exporting.progress > 0)
+        window.wait(lambda: session.exporting.progress > 0)
         assert len(list(tmp_path.iterdir())) == 1
         window.click("Share/###cancel export")
         window.wait(lambda: not list(tmp_path.iterdir()))
-        assert not workspace.exporting.running
+        assert not session.exporting.running
         assert session.messages.errors == []
 
     drive(act, replace(backend, mesh=slow))
@@ -246,7 +246,7 @@ def test_what_it_takes_is_said_before_and_it_can_be_given_up_in_the_title_row(
                 yield number // 20
 
     def act(window: Driver) -> None:
-        exporting = window.workspace.exporting
+        exporting = window.session.exporting
         window.context.share("turntable")
         window.wait(lambda: exporting.preview.pace is not None)
         seconds = []
@@ -273,7 +273,7 @@ def test_what_it_takes_is_said_before_and_it_can_be_given_up_in_the_title_row(
 
 def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.drag("View/orbit", 90, -20)
         scene = editor.scene
         window.menu("File/###save_scene")
@@ -310,11 +310,11 @@ def test_scenes_and_images_are_saved_and_opened(drive: Drive, tmp_path: Path) ->
 def test_a_dropped_image_of_this_program_restores_its_scene(
     drive: Drive, tmp_path: Path, model: Model, photo: Path
 ) -> None:
-    other = Scene("another model", model.codes[0], model.camera(0, 0))
+    other = Scene(replace(model.codes[0], model="another"), model.camera(0, 0))
     save_image(np.zeros((32, 32, 3), np.uint8), tmp_path / "other.png", other)
 
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.drag("View/orbit", 90, -20)
         window.show("Sliders")
         window.click("Sliders/**/###Random shape")
@@ -331,9 +331,9 @@ def test_a_dropped_image_of_this_program_restores_its_scene(
         before = editor.history
         window.context.drop([str(tmp_path / "other.png")])
         window.wait(lambda: bool(session.messages.errors))
-        assert "another model" in session.messages.errors[0]
+        assert "a model that is not open" in session.messages.errors[0]
         assert editor.history is before
-        assert not workspace.fitting.running
+        assert not session.fitting.running
         assert editor.objects.own == ["mine"]
         editor.show_object("object 4")
         window.context.drop([str(tmp_path / "mine.png"), str(photo)])  # both are taken

@@ -34,7 +34,7 @@ def test_one_part_alone_can_be_shown(drive: Drive) -> None:
 
 def test_sliders_move_one_direction_and_can_be_reset(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.show("Sliders")
         before = editor.state
         window.set("Sliders/**/##shape 2", 1.5)
@@ -60,7 +60,7 @@ def test_sliders_move_one_direction_and_can_be_reset(drive: Drive) -> None:
 
 def test_dragging_a_slider_is_one_step(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         before = editor.state
         window.show("Sliders")
         window.drag("Sliders/**/##shape 1", 70)
@@ -72,9 +72,9 @@ def test_dragging_a_slider_is_one_step(drive: Drive) -> None:
 
 def test_strips_show_where_sliders_lead(drive: Drive, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.show("Sliders")
-        window.wait(lambda: workspace.thumbnails.count >= 6 and not session.jobs.busy())
+        window.wait(lambda: session.thumbnails.count >= 6 and not session.jobs.busy())
         before = editor.scene.codes
         window.click("Sliders/**/shape 1 at 2")
         assert editor.space("shape").coordinates(editor.code("shape"))[0] == pytest.approx(2.0, abs=1e-3)
@@ -90,7 +90,7 @@ def test_strips_show_where_sliders_lead(drive: Drive, tmp_path: Path) -> None:
 
 def test_a_random_object_keeps_what_is_locked(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         before = editor.scene.codes
         window.click("Mix/###lock texture")
         window.show("Sliders")
@@ -109,7 +109,7 @@ def test_a_random_object_keeps_what_is_locked(drive: Drive) -> None:
 
 def test_the_slider_under_the_mouse_shows_what_it_changes(drive: Drive, real_backend: Backend, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         panel = next(panel for panel in window.app.panels if isinstance(panel, SlidersPanel))
         window.show("Sliders")
         window.click("Sliders/###strips")
@@ -166,7 +166,7 @@ def test_directions_are_named_moved_renamed_removed_and_last(drive: Drive, tmp_p
     folder, strengths = tmp_path / "config", list[float]()
 
     def first(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         window.show("Sliders")
         name_direction(window, "name mix", "sportier")
         name_direction(window, "name texture 2", "darker")
@@ -201,7 +201,7 @@ def test_directions_are_named_moved_renamed_removed_and_last(drive: Drive, tmp_p
         window.type(str(tmp_path / "mine.codenerf"))
 
     def second(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         assert [one.name for one in editor.state.directions] == ["sportier", "night blue"]
         assert [editor.strength(one) for one in editor.state.directions] == pytest.approx(strengths, abs=1e-4)
         window.menu("File/###new_project")
@@ -209,11 +209,11 @@ def test_directions_are_named_moved_renamed_removed_and_last(drive: Drive, tmp_p
         window.click("Sliders/**/###menu named 1")
         window.ctx.item_click("//**/###remove direction")
         window.menu("File/###new_project")
-        assert [one.name for one in window.workspace.editor.state.directions] == ["night blue"]
+        assert [one.name for one in window.session.editor.state.directions] == ["night blue"]
         name_direction(window, "name shape 1", "wider")
         window.context.drop([str(tmp_path / "mine.codenerf")])
         window.wait()
-        names = {one.name for one in window.workspace.editor.state.directions}
+        names = {one.name for one in window.session.editor.state.directions}
         assert names == {"sportier", "night blue", "wider"}
 
     drive(first, folder=folder)
@@ -222,7 +222,7 @@ def test_directions_are_named_moved_renamed_removed_and_last(drive: Drive, tmp_p
 
 def test_the_way_between_equal_objects_has_no_name(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         editor.set_b(editor.state.mix.a.shape)
         window.show("Sliders")
         name_direction(window, "name mix", "nothing")

@@ -1,4 +1,3 @@
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,20 +5,15 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.export.keyframes import View
-from core.export.video import VideoSettings, write_video
-from core.models.model import Model
 from tests.viewer.driver import Drive, Driver
+from tests.viewer.stand_ins import small_video
 from viewer.services.backend import Backend
 
 
 def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_path: Path) -> None:
-    def small(model: Model, views: list[View], path: Path, settings: VideoSettings) -> Iterator[int]:
-        return write_video(model, views, path, replace(settings, size=settings.size // 16))
-
     def act(window: Driver) -> None:
-        session, workspace, editor = window.session, window.workspace, window.workspace.editor
-        made = workspace.player
+        session, editor = window.session, window.session.editor
+        made = session.player
         window.show("Timeline")
         buttons, line = (window.ctx.item_info(f"//Timeline/{name}").rect_full for name in ("###share video", "time"))
         assert line.min.y > buttons.max.y
@@ -69,18 +63,18 @@ def test_a_timeline_is_made_and_exported(drive: Drive, backend: Backend, tmp_pat
             window.click(f"**/{label}")
         window.click("Share/###save")
         window.type(str(tmp_path / "mine"))
-        window.wait(lambda: not workspace.exporting.running)
+        window.wait(lambda: not session.exporting.running)
         assert session.messages.errors == []
         with Image.open(tmp_path / "mine.webp") as video:
             assert (video.size, video.mode) == ((32, 32), "RGBA")
             assert 3 < video.n_frames <= 12  # equal images are one
 
-    drive(act, replace(backend, video=small))
+    drive(act, replace(backend, video=small_video))
 
 
 def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(drive: Drive) -> None:
     def act(window: Driver) -> None:  # the timeline is folded away
-        editor, player, shown = window.workspace.editor, window.workspace.player, []
+        editor, player, shown = window.session.editor, window.session.player, []
         for name in ("object 2", "object 3", "object 4"):
             editor.show_object(name)
             window.press(imgui.Key.k)
@@ -94,8 +88,8 @@ def test_a_key_pressed_three_times_makes_three_keyframes_and_says_so(drive: Driv
 
 def test_keyframes_are_stepped_through_copied_and_duplicated(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        player = workspace.player
+        session, editor = window.session, window.session.editor
+        player = session.player
         window.show("Timeline")
         window.press(imgui.Key.k)
         first = editor.scene
@@ -130,8 +124,8 @@ def test_keyframes_are_stepped_through_copied_and_duplicated(drive: Drive) -> No
 
 def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        player = workspace.player
+        session, editor = window.session, window.session.editor
+        player = session.player
         window.show("Timeline")
         window.press(imgui.Key.k)
         player.seek(2.0)
@@ -141,12 +135,12 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
         window.click("Timeline/###play")
         assert player.playing
         seen = set[int]()
-        window.wait(lambda: bool(seen.add(id(workspace.viewport.frame))) or len(seen) > 6)
+        window.wait(lambda: bool(seen.add(id(session.viewport.frame))) or len(seen) > 6)
         window.ctx.mouse_move("//View/orbit")
         window.press(imgui.Key.space)
         assert not player.playing
         window.wait()
-        assert workspace.viewport.frame.final
+        assert session.viewport.frame.final
         assert len(editor.history.past) == past + 1
         window.undo()
         assert editor.state == before
@@ -161,7 +155,7 @@ def test_playing_is_one_step_of_undo_and_stops_at_a_touch(drive: Drive) -> None:
 
 def test_the_path_of_the_camera_is_drawn_over_the_view_and_dragged(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor, player = window.workspace.editor, window.workspace.player
+        editor, player = window.session.editor, window.session.player
         window.show("Timeline")
         window.click("Timeline/###add_key")
         window.ctx.yield_(2)

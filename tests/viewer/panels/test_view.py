@@ -20,7 +20,7 @@ from viewer.values.view_modes import MODES
 
 def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         before = editor.scene
         assert window.context.preferences.newcomer
         window.drag("View/orbit", 150, 40)
@@ -48,7 +48,7 @@ def test_a_drag_turns_the_object_and_is_one_step_of_undo(drive: Drive) -> None:
 def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeypatch: pytest.MonkeyPatch) -> None:
     def act(window: Driver) -> None:
         started = list[Path]()
-        monkeypatch.setattr(window.workspace.fitting, "start", started.append)
+        monkeypatch.setattr(window.session.fitting, "start", started.append)
         window.click("View/**/sample cushion")
         assert [path.name for path in started] == ["cushion.png"]
         window.click("View/**/###fit_image")
@@ -71,7 +71,7 @@ def test_the_way_in_is_in_the_view_until_something_is_made(drive: Drive, monkeyp
 
 def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         ctx = window.ctx
         home = editor.scene.camera
         ctx.mouse_move("//View/orbit")
@@ -98,12 +98,11 @@ def test_wheel_and_keys_move_the_camera_and_a_double_click_brings_it_back(drive:
 
 def test_the_image_on_screen_is_the_newest_frame_over_the_background(drive: Drive, tmp_path: Path) -> None:
     def act(window: Driver) -> None:
-        workspace = window.workspace
         window.context.set_preference(smooth=False)
         window.drag("View/orbit", 60)
-        window.wait(lambda: workspace.viewport.sharp)  # a finer frame comes once the hand has rested
+        window.wait(lambda: window.session.viewport.sharp)  # a finer frame comes once the hand has rested
         shown = window.capture_view()
-        frame = workspace.viewport.frame
+        frame = window.session.viewport.frame
         assert frame is not None
         rows = ((np.arange(shown.shape[0]) + 0.5) * frame.image.shape[0] / shown.shape[0]).astype(int)
         columns = ((np.arange(shown.shape[1]) + 0.5) * frame.image.shape[1] / shown.shape[1]).astype(int)
@@ -119,10 +118,10 @@ def test_the_image_on_screen_is_the_newest_frame_over_the_background(drive: Driv
 
 def test_the_other_buttons_pan_the_object(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        workspace, before = window.workspace, window.workspace.editor.scene
+        session, before = window.session, window.session.editor.scene
 
         def middle() -> float:
-            frame = workspace.viewport.frame
+            frame = session.viewport.frame
             return frame.opacity.nonzero()[1].mean() / frame.resolution[0]
 
         for button in (1, 2):
@@ -133,19 +132,19 @@ def test_the_other_buttons_pan_the_object(drive: Drive) -> None:
             window.ctx.mouse_move_to_pos((place.x + 100, place.y))
             window.ctx.mouse_up(button)
             window.wait()
-            assert workspace.editor.scene == before
-            assert workspace.viewport.settings.pan[0] > 0.1
+            assert session.editor.scene == before
+            assert session.viewport.settings.pan[0] > 0.1
             assert middle() > usual + 0.05
             window.press(imgui.Key.home)
             window.wait()
-            assert workspace.viewport.settings.pan == (0.0, 0.0)
+            assert session.viewport.settings.pan == (0.0, 0.0)
 
     drive(act)
 
 
 def test_shift_turns_finely(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        editor = window.workspace.editor
+        editor = window.session.editor
         before = editor.scene.camera
         window.drag("View/orbit", 100)
         coarse = before.azimuth - editor.scene.camera.azimuth
@@ -178,14 +177,14 @@ def test_depth_normals_opacity_and_samples_are_shown(drive: Drive, real_backend:
 
 def test_the_size_of_the_finished_image_can_be_chosen(drive: Drive) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.set_quality(2)
-        window.wait(lambda: bool(workspace.viewport.times) and workspace.viewport.frame.samples == 128)
-        window.wait(lambda: workspace.viewport.sharp)
-        sizes = [min(size) for size, _ in workspace.viewport.times]
-        assert sizes[-1] == min(workspace.viewport.settings.panel)
+        window.wait(lambda: bool(session.viewport.times) and session.viewport.frame.samples == 128)
+        window.wait(lambda: session.viewport.sharp)
+        sizes = [min(size) for size, _ in session.viewport.times]
+        assert sizes[-1] == min(session.viewport.settings.panel)
         assert 192 in sizes
-        assert editor.scene.camera == orbit.home(workspace.model)
+        assert editor.scene.camera == orbit.home(session.editor.model)
 
     drive(act)
 
@@ -195,7 +194,7 @@ def test_seven_images_of_turn_side_undo_undo_redo_redo(drive: Drive) -> None:
         def image() -> np.ndarray:
             window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view
             window.wait()
-            window.wait(lambda: window.workspace.viewport.sharp)  # every pixel comes once the hand rests
+            window.wait(lambda: window.session.viewport.sharp)  # every pixel comes once the hand rests
             return window.capture_view(border=80)
 
         window.context.set_preference(newcomer=False)
@@ -223,7 +222,7 @@ def test_opengl_turns_the_object_where_that_is_chosen_and_the_exact_picture_foll
     stools = replace(tiny_model(), category="chairs")
 
     def act(window: Driver) -> None:
-        context, viewport = window.context, window.workspace.viewport
+        context, viewport = window.context, window.session.viewport
         viewport.change(quality=Quality(32, 32))  # it is sharpened to every pixel
         window.drag("View/orbit", 30)
         window.click("View/###view options")
@@ -256,7 +255,7 @@ def test_the_shadow_stays_while_the_object_turns_and_can_be_switched_off(drive: 
     stools = replace(tiny_model(), category="chairs")
 
     def act(window: Driver) -> None:
-        context, viewport, editor = window.context, window.workspace.viewport, window.workspace.editor
+        context, viewport, editor = window.context, window.session.viewport, window.session.editor
 
         def seen() -> np.ndarray:
             window.ctx.mouse_move("//Library/###fit_image")  # the tooltip is not in the view, the hint in its border
@@ -293,7 +292,7 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
     framing = replace(backend, load_model=lambda name: stools, distance=filling_distance)
 
     def act(window: Driver) -> None:
-        editor, viewport = window.workspace.editor, window.workspace.viewport
+        editor, viewport = window.session.editor, window.session.viewport
 
         def filled() -> float:
             window.wait(lambda: not window.session.jobs.busy("framing"))
@@ -313,7 +312,7 @@ def test_a_chosen_object_and_a_result_fill_three_quarters_of_the_view(
         assert viewport.settings.covered == 0
         window.fit(photo)
         assert filled() == pytest.approx(0.75, abs=0.06)
-        found = window.workspace.fitting.view.camera
+        found = window.session.fitting.view.camera
         assert orbit.same_direction(editor.scene.camera, found)
         window.press(imgui.Key._4)
         assert editor.scene.camera == found
@@ -326,7 +325,7 @@ def test_the_object_stands_still_under_a_hand_and_a_first_fit_is_seen_from_its_c
     drive: Drive, backend: Backend, photo: Path
 ) -> None:
     def act(window: Driver) -> None:
-        viewport, editor = window.workspace.viewport, window.workspace.editor
+        viewport, editor = window.session.viewport, window.session.editor
         covered = viewport.settings.covered
         assert covered > 50
         window.drag("View/orbit", 60)  # the card is small now
@@ -336,9 +335,9 @@ def test_the_object_stands_still_under_a_hand_and_a_first_fit_is_seen_from_its_c
         window.ctx.yield_(3)
         assert viewport.settings.covered == 0
         assert not viewport.turned
-        window.workspace.fitting.stop()
+        window.session.fitting.stop()
         window.wait()
-        assert orbit.same_direction(editor.scene.camera, window.workspace.fitting.view.camera)
+        assert orbit.same_direction(editor.scene.camera, window.session.fitting.view.camera)
 
     drive(act, replace(backend, fit=endless_fit, distance=lambda *about: 1.1))
 
@@ -347,16 +346,16 @@ def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(
     drive: Drive, backend: Backend, photo: Path
 ) -> None:
     def act(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
-        idle = workspace.idle_turn
+        session, editor = window.session, window.session.editor
+        idle = session.idle_turn
         window.context.set_preference(turning="on")
         window.fit(photo)
         assert idle.due
-        window.wait(lambda: workspace.viewport.is_baked(editor.scene.codes) and workspace.viewport.sharp)
+        window.wait(lambda: session.viewport.is_baked(editor.scene.codes) and session.viewport.sharp)
         assert not idle.turning
         window.context.attended = True
         before, edits = editor.scene, len(editor.history.past)
-        window.wait(lambda: idle.turning and workspace.viewport.baked_frame is not None)
+        window.wait(lambda: idle.turning and session.viewport.baked_frame is not None)
         assert editor.scene is before
         window.press(imgui.Key.f5)  # any key
         assert not idle.due
@@ -366,7 +365,7 @@ def test_a_result_turns_in_a_window_that_somebody_sees_until_a_hand_touches_it(
         assert not window.context.preferences.idle_turn
         window.press(imgui.Key.escape)
         window.fit(photo)
-        window.wait(lambda: workspace.viewport.is_baked(editor.scene.codes) and workspace.viewport.sharp)
+        window.wait(lambda: session.viewport.is_baked(editor.scene.codes) and session.viewport.sharp)
         window.ctx.yield_(3)
         assert not idle.turning
 

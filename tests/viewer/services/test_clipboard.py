@@ -24,11 +24,11 @@ def test_what_the_view_shows_is_copied(drive: Drive, monkeypatch: pytest.MonkeyP
     copied: list[tuple[bytes, int, int]] = []
 
     def act(window: Driver) -> None:
-        window.wait(lambda: window.workspace.viewport.sharp)  # no newer picture comes from now on
+        window.wait(lambda: window.session.viewport.sharp)  # no newer picture comes from now on
         monkeypatch.setattr(clipboard.copykitten, "copy_image", lambda *image: copied.append(image))
         window.press(imgui.Key.mod_ctrl, imgui.Key.c)
         ((pixels, width, height),) = copied
-        shown = window.workspace.viewport.frame.image
+        shown = window.session.viewport.frame.image
         assert np.array_equal(np.frombuffer(pixels, np.uint8).reshape(height, width, 4)[..., :3], shown)
 
         def refused(*image: object) -> None:

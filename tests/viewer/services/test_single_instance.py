@@ -1,5 +1,3 @@
-import socket
-import stat
 import subprocess
 import sys
 import threading
@@ -22,28 +20,42 @@ def window(tmp_path: Path) -> Iterator[SingleInstance]:
         yield first
 
 
+def handed_over(window: SingleInstance, folder: Path, *starts: Start) -> list[Start]:
+    """The starts that a window takes while others begin, one after the other; all of them end."""
+    taken = list[Start]()
+    ended = list[SingleInstance | None]()
+    second = threading.Thread(target=lambda: ended.extend(begin(folder, start) for start in starts))
+    second.start()
+    while second.is_alive():
+        taken += window.starts()
+        time.sleep(0.01)
+    assert ended == [None] * len(starts)
+    return taken
+
+
 def test_a_second_start_is_handed_over(window: SingleInstance, tmp_path: Path) -> None:
-    woken = []
-    window.wake = lambda: woken.append(True)
-    assert begin(tmp_path / "home", Start("/photos/chaise à l'été.png", "cars")) is None
-    assert begin(tmp_path / "home", Start()) is None
-    assert list(window.starts()) == [Start("/photos/chaise à l'été.png", "cars"), Start()]
+    woken = threading.Event()
+    window.wake = woken.set
+    starts = Start("/photos/chaise à l'été.png", "cars"), Start()
+    assert handed_over(window, tmp_path / "home", *starts) == [*starts]
     assert list(window.starts()) == []
-    assert len(woken) == 2
+    waiting = threading.Thread(target=lambda: begin(tmp_path / "home", Start()))
+    waiting.start()
+    assert woken.wait(60)
+    list(window.starts())
+    waiting.join(60)
 
 
-def test_two_homes_do_not_meet(window: SingleInstance, tmp_path: Path) -> None:
-    other = begin(tmp_path / "other", Start("a.png"))
-    assert other is not None
-    with closing(other):
-        assert begin(tmp_path / "other", Start("b.png")) is None
-        assert list(other.starts()) == [Start("b.png")]
-    assert list(window.starts()) == []
+def test_two_homes_and_two_displays_do_not_meet(window: SingleInstance, tmp_path: Path) -> None:
+    for folder, display in ((tmp_path / "other", None), (tmp_path / "home", "far-10-0")):
+        other = begin(folder, Start("a.png"), display)
+        assert other is not None
+        with closing(other):
+            assert list(other.starts()) == list(window.starts()) == []
 
 
 def test_the_next_window_opens_once_the_first_is_closed(window: SingleInstance, tmp_path: Path) -> None:
     window.close()
-    assert not (tmp_path / "home" / "window.address").exists()
     later = begin(tmp_path / "home", Start())
     assert later is not None
     later.close()
@@ -56,44 +68,21 @@ def test_a_start_waits_for_a_window_that_ends(window: SingleInstance, tmp_path: 
     waiting.start()
     time.sleep(0.3)
     assert begun == []
+    assert list(window.starts()) == []
     window.close()
-    waiting.join(30)
+    waiting.join(60)
     (later,) = begun
     assert later is not None
-    later.close()
-    assert list(window.starts()) == []
+    with closing(later):
+        assert list(later.starts()) == []
 
 
-def _mute() -> socket.socket:
-    return socket.create_server(("127.0.0.1", 0))
-
-
-@pytest.mark.parametrize("left", ["", "1", "words and more", "70000 key", "1 key", "mute"])
-def test_what_a_crash_left_stops_no_start(tmp_path: Path, left: str) -> None:
-    """Nobody listens there any more, or another program, which says nothing."""
-    with _mute() as other:
-        left = f"{other.getsockname()[1]} key" if left == "mute" else left
-        (tmp_path / "window.address").write_text(left)
-        window = begin(tmp_path, Start())
-    assert window is not None
-    with closing(window):
-        assert begin(tmp_path, Start("a.png")) is None
-        assert list(window.starts()) == [Start("a.png")]
-
-
-def test_who_does_not_know_the_key_is_not_heard(window: SingleInstance, tmp_path: Path) -> None:
-    port = int((tmp_path / "home" / "window.address").read_text().split()[0])
-    for line in (b'["key", "a.png", ""]\n', b"[]\n", b"GET / HTTP/1.1\r\n", b"[" * 9000 + b"\n", b"\xff\n"):
-        with socket.create_connection(("127.0.0.1", port), 30) as connection:
-            connection.sendall(line)
-            assert connection.recv(100) == b""
-    assert list(window.starts()) == []
-    assert begin(tmp_path / "home", Start()) is None
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="a user's folder is closed to others there")
-def test_the_key_is_for_its_user_alone(window: SingleInstance, tmp_path: Path) -> None:
-    assert stat.S_IMODE((tmp_path / "home" / "window.address").stat().st_mode) == 0o600
+@pytest.mark.parametrize("left", ["", "{", "[]", '{"image": "a.png", "colour": 1}'])
+def test_what_another_program_left_stops_no_start(window: SingleInstance, tmp_path: Path, left: str) -> None:
+    (place,) = (tmp_path / "home").iterdir()
+    (place / "0.json").write_text(left)
+    assert handed_over(window, tmp_path / "home", Start("a.png")) == [Start("a.png")]
+    assert [path.name for path in place.iterdir()] == ["lock"]
 
 
 _START = """
@@ -104,25 +93,35 @@ while not Path(sys.argv[2]).exists():
     time.sleep(0.001)
 window = begin(Path(sys.argv[1]), Start(sys.argv[3]))
 print("window" if window else "handed over", flush=True)
-if window:
-    sys.stdin.read()
-    print("".join(sorted(start.image for start in window.starts())))
+taken = []
+while window and len(taken) < 3:
+    taken += [start.image for start in window.starts()]
+    time.sleep(0.01)
+print("".join(sorted(taken)))
 """
 
 
 def test_of_starts_at_once_one_is_the_window(tmp_path: Path) -> None:
     home, go = tmp_path / "home", tmp_path / "go"
-    home.mkdir()
-    (home / "window.address").write_text("1 key")  # of a window that crashed
     words = [sys.executable, "-c", _START, home, go]
     started = {
         name: subprocess.Popen([*words, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         for name in "abcd"
     }
     go.touch()
-    became = {name: process.stdout.readline().strip() for name, process in started.items() if process.stdout}
-    (window,) = [name for name, what in became.items() if what == "window"]
+    said = {name: process.communicate()[0].split() for name, process in started.items()}
+    (window,) = [name for name, lines in said.items() if lines[0] == "window"]
     others = "abcd".replace(window, "")
-    assert all(became[name] == "handed over" for name in others)
-    left = {name: process.communicate()[0].strip() for name, process in started.items()}
-    assert left == {window: others} | dict.fromkeys(others, "")
+    assert said == {window: ["window", others]} | {name: ["handed", "over"] for name in others}
+
+
+def test_a_window_that_was_killed_holds_nothing(tmp_path: Path) -> None:
+    (tmp_path / "go").touch()
+    words = [sys.executable, "-c", _START, tmp_path / "home", tmp_path / "go", "a"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as killed:
+        assert killed.stdout is not None
+        assert killed.stdout.readline() == "window\n"
+        killed.kill()
+    window = begin(tmp_path / "home", Start())
+    assert window is not None
+    window.close()

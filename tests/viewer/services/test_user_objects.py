@@ -2,10 +2,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from core.models.model import Model
 from core.models.scene import open_scene
-from tests.conftest import random_model
+from tests.conftest import open_models, random_model
 from viewer.services.user_objects import UserObjects
 from viewer.values.direction import Direction
 from viewer.values.objects import EditableObject
@@ -20,7 +21,7 @@ def fitted(model: Model) -> EditableObject:
 def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     user_objects = UserObjects(tmp_path / "mine")
     assert user_objects.open(model) == ()
-    user_objects.sync(model, [fitted])
+    user_objects.sync(open_models(model), [fitted])
     (found,) = UserObjects(tmp_path / "mine").open(model)
     assert (found.name, found.confidence, found.photo) == ("Red chair (2)", 0.83, "1f2e")
     assert found.codes == fitted.codes
@@ -31,25 +32,26 @@ def test_objects_last_from_launch_to_launch(tmp_path: Path, model: Model, fitted
 
 
 def test_objects_last_when_their_model_is_extended(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
-    UserObjects(tmp_path).sync(model, [fitted])
+    UserObjects(tmp_path).sync(open_models(model), [fitted])
     extended = replace(random_model(seed=7), extends=(model.fingerprint,))
     user_objects = UserObjects(tmp_path)
     (found,) = user_objects.open(extended)
-    assert (found.name, found.codes) == (fitted.name, fitted.codes)
-    user_objects.sync(extended, [replace(found, name="green")])
+    codes = replace(fitted.codes, model=extended.fingerprint)
+    assert (found.name, found.codes) == (fitted.name, codes)
+    user_objects.sync(open_models(extended), [replace(found, name="green")])
     (again,) = UserObjects(tmp_path).open(extended)
-    assert (again.name, again.codes) == ("green", fitted.codes)
+    assert (again.name, again.codes) == ("green", codes)
 
 
 def test_renamed_and_removed_objects_stay_so(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     user_objects, other = UserObjects(tmp_path), replace(fitted, name="../../blue")
-    user_objects.sync(model, [fitted, other])
-    user_objects.sync(model, [fitted, replace(other, name="green")])
+    user_objects.sync(open_models(model), [fitted, other])
+    user_objects.sync(open_models(model), [fitted, replace(other, name="green")])
     assert {one.name for one in UserObjects(tmp_path).open(model)} == {"Red chair (2)", "green"}
-    user_objects.sync(model, [fitted])
+    user_objects.sync(open_models(model), [fitted])
     assert len(list(tmp_path.iterdir())) == 1
     written = next(tmp_path.iterdir()).stat().st_mtime_ns
-    user_objects.sync(model, [fitted])
+    user_objects.sync(open_models(model), [fitted])
     assert next(tmp_path.iterdir()).stat().st_mtime_ns == written
 
 
@@ -57,47 +59,48 @@ def test_what_it_has_not_seen_is_left_alone(tmp_path: Path, model: Model, fitted
     (tmp_path / "torn.json").write_text('{"model": ')
     user_objects = UserObjects(tmp_path)
     user_objects.open(model)
-    UserObjects(tmp_path).sync(model, [fitted])  # of another window
-    user_objects.sync(model, [])
+    UserObjects(tmp_path).sync(open_models(model), [fitted])  # of another window
+    user_objects.sync(open_models(model), [])
     assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_equal_names_of_two_windows_are_told_apart(tmp_path: Path, model: Model, fitted: EditableObject) -> None:
     windows, other = [UserObjects(tmp_path), UserObjects(tmp_path)], replace(fitted, codes=model.codes[2])
     for user_objects, one in zip(windows, (fitted, other), strict=True):
-        user_objects.sync(model, [one])
+        user_objects.sync(open_models(model), [one])
     again = UserObjects(tmp_path)
     found = again.open(model)
     assert {one.name for one in found} == {"Red chair (2)", "Red chair (2) (2)"}
     assert {one.codes for one in found} == {fitted.codes, other.codes}
-    again.sync(model, [one for one in found if one.codes == other.codes])
+    again.sync(open_models(model), [one for one in found if one.codes == other.codes])
     (left,) = UserObjects(tmp_path).open(model)
     assert left.codes == other.codes
 
 
 def test_without_a_folder_nothing_is_kept(model: Model, fitted: EditableObject) -> None:
     user_objects = UserObjects()
-    user_objects.sync(model, [fitted])
+    user_objects.sync(open_models(model), [fitted])
     assert user_objects.open(model) == ()
 
 
 def test_named_directions_last_for_their_model_alone(tmp_path: Path, model: Model) -> None:
     directions = tuple(replace(Direction.principal(model.codes, part, 0), name="sportier") for part in PARTS)
-    UserObjects(tmp_path).keep_directions(model, directions)
+    UserObjects(tmp_path).keep_directions(open_models(model), directions)
     assert UserObjects(tmp_path).directions(model) == directions
     other = random_model(seed=7)
     assert UserObjects(tmp_path).directions(other) == ()
     extended = replace(other, extends=(model.fingerprint,))
-    assert UserObjects(tmp_path).directions(extended) == directions
-    UserObjects(tmp_path).keep_directions(extended, directions[:1])
-    assert UserObjects(tmp_path).directions(extended) == directions[:1]
-    UserObjects(tmp_path).keep_directions(model, ())
+    found = UserObjects(tmp_path).directions(extended)
+    assert all(torch.equal(one.step.shape, before.step.shape) for one, before in zip(found, directions, strict=True))
+    UserObjects(tmp_path).keep_directions(open_models(extended), found[:1])
+    assert UserObjects(tmp_path).directions(extended) == found[:1]
+    UserObjects(tmp_path).keep_directions(open_models(model), ())
     assert UserObjects(tmp_path).directions(model) == ()
 
 
 @pytest.mark.parametrize("text", ["", "7", "[1]", "{}", '[["a", [1.0], [2.0]]]', '[["a", ["b"], [2.0]]]', '[["a"]]'])
 def test_directions_that_cannot_be_read_are_none(tmp_path: Path, model: Model, text: str) -> None:
-    UserObjects(tmp_path).keep_directions(model, ())
+    UserObjects(tmp_path).keep_directions(open_models(model), ())
     (path,) = (tmp_path / "directions").iterdir()
     path.write_text(text)
     assert UserObjects(tmp_path).directions(model) == ()

@@ -11,7 +11,7 @@ from viewer.values.history import History, Mix, Pair, State
 @pytest.fixture
 def states(model: Model) -> list[State]:
     return [
-        State(Scene("m", model.codes[0], model.camera(0.1 * n, 0)), Mix(Pair("a", "a"), "b", shape=0.1 * n))
+        State(Scene(model.codes[0], model.camera(0.1 * n, 0)), Mix(Pair("a", "a"), "b", shape=0.1 * n))
         for n in range(6)
     ]
 

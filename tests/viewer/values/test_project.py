@@ -2,6 +2,7 @@ import io
 import json
 import math
 import random
+import shutil
 import zipfile
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,45 +14,50 @@ import pytest
 import torch
 from PIL import Image
 
+from core.models.library import load_model
 from core.models.model import Model
+from core.models.open_models import OpenModels
 from core.models.photo_detail import compressed
 from core.photos.photo import Crop, Photo
 from core.photos.segmentation import Hints, Stroke
+from tests.conftest import random_model
 from tests.viewer.driver import finish
 from viewer.editor import Editor
+from viewer.services.backend import Backend
+from viewer.services.worker import Worker
 from viewer.session import Session
 from viewer.values.fit_history import FitHistory, FitRequest, FittedPhoto, PhotoSource
 from viewer.values.project import Project
-from viewer.values.saved_session import SavedSession
-from viewer.workspace import Workspace
 
 
 @pytest.fixture
-def saved(session: Session, editor: Editor, workspace: Workspace, photo: Path) -> SavedSession:
+def models(session: Session) -> OpenModels:
+    return session.models
+
+
+@pytest.fixture
+def saved(session: Session, editor: Editor, photo: Path) -> Project:
     """A fitted object, a mix, a timeline, an undone edit, and a fit that waits."""
-    workspace.fitting.start(photo)
-    finish(session, lambda: not workspace.fitting.running)
+    session.fitting.start(photo)
+    finish(session, lambda: not session.fitting.running)
     editor.set_b("object 4")
     editor.mix("texture", 0.4)
-    workspace.player.add_key()
-    workspace.player.seek(1.5)
+    session.player.add_key()
+    session.player.seek(1.5)
     editor.show_object("object 2")
-    workspace.player.add_key()
-    workspace.player.change(turns=-2)
+    session.player.add_key()
+    session.player.change(turns=-2)
     editor.undo()
-    workspace.grid.add("block", "object 1")
-    found = workspace.saved("chairs")
-    assert found is not None
+    session.grid.add("block", "object 1")
+    found = session.project()
     hints = Hints((0.1, 0.2, 0.8, 0.9), (Stroke(((0.5, 0.5), (0.6, 0.5)), 0.02, False),))
     source = PhotoSource(photo, photo.with_suffix(".txt"), hints, Crop(1.1, 0.1, -0.1))
     return replace(found, pending=(FitRequest(FitHistory((source,))),))
 
 
-def test_all_comes_back_from_a_file(saved: SavedSession, workspace: Workspace, tmp_path: Path) -> None:
-    Project("chairs", (saved,)).save(tmp_path / "a.codenerf")
-    project = Project.load(tmp_path / "a.codenerf")
-    (found,) = project.sessions
-    assert project.model == found.model == "chairs"
+def test_all_comes_back_from_a_file(models: OpenModels, saved: Project, session: Session, tmp_path: Path) -> None:
+    saved.save(tmp_path / "a.codenerf", models)
+    found = Project.load(tmp_path / "a.codenerf", models)
     assert found.history == saved.history
     assert len(found.history.past) > 3
     assert len(found.history.future) == 1
@@ -73,24 +79,26 @@ def test_all_comes_back_from_a_file(saved: SavedSession, workspace: Workspace, t
     assert (last.hypotheses[0].crop_transform == expected.hypotheses[0].crop_transform).all()
     assert [tile.eliminated_at for tile in found.tiles] == [tile.eliminated_at for tile in saved.tiles]
     assert found.fit.photos[0].pixels.shape == saved.fit.photos[0].pixels.shape
-    found.check(workspace.model)
+    session.editor.check(found)
 
 
-def test_states_share_what_they_have_in_common(saved: SavedSession, model: Model, tmp_path: Path) -> None:
+def test_states_share_what_they_have_in_common(
+    models: OpenModels, saved: Project, model: Model, tmp_path: Path
+) -> None:
     history = saved.history
     for step in range(400):  # the camera moves, codes and timeline stay
         camera = replace(history.now.scene.camera, azimuth=0.01 * step)
         history = history.changed(replace(history.now, scene=replace(history.now.scene, camera=camera)))
-    Project("chairs", (replace(saved, history=history),)).save(tmp_path / "a.codenerf")
+    replace(saved, history=history).save(tmp_path / "a.codenerf", models)
     assert (tmp_path / "a.codenerf").stat().st_size < 200_000
-    (found,) = Project.load(tmp_path / "a.codenerf").sessions
+    found = Project.load(tmp_path / "a.codenerf", models)
     assert found.history == history
     first, last = found.history.states[-300], found.history.states[-1]
     assert first.timeline is last.timeline
     assert first.scene.codes.shape.data_ptr() == last.scene.codes.shape.data_ptr()
 
 
-def test_a_photo_keeps_what_no_image_can_hold(model: Model, saved: SavedSession, tmp_path: Path) -> None:
+def test_a_photo_keeps_what_no_image_can_hold(models: OpenModels, model: Model, saved: Project, tmp_path: Path) -> None:
     mask = torch.zeros(8, 8, dtype=torch.bool)
     mask[2:5] = True
     photo = Photo(torch.rand(8, 8, 3), mask, model.camera(0.1, 0.2).resized(8, 8), True, ~mask)
@@ -98,8 +106,8 @@ def test_a_photo_keeps_what_no_image_can_hold(model: Model, saved: SavedSession,
     photo = replace(photo, fine=compressed(np.full((24, 24, 4), 255, np.uint8)))
     fitted = FittedPhoto.of(PhotoSource(tmp_path / "b.png"), photo)
     pending = (FitRequest(FitHistory((fitted.source,), (fitted,))),)
-    Project("chairs", (replace(saved, pending=pending),)).save(tmp_path / "a.codenerf")
-    found = Project.load(tmp_path / "a.codenerf").sessions[0].pending[0].history.photos[0].photo
+    replace(saved, pending=pending).save(tmp_path / "a.codenerf", models)
+    found = Project.load(tmp_path / "a.codenerf", models).pending[0].history.photos[0].photo
     assert (found.camera, found.cropped) == (photo.camera, True)
     assert (found.unseen == photo.unseen).all()
     assert torch.equal(found.opacity, photo.opacity)
@@ -108,18 +116,20 @@ def test_a_photo_keeps_what_no_image_can_hold(model: Model, saved: SavedSession,
 
 
 @pytest.mark.parametrize("harm", ["empty", "text", "cut", "no tensors", "no key", "bad number", "format", "bad photo"])
-def test_what_is_no_whole_project_is_said_in_one_line(saved: SavedSession, tmp_path: Path, harm: str) -> None:
+def test_what_is_no_whole_project_is_said_in_one_line(
+    models: OpenModels, saved: Project, tmp_path: Path, harm: str
+) -> None:
     path = tmp_path / "a.codenerf"
-    Project("chairs", (saved,)).save(path)
+    saved.save(path, models)
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist()}
     about = json.loads(parts["project.json"])
     if harm == "no tensors":
         del parts["tensors.safetensors"]
     elif harm == "no key":
-        del about["sessions"][0]["history"]["now"]["mix"]["a"]
+        del about["project"]["history"]["now"]["mix"]["a"]
     elif harm == "bad number":
-        about["sessions"][0]["history"]["now"]["scene"]["camera"]["distance"] = "far"
+        about["project"]["history"]["now"]["scene"]["camera"]["distance"] = "far"
     elif harm == "format":
         about["format"] = "another"
     elif harm == "bad photo":
@@ -131,23 +141,69 @@ def test_what_is_no_whole_project_is_said_in_one_line(saved: SavedSession, tmp_p
     if harm in ("empty", "text", "cut"):
         path.write_bytes({"empty": b"", "text": b"hello", "cut": path.read_bytes()[:900]}[harm])
     with pytest.raises(ValueError, match=r"a\.codenerf: ") as error:
-        Project.load(path)
+        Project.load(path, models)
     assert "\n" not in str(error.value)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_named(models: OpenModels, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"no such project: .*a\.codenerf"):
-        Project.load(tmp_path / "a.codenerf")
+        Project.load(tmp_path / "a.codenerf", models)
 
 
-def test_a_session_of_another_model_is_refused(saved: SavedSession, model: Model) -> None:
-    scene = replace(saved.history.now.scene, model="another")
-    other = replace(saved, history=replace(saved.history, now=replace(saved.history.now, scene=scene)))
-    with pytest.raises(ValueError, match="made with another model"):
-        other.check(model)
-    other.check(replace(model, extends=("another",)))
+def test_a_project_of_a_model_that_is_not_open_is_refused(models: OpenModels, saved: Project, tmp_path: Path) -> None:
+    saved.save(tmp_path / "a.codenerf", models)
+    (model,) = models
+    other = OpenModels(lambda name: random_model(seed=9))
+    with pytest.raises(ValueError, match="a model that is not open"):
+        Project.load(tmp_path / "a.codenerf", other)
+    extended = replace(random_model(seed=9), extends=(model.fingerprint,))
+    found = Project.load(tmp_path / "a.codenerf", OpenModels(lambda name: extended))
+    assert {state.scene.codes.model for state in found.history.states} == {extended.fingerprint}
+
+
+def test_what_mixes_objects_that_nobody_has_is_refused(session: Session, saved: Project) -> None:
     with pytest.raises(ValueError, match="mixes objects that are not here"):
-        replace(saved, objects=()).check(model)
+        Editor(session.models, session.editor.model, torch.Generator()).check(replace(saved, objects=()))
+
+
+@pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
+def test_projects_and_scenes_of_before_open(worker: Worker, backend: Backend, commit: str) -> None:
+    """Chairs had a session of their own, and cars, which were open at the end."""
+    folder = Path("tests/files") / commit
+    session = Session(worker, replace(backend, load_model=load_model))
+    session.open_project(folder / "project.codenerf")
+    editor = session.editor
+    assert session.messages.errors == []
+    chairs, cars = (session.models.open(name).fingerprint for name in ("chairs", "cars"))
+    states = editor.history.states
+    assert [state.scene.codes.model for state in states] == [chairs] * 9 + [cars] * 9
+    assert (len(editor.history.past), len(editor.history.future)) == (16, 1)
+    assert states[8].timeline.turns == states[17].timeline.turns == -2
+    assert [one.name for one in editor.objects.added] == ["block (2)", "block"]
+    assert [editor.objects[name].codes.model for name in ("block (2)", "block")] == [chairs, cars]
+    assert states[4].mix.a.shape == "block (2)" and states[13].mix.a.shape == "block"
+    assert session.grid.names[0] == "block" and len(session.grid.names) == 2
+    assert {one.name: one.step.model for one in editor.state.directions} == {
+        "sportier chairs": chairs,
+        "sportier cars": cars,
+    }
+    assert session.fitting.history.model == cars and len(session.fitting.history.steps) == 10
+    for index in range(len(states)):
+        editor.go_to(index)
+        assert editor.model.fingerprint == states[index].scene.codes.model
+    for name in ("look.json", "look.png"):
+        session.open_scene(folder / name)
+        assert session.messages.errors == []
+        assert editor.scene == states[16].scene
+
+
+@pytest.mark.parametrize("commit", ["182af46", "328e5eb", "7cb5a31", "7f062c0"])
+def test_objects_that_were_kept_before_are_there(worker: Worker, backend: Backend, commit: str, tmp_path: Path) -> None:
+    shutil.copytree(Path("tests/files") / commit / "mine", tmp_path / "mine")
+    session = Session(worker, replace(backend, load_model=load_model), folder=tmp_path)
+    assert len(session.editor.objects.added) == 2
+    assert {one.codes.model for one in session.editor.objects.added} == {one.fingerprint for one in session.models}
+    assert "sportier chairs" in [one.name for one in session.editor.state.directions]
 
 
 def rewritten(path: Path, change: Callable[[dict], None], **photos: bytes) -> Path:
@@ -169,15 +225,17 @@ def png(side: int) -> bytes:
     return file.getvalue()
 
 
-def test_a_small_file_that_would_take_gigabytes_is_refused_at_once(saved: SavedSession, tmp_path: Path) -> None:
+def test_a_small_file_that_would_take_gigabytes_is_refused_at_once(
+    models: OpenModels, saved: Project, tmp_path: Path
+) -> None:
     path = tmp_path / "a.codenerf"
 
     def enlarge(about: dict) -> None:
-        for camera in about["sessions"][0]["fit"]["steps"][-1]["cameras"]:
+        for camera in about["project"]["fit"]["steps"][-1]["cameras"]:
             camera["width"] = camera["height"] = 9_000
 
     def repeat(about: dict) -> None:
-        fit = about["sessions"][0]["fit"]
+        fit = about["project"]["fit"]
         fit["photos"], fit["sources"] = fit["photos"] * 99, fit["sources"] * 99
 
     harms = (
@@ -187,61 +245,63 @@ def test_a_small_file_that_would_take_gigabytes_is_refused_at_once(saved: SavedS
         (lambda about: about.update(more="a" * 17_000_000), {}, "JSON has at most 16 MB"),
     )
     for change, photos, said in harms:
-        Project("chairs", (saved,)).save(path)
+        saved.save(path, models)
         rewritten(path, change, **photos)
         assert path.stat().st_size < 200_000
         with pytest.raises(ValueError, match=rf"a\.codenerf: .*{said}"):
-            Project.load(path)
+            Project.load(path, models)
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as file:
         file.writestr("more", bytes(120_000_000))
     with pytest.raises(ValueError, match=r"a\.codenerf: it unpacks to more than"):
-        Project.load(path)
+        Project.load(path, models)
 
 
 @pytest.mark.parametrize("kind", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_a_project_cut_or_changed_anywhere_is_said_in_one_line(saved: SavedSession, tmp_path: Path, kind: int) -> None:
+def test_a_project_cut_or_changed_anywhere_is_said_in_one_line(
+    models: OpenModels, saved: Project, tmp_path: Path, kind: int
+) -> None:
     path = tmp_path / "a.codenerf"
-    Project("chairs", (saved,)).save(path)
+    saved.save(path, models)
     with zipfile.ZipFile(path) as file:
         parts = {name: file.read(name) for name in file.namelist()}
     with zipfile.ZipFile(path, "w", kind) as file:
         for name, content in parts.items():
             file.writestr(name, content)
     whole, generator = path.read_bytes(), random.Random(0)
-    assert Project.load(path).sessions
+    assert Project.load(path, models).objects
     for _ in range(40):
         harmed = bytearray(whole)
         for _ in range(generator.randint(1, 20)):
             harmed[generator.randrange(len(harmed))] = generator.randrange(256)
         path.write_bytes(harmed[: generator.randint(1, 2 * len(harmed))])
         with suppress(ValueError):
-            Project.load(path)
+            Project.load(path, models)
 
 
-def test_what_cannot_be_read_back_leaves_the_old_file(saved: SavedSession, tmp_path: Path) -> None:
+def test_what_cannot_be_read_back_leaves_the_old_file(models: OpenModels, saved: Project, tmp_path: Path) -> None:
     path = tmp_path / "a.codenerf"
-    Project("chairs", (saved,)).save(path)
+    saved.save(path, models)
     before = path.read_bytes()
     step = replace(saved.fit.steps[-1], loss=math.nan)
     harmed = replace(saved, fit=replace(saved.fit, steps=(*saved.fit.steps[:-1], step)))
     with pytest.raises(ValueError, match="cannot be read back"):
-        Project("chairs", (harmed,)).save(path)
+        harmed.save(path, models)
     assert path.read_bytes() == before
     assert list(tmp_path.glob(".*")) == []
 
 
 def test_a_project_that_is_handed_on_names_no_folder_and_finds_photos_beside_it(
-    saved: SavedSession, photo: Path, tmp_path: Path
+    models: OpenModels, saved: Project, photo: Path, tmp_path: Path
 ) -> None:
     path = tmp_path / "elsewhere" / "a.codenerf"
     path.parent.mkdir()
-    Project("chairs", (replace(saved, pending=()),), tmp_path / "kept.codenerf").shared().save(path)
+    replace(saved, pending=(), path=tmp_path / "kept.codenerf").shared().save(path, models)
     with zipfile.ZipFile(path) as file:
         assert str(tmp_path).encode() not in b"".join(map(file.read, file.namelist()))
-    project = Project.load(path)
+    project = Project.load(path, models)
     assert project.path is None
-    (found,) = project.beside(path.parent).sessions
+    found = project.beside(path.parent)
     assert found.fit.sources[0].path == found.fit.photos[0].source.path == Path(photo.name)
     (path.parent / photo.name).write_bytes(photo.read_bytes())
-    (found,) = project.beside(path.parent).sessions
+    found = project.beside(path.parent)
     assert found.fit.sources[0].path == path.parent / photo.name

@@ -5,12 +5,13 @@ import pytest
 from core.export.keyframes import Keyframe, Timeline, View
 from core.models.model import Model
 from core.models.scene import Scene
+from tests.conftest import open_models
 from viewer.values.share_settings import ShareSettings
 
 
 @pytest.fixture
 def scene(model: Model) -> Scene:
-    return Scene(model.fingerprint, model.codes[0], model.camera(0.3, 0.2))
+    return Scene(model.codes[0], model.camera(0.3, 0.2))
 
 
 @pytest.mark.parametrize(
@@ -58,7 +59,7 @@ def test_a_mesh_and_a_transparent_gif_have_no_shadow() -> None:
 
 
 def test_a_turntable_turns_once_as_large_as_was_asked(model: Model, scene: Scene) -> None:
-    views = ShareSettings(frames=5, size=40, fill=False).views(model, scene, Timeline())
+    views = ShareSettings(frames=5, size=40, fill=False).views(open_models(model), scene, Timeline())
     assert len(views) == 5
     assert {(view.camera.width, view.camera.height, view.camera.focal) for view in views} == {(40, 40, 41.0)}
 
@@ -69,7 +70,10 @@ def test_a_turntable_that_fills_its_frame_keeps_the_usual_perspective(
 ) -> None:
     near = replace(scene, camera=replace(scene.camera, distance=0.4 * model.distance))
     settings = ShareSettings(frames=3, size=40, fill=fill)
-    for views in (settings.views(model, near, Timeline()), settings.unframed_views(model, near, Timeline())):
+    for views in (
+        settings.views(open_models(model), near, Timeline()),
+        settings.unframed_views(open_models(model), near, Timeline()),
+    ):
         assert {view.camera.distance for view in views} == {nearest * model.distance}
 
 
@@ -77,7 +81,7 @@ def test_a_video_comes_nearer_but_never_goes_further_away(model: Model, scene: S
     video = ShareSettings("video", rate=10)
     for distance, nearer in ((6.0, True), (0.5, False)):
         key = Keyframe(0.0, View(scene.codes, replace(scene.camera, distance=distance)))
-        shown = video.views(model, scene, Timeline((key,), 1.0))
+        shown = video.views(open_models(model), scene, Timeline((key,), 1.0))
         assert len(shown) == 10
-        before = replace(video, fill=False).views(model, scene, Timeline((key,), 1.0))
+        before = replace(video, fill=False).views(open_models(model), scene, Timeline((key,), 1.0))
         assert (shown[0].camera.focal > before[0].camera.focal) == nearer

@@ -11,12 +11,12 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
     folder = tmp_path / "config"
 
     def first(window: Driver) -> None:
-        workspace, editor = window.workspace, window.workspace.editor
+        session, editor = window.session, window.session.editor
         window.fit(photo)
         colour = user_objects.colour_of(editor.objects["block"])
         window.fit(photo)
         assert editor.objects.names[:2] == ["block (2)", "block"]
-        workspace.grid.add("block")
+        session.grid.add("block")
         window.ctx.mouse_move("//View/orbit")
         whole, box = window.capture(), window.ctx.item_info("//Library/**/show block").rect_full
         tile = whole[int(box.min.y) : int(box.max.y), int(box.min.x) : int(box.max.x)]
@@ -27,12 +27,12 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
         window.ctx.key_chars_replace_enter("Red chair")
         window.ctx.yield_(3)
         assert editor.objects.names[:2] == ["block (2)", "Red chair"]
-        assert workspace.grid.names == ("Red chair",)
+        assert session.grid.names == ("Red chair",)
         window.undo()
         assert editor.state.mix.a.shape == "Red chair"
         window.choose("Red chair", "###export object")
         window.type(str(tmp_path / "out.json"))
-        assert Scene.load(tmp_path / "out.json", workspace.model).codes == editor.objects["Red chair"].codes
+        assert Scene.load(tmp_path / "out.json", session.editor.model).codes == editor.objects["Red chair"].codes
         window.click("Library/**/show block (2)", 1)
         window.ctx.item_click("//**/###remove object")
         window.ctx.item_click("//**/###remove for good")
@@ -43,7 +43,7 @@ def test_fitted_objects_are_renamed_exported_removed_and_last(drive: Drive, phot
 
     def second(window: Driver) -> None:
         window.menu("File/###new_project")
-        editor = window.workspace.editor
+        editor = window.session.editor
         assert [one.name for one in editor.objects.added] == ["Red chair"]
         window.click("Library/**/show Red chair")
         assert editor.scene.codes == editor.objects["Red chair"].codes

@@ -217,3 +217,18 @@ def test_what_systems_leave_beside_files_is_no_part_of_a_dataset(tmp_path: Path)
     assert [one.name for one in found.objects] == ["a"]
     assert found.objects[0].cameras == expected.objects[0].cameras
     assert found.category == "chairs"
+
+
+@pytest.mark.parametrize("suffix", [".PNG", ".jpg", ".JPEG", ".webp"])
+def test_images_are_known_by_any_usual_ending(suffix: str, tmp_path: Path) -> None:
+    one = views("a")
+    write_object(tmp_path, one)
+    for path in (tmp_path / "a/rgb").iterdir():
+        with Image.open(path) as image:
+            image.save(path.with_suffix(suffix), quality=100, lossless=True)
+        path.unlink()
+    (found,) = read_dataset(tmp_path).objects
+    assert np.array_equal(found.masks, one.masks)  # which are still called .png
+    assert len(found.images) == 4
+    if suffix in (".PNG", ".webp"):
+        assert np.array_equal(found.images, one.images)

@@ -1,0 +1,57 @@
+"""The open models, in which the model of any object is found by the fingerprint that its codes carry."""
+
+from collections.abc import Callable, Iterator
+
+from core.models.codes import Codes
+from core.models.model import Model
+
+
+class OpenModels:
+    """Models by name, in the order of opening. Models join and never leave, so codes that found theirs always will."""
+
+    def __init__(self, load: Callable[[str], Model]) -> None:
+        """``load`` reads the model of a shipped name or a path, as :func:`core.models.library.load_model`."""
+        self.load = load
+        self._names: dict[str, str] = {}
+        self._models: dict[str, Model] = {}  # by fingerprint
+
+    def __iter__(self) -> Iterator[Model]:
+        return iter(tuple(self._models.values()))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Shipped names and paths, in the order of opening."""
+        return tuple(self._names)
+
+    def open(self, name: str) -> Model:
+        """Load a model unless it is open. Raises ``ValueError`` where that fails."""
+        if name not in self._names:
+            self.add(name, self.load(name))
+        return self._models[self._names[name]]
+
+    def add(self, name: str, model: Model) -> None:
+        """Take in a loaded model; one of a known fingerprint only gives the known model another name."""
+        self._models.setdefault(model.fingerprint, model)
+        self._names[name] = model.fingerprint
+
+    def of(self, codes: Codes) -> Model:
+        """Return the model of an object. Raises ``ValueError`` where it is not open."""
+        return self[codes.model]
+
+    def __getitem__(self, fingerprint: str) -> Model:
+        """The model of a fingerprint, or the open one that extends it. Raises ``ValueError`` where there is none."""
+        if found := self._models.get(fingerprint):
+            return found
+        extending = next((one for one in self if one.shares_codes_with(fingerprint)), None)
+        if extending is None:
+            raise ValueError("it was made with a model that is not open: drop the model's file on the window first")
+        return extending
+
+    def of_category(self, category: str) -> Model | None:
+        """Return the first open model of a category ("cars"), if any."""
+        return next((one for one in self if one.category == category), None)
+
+
+def model_of(models: Model | OpenModels, codes: Codes) -> Model:
+    """Return the model of an object, where all objects may be of one model."""
+    return models if isinstance(models, Model) else models.of(codes)

@@ -1,0 +1,23 @@
+"""Signals that end a program, as an exception, so that what was begun is removed."""
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+
+TERMINATION = "SIGTERM", "SIGHUP"  # Windows has no SIGHUP
+
+
+def on_signals(
+    end: Callable[[int], object] = lambda number: sys.exit(128 + number), names: Sequence[str] = TERMINATION
+) -> None:
+    """Call ``end`` with the number of a signal, by default to exit, unless the signal is ignored (``nohup``).
+
+    Does nothing outside of the main thread, where no handler can be set.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for name in names:
+        number = getattr(signal, name, None)
+        if number and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda number, _: end(number))

@@ -1,0 +1,75 @@
+from pathlib import Path
+
+import lib3mf
+import numpy as np
+import pytest
+import trimesh
+
+from core.export.mesh import extract_mesh
+from core.export.mesh_formats import Mesh
+from core.export.simplify import simplify
+from core.models.library import load_model
+from core.models.model import Model
+from core.streams import run_to_end
+
+_RESOLUTION = 32
+_SIZES = 100, 400, 1500, 4000
+
+
+@pytest.fixture(scope="module", params=["chairs", "cars"])
+def meshes(request: pytest.FixtureRequest) -> list[Mesh]:
+    """Ten objects of a shipped model."""
+    model: Model = load_model(request.param)
+    return [run_to_end(extract_mesh(model, model.codes[index], _RESOLUTION)) for index in range(10)]
+
+
+def bodies(vertices: np.ndarray, faces: np.ndarray) -> int:
+    return trimesh.Trimesh(vertices, faces, process=False).body_count
+
+
+@pytest.mark.parametrize("triangles", _SIZES)
+def test_a_surface_of_any_size_is_closed_and_has_all_its_bodies(meshes: list[Mesh], triangles: int) -> None:
+    for mesh in meshes:
+        vertices, faces = run_to_end(simplify(mesh.vertices, mesh.faces, triangles))
+        assert len(faces) <= max(triangles, 4 * bodies(mesh.vertices, mesh.faces)) or len(faces) == len(mesh.faces)
+        edges = np.sort(np.concatenate((faces[:, :2], faces[:, 1:], faces[:, ::2])), 1)
+        assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+        assert len(np.unique(np.sort(faces, 1), axis=0)) == len(faces)
+        assert bodies(vertices, faces) == bodies(mesh.vertices, mesh.faces)
+        assert len(np.unique(vertices, axis=0)) == len(vertices)
+        assert trimesh.Trimesh(vertices, faces, process=False).is_winding_consistent
+
+
+def read_by_lib3mf(path: Path) -> list[lib3mf.MeshObject]:
+    model = lib3mf.get_wrapper().CreateModel()
+    model.QueryReader(path.suffix[1:]).ReadFromFile(str(path))
+    found = model.GetMeshObjects()
+    read = []
+    while found.MoveNext():
+        read.append(found.GetCurrentMeshObject())
+    return read
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".3mf"])
+@pytest.mark.parametrize("triangles", _SIZES)
+def test_two_other_readers_find_a_closed_surface_in_files_for_printers(
+    meshes: list[Mesh], triangles: int, suffix: str, tmp_path: Path
+) -> None:
+    mesh, path = meshes[0], tmp_path / f"chair{suffix}"
+    vertices, faces = run_to_end(simplify(mesh.vertices, mesh.faces, triangles))
+    Mesh(vertices, np.zeros_like(vertices), np.zeros_like(vertices), faces, ()).save(path)
+    read = trimesh.load_scene(path).to_mesh()
+    read.merge_vertices()
+    assert read.is_watertight
+    assert read.body_count == bodies(mesh.vertices, mesh.faces)
+    (found,) = read_by_lib3mf(path)
+    assert found.IsManifoldAndOriented()
+    assert found.GetTriangleCount() == len(faces)
+
+
+def test_a_tetrahedron_is_left_as_it_is() -> None:
+    body = trimesh.creation.icosphere(2)
+    both = trimesh.util.concatenate((body, body.copy().apply_translation((3, 0, 0))))
+    vertices, faces = run_to_end(simplify(np.array(both.vertices), np.array(both.faces), 1))
+    assert bodies(vertices, faces) == 2
+    assert len(faces) >= 8

@@ -1,0 +1,61 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.export.frames import render_frames
+from core.export.keyframes import View
+from core.models.model import Model
+from core.models.open_models import OpenModels, model_of
+from tests.conftest import open_models, random_model
+
+
+@pytest.fixture
+def other() -> Model:
+    return replace(random_model(5), category="cars")
+
+
+def test_each_object_finds_its_model(model: Model, other: Model) -> None:
+    models = open_models(model, other)
+    assert models.of(model.codes[1]) is model and models.of(other.codes.mean) is other
+    assert model_of(models, other.codes[0]) is other and model_of(model, other.codes[0]) is model
+    assert models.of_category("cars") is other and models.of_category("tables") is None
+    assert list(models) == [model, other]
+
+
+def test_a_model_is_loaded_once_under_any_of_its_names(model: Model) -> None:
+    loaded = list[str]()
+
+    def load(name: str) -> Model:
+        loaded.append(name)
+        return replace(model)
+
+    models = OpenModels(load)
+    assert models.open("chairs") is models.open("chairs") is models.open("/home/chairs.safetensors")
+    assert loaded == ["chairs", "/home/chairs.safetensors"] == list(models.names)
+    assert len(list(models)) == 1
+
+
+def test_codes_of_a_former_model_are_of_the_one_that_extends_it(model: Model, other: Model) -> None:
+    extended = replace(other, extends=(model.fingerprint,))
+    assert open_models(extended).of(model.codes[0]) is extended
+    with pytest.raises(ValueError, match="a model that is not open"):
+        open_models(other).of(model.codes[0])
+
+
+def test_codes_of_two_models_are_told_apart_and_not_mixed(model: Model, other: Model) -> None:
+    mine, same = model.codes[0], replace(model.codes[0], model=other.fingerprint)
+    assert mine != same
+    for mix in (lambda: mine.mixed(same, 0.5, 0.5), lambda: mine.taking("shape", same)):
+        with pytest.raises(ValueError, match="different models"):
+            mix()
+
+
+def test_frames_of_two_models_follow_each_other(model: Model, other: Model) -> None:
+    def frames(models: Model | OpenModels, *views: View) -> list[np.ndarray]:
+        return [image for image in render_frames(models, views, 8, None, exact=True) if image is not None]
+
+    first, second = (View(one.codes[0], one.camera(0.3, 0.2)) for one in (model, other))
+    both = frames(open_models(model, other), first, second, first)
+    for image, alone in zip(both, [*frames(model, first), *frames(other, second), *frames(model, first)], strict=True):
+        np.testing.assert_array_equal(image, alone)

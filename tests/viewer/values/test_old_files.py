@@ -1,0 +1,31 @@
+"""Preferences and models of former versions; projects and scenes are tested where they are read."""
+
+from pathlib import Path
+
+import pytest
+
+from core.models.model import Model
+from tests.conftest import random_model
+from viewer.values.preferences import Preferences
+
+_FOLDER = Path(__file__).parents[2] / "files"
+_COMMITS = sorted(path.name for path in _FOLDER.iterdir() if path.is_dir())
+
+
+@pytest.mark.parametrize("commit", _COMMITS)
+def test_preferences_of_before_are_kept(commit: str) -> None:
+    found = Preferences.load(_FOLDER / commit)
+    assert not found.dark
+    assert found.recent == ("/photos/chair.png",)
+
+
+@pytest.mark.parametrize("commit", _COMMITS)
+def test_models_of_before_open(commit: str) -> None:
+    found, now = Model.load(_FOLDER / commit / "model.safetensors"), random_model()
+    assert (found.category, found.image_size, found.focal, found.extent) == (
+        now.category,
+        now.image_size,
+        now.focal,
+        now.extent,
+    )
+    assert found.codes.mean.shape.shape == now.codes.mean.shape.shape
