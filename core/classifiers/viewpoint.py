@@ -23,6 +23,10 @@ _UNIFORM_MIX = 0.05
 """Share of the uniform distribution in every prediction: how often the network is confident and wrong."""
 _KERNEL_WIDTH = math.radians(12)
 """A direction between those of the grid has the probability of those that are so near."""
+_WITNESS_RIGHT, _WITNESS_MIRRORED, _WITNESS_WRONG = 0.55, 0.35, 0.1
+_WITNESS_WIDTH = math.radians(20)
+"""How often Objectron's azimuth is right, its mirror image is, or neither: of renders of validation and foreign chairs.
+"""
 
 
 class ViewpointClassifier(CropClassifier):
@@ -63,6 +67,19 @@ def predict_viewpoint(
     return torch.lerp(
         classifier(crop_to_object(pixels, mask)[None])[0].softmax(-1), torch.tensor(1 / _DIRECTIONS), _UNIFORM_MIX
     )
+
+
+def with_azimuth(probability: Float[Tensor, "directions"], azimuth: float) -> Float[Tensor, "directions"]:
+    """Return the probabilities of directions given an azimuth (rad) that a second witness tells.
+
+    The witness may mistake front and back for each other (-azimuth), or be wrong altogether.
+    """
+    likelihood = torch.full((_DIRECTIONS,), _WITNESS_WRONG / _DIRECTIONS)
+    for told, share in ((azimuth, _WITNESS_RIGHT), (-azimuth, _WITNESS_MIRRORED)):
+        apart = torch.remainder(directions()[0] - told + math.pi, 2 * math.pi) - math.pi
+        near = (-(apart / _WITNESS_WIDTH).square() / 2).exp()
+        likelihood += share * near / near.sum()
+    return probability * likelihood / (probability * likelihood).sum()
 
 
 def viewpoint_nll(

@@ -11,12 +11,11 @@ from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
 
-import torch
 from tqdm import tqdm
 
 from core.cli.explain import write_page
 from core.cli.progress import wait_for_view_bank
-from core.fitting.category_check import describe_category, guess_category, likelier_model, other_model
+from core.fitting.category_check import describe_category, likelier_model, other_model
 from core.fitting.confidence import DOUBTFUL
 from core.fitting.explain import explain
 from core.fitting.fit import PRESETS, FitJob, FitStep, RunnerUp
@@ -32,6 +31,7 @@ from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.runtime.files import require_writable, save_or_elsewhere
 
+_AS_PROMINENT = 0.7  # prominence over that of the first object from which a second one is offered
 _TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
 
@@ -39,7 +39,8 @@ def fit(chosen: argparse.Namespace) -> None:
     """``fit``: camera and codes of the object in the images; the last line on stdout is the result as JSON."""
     if chosen.pose and len(chosen.pose) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
-    for given, plural in ((chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks")):
+    pointed = (chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks"), (chosen.object, "object numbers")
+    for given, plural in pointed:
         if given and len(given) != len(chosen.images):
             raise ValueError(f"{len(chosen.images)} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
@@ -53,7 +54,7 @@ def fit(chosen: argparse.Namespace) -> None:
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     poses = chosen.pose or [None] * len(chosen.images)
     nothing = [None] * len(chosen.images)
-    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing)
+    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
     clock = Stopwatch()
     masks = chosen.mask or nothing
     cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
@@ -61,7 +62,7 @@ def fit(chosen: argparse.Namespace) -> None:
     with clock("view_bank"):
         wait_for_view_bank(model)
     photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
-    guess = guess_category(photos[0].pixels, photos[0].mask)
+    guess = photos[0].categories
     if said := describe_category(guess, model.category) or ("" if chosen.model else other_model(guess)):
         print(f"python -m core: {said}", file=sys.stderr)
     with clock("search"):
@@ -83,7 +84,16 @@ def fit(chosen: argparse.Namespace) -> None:
 
 def probable_model(cut: CutOut) -> str:
     """The model of the category that an image likeliest shows."""
-    return likelier_model(guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask)))
+    return likelier_model(cut.categories)
+
+
+def other_objects(cut: CutOut, hints: Hints | None) -> str:
+    """The note on further objects that are about as prominent as the one cut out; "" without any."""
+    if hints or cut.confidence == 1 or len(cut.detections) < 2:
+        return ""
+    first, second = cut.detections[:2]
+    near = second.prominence > _AS_PROMINENT * first.prominence
+    return f"{len(cut.detections)} objects are found: --object 2 fits the next one" if near else ""
 
 
 class Stopwatch:
@@ -112,6 +122,8 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
         if cut.confidence < DOUBTFUL_MASK:
             told = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by}): --point, --box or --mask helps"
             print(f"python -m core: {path}: {told}", file=sys.stderr)
+        if not mask and (said := other_objects(cut, hints)):
+            print(f"python -m core: {path}: {said}", file=sys.stderr)
         return cut
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
@@ -138,10 +150,12 @@ def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
     return steps
 
 
-def _hints(image: Path, box: tuple[float, ...] | None, point: tuple[float, float] | None) -> Hints | None:
-    """A box or a point in px of the upright image, the box as far as it is inside."""
+def _hints(
+    image: Path, box: tuple[float, ...] | None, point: tuple[float, float] | None, number: int | None
+) -> Hints | None:
+    """A box or a point in px of the upright image, the box as far as it is inside, or the number of an object."""
     if box is None and point is None:
-        return None
+        return Hints(object=number - 1) if number else None
     width, height = upright_size(image)
     try:
         if point is not None:

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.classifiers.viewpoint import predict_viewpoint
+from core.classifiers.viewpoint import predict_viewpoint, with_azimuth
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
@@ -132,7 +132,9 @@ class Problem:
 def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:
     if model.viewpoint_classifier is None or photo.camera:
         return None
-    return predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
+    probability = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
+    told = photo.azimuth if model.category == "chairs" else None
+    return probability if told is None else with_azimuth(probability, told)
 
 
 def nominal_camera(photo: Photo, model: Model) -> Camera:

@@ -59,6 +59,10 @@ class Photo:
     :func:`core.models.photo_detail.compressed` has it: colours on white and opacity; None where no more is known"""
     mask_confidence: float = 1.0
     """the probability that the mask is the object, the whole of it and little else"""
+    categories: dict[str, float] = field(default_factory=dict)
+    """the probability of each category that has a model; empty where nothing is known"""
+    azimuth: float | None = None
+    """rad, from which a chair is seen as far as its 3D box tells; front and back may be mistaken for each other"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -242,6 +246,8 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
         blur=blur,
         fine=fine,
         mask_confidence=cut.confidence,
+        categories=cut.categories,
+        azimuth=cut.azimuth,
     )
 
 

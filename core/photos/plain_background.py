@@ -33,27 +33,28 @@ class NoBackgroundError(ValueError):
 
 
 class PlainBackground(NamedTuple):
-    """Where an image shows a plain background."""
+    """A plain background that an image shows beyond doubt."""
 
     mask: Bool[np.ndarray, "height width"]
     """True on the background"""
     white: bool
     """as in training images"""
-    certain: bool
-    """The border is of one even colour, and the rest is one object that does not touch it."""
 
 
 def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
-    """The plain background of an image (sRGB, 0..1); None where the border shows none.
+    """Find the plain background of an image (sRGB, 0..1).
+
+    None unless the border is of one even colour, and the rest is one object that hardly touches it, or nothing.
 
     The background's colour may change slowly over the image (a wall lit from one side). It spreads from the border over
     what is similar, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the
     object's unless they are as the background is (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
-    if (found := _background_colour(lab)) is None:
+    found = _background_colour(lab)
+    if found is None or found[1] >= _EVEN or found[2] <= _EVEN_BORDER:
         return None
-    model, noise, share = found
+    model, noise, _ = found
     distance = np.linalg.norm(lab - model, axis=-1)
     alike = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
     outside = connected_to_border(alike | _shaded(lab, model))
@@ -63,8 +64,9 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
     areas[0] = 0
     outside |= (areas > 4e-4 * outside.size)[pieces]
     lightness, chroma = model[..., 0].min(), np.abs(model[..., 1:]).max()
-    plain = noise < _EVEN and share > _EVEN_BORDER
-    return PlainBackground(outside, bool(lightness > 96 and chroma < 3), plain and _is_compact(~outside))
+    if not (outside.all() or _is_compact(~outside)):
+        return None
+    return PlainBackground(outside, bool(lightness > 96 and chroma < 3))
 
 
 def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from core.fitting.category_check import guess_category, likelier_model
+from core.fitting.category_check import likelier_model
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera, camera_rotation
 from core.geometry.pixels import bounding_box
@@ -98,7 +98,7 @@ def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
     """What becomes of one photo."""
     began = time.process_time()
     cut = cut_out(read_rgba(path))
-    taken_for = likelier_model(guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask)))
+    taken_for = likelier_model(cut.categories)
     model = load_model(taken_for)
     run_to_end(build_view_bank(model))
     *_, last = fit(model, FitJob((prepare_photo(cut, model),), PRESETS[preset]))

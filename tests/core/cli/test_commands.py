@@ -14,7 +14,6 @@ import torch
 from PIL import ExifTags, Image
 
 from core.__main__ import main
-from core.classifiers.category import CategoryClassifier
 from core.cli import fit as fitting
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
@@ -221,10 +220,6 @@ def test_dataset_train_and_render_from_nothing():
     looks = load_model("looks.safetensors")
     assert looks.fingerprint == before.fingerprint
     assert looks.viewpoint_classifier is not None
-    write_object(Path("other"), replace(objects[0], name="boat"))
-    write_manifest(Path("other"), "boats", {})
-    run("train-category d other --steps 2 --out c.safetensors")
-    assert CategoryClassifier.load(Path("c.safetensors")).categories == ("boats", "chairs")
 
 
 def test_train_parts_adds_a_part_head(capsys):
@@ -272,7 +267,6 @@ def fit_ends(monkeypatch: pytest.MonkeyPatch) -> Callable[[FitStep], None]:
     drawing.save("a.png")
     photo = Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     monkeypatch.setattr(fitting, "prepare_photo", lambda *_: photo)
-    monkeypatch.setattr(fitting, "guess_category", lambda *_: {})
     return lambda step: monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
 
 
