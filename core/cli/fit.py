@@ -13,7 +13,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from core.cli.explain import write_page
+from core.cli.explain import draw_detections, write_page
 from core.cli.progress import wait_for_view_bank
 from core.fitting.category_check import describe_category, likelier_model, other_model
 from core.fitting.confidence import DOUBTFUL
@@ -76,7 +76,8 @@ def fit(chosen: argparse.Namespace) -> None:
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
     if chosen.explain:
-        write_page(model, job, explain(model, job, steps), chosen.explain)
+        seen = draw_detections(read_rgba(chosen.images[0]), cuts[0])
+        write_page(model, job, explain(model, job, steps), chosen.explain, seen)
     if chosen.out:
         codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
         save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)

@@ -133,8 +133,13 @@ def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None
     if model.viewpoint_classifier is None or photo.camera:
         return None
     probability = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
-    told = photo.azimuth if model.category == "chairs" else None
+    told = told_azimuth(model, photo)
     return probability if told is None else with_azimuth(probability, told)
+
+
+def told_azimuth(model: Model, photo: Photo) -> float | None:
+    """The azimuth (rad) that the 3D box of a chair tells; None with other models or where the camera is known."""
+    return photo.azimuth if model.category == "chairs" and photo.camera is None else None
 
 
 def nominal_camera(photo: Photo, model: Model) -> Camera:

@@ -13,6 +13,8 @@ from core.runtime.networks import NETWORKS, run_network
 _SIDE = 224  # px of the network's input
 _ROOM = 1.5  # side of the crop over that of the object's box; of 1.0 to 1.6 best on renders of validation objects
 _FOCAL = 1.5  # image heights; from 0.8 to 2.5 the azimuth hardly changes
+EDGES = tuple((1 + one, 1 + one + step) for step in (1, 2, 4) for one in range(8) if not one & step)
+"""Pairs of corners that an edge of the box joins."""
 _SIGNS = np.array([(0, 0, 0), *((x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))])
 """The centre and the corners as sums of the half edges X (right), Y (up) and Z (to the front)."""
 

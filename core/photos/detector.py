@@ -19,6 +19,7 @@ Box = tuple[float, float, float, float]
 _SIDE = 300  # px of the network's input
 _CLASSES = {"chairs": (5,), "cars": (18, 23)}  # of Open Images: chair; vehicle and car
 _MIN_SCORE = 0.16  # 26 of 26 photographs have the right category above it
+_MIN_OTHER = 0.3  # the same of objects beside the most prominent one
 _SAME = 0.5  # intersection over union from which two boxes show one object
 _CENTRE_SCALE, _SIZE_SCALE = 10.0, 5.0  # of the encoded boxes, as the network was trained
 _MISSED = 0.2  # probability of each category where nothing is detected: the detector misses some toys and drawings
@@ -111,7 +112,8 @@ def _detect(pixels: bytes) -> tuple[Detection, ...]:
         one = Detection((left, top, right, bottom), dict(zip(_CLASSES, each[index].tolist(), strict=True)))
         if all(box_overlap(one.box, other.box) < _SAME for other in kept):  # non-maximum suppression
             kept.append(one)
-    return tuple(sorted(kept, key=lambda one: -one.prominence))
+    kept.sort(key=lambda one: -one.prominence)
+    return (*kept[:1], *(one for one in kept[1:] if one.score >= _MIN_OTHER))
 
 
 def _decode(encoded: Float[np.ndarray, "anchors 4"]) -> Float[np.ndarray, "anchors 4"]:

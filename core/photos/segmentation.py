@@ -63,8 +63,14 @@ class CutOut:
     """all chairs and cars of the image, the most prominent first"""
     categories: dict[str, float] = field(default_factory=dict)
     """the probability of each category that has a model; empty where nothing is known"""
-    azimuth: float | None = None
-    """rad, from which a chair is seen as far as its 3D box tells; front and back may be mistaken for each other"""
+    corners: Float[np.ndarray, "9 2"] | None = None
+    """of a chair's 3D box, as :func:`core.photos.chair_box.chair_corners` finds them; None of anything else"""
+
+    @property
+    def azimuth(self) -> float | None:
+        """The azimuth (rad) that the 3D box tells; front and back may be mistaken for each other."""
+        height, width = self.mask.shape
+        return None if self.corners is None else chair_azimuth(self.corners, width / height)
 
 
 class Stroke(NamedTuple):
@@ -133,10 +139,10 @@ def _described(cut: CutOut, image: Image.Image, found: tuple[Detection, ...] | N
     if seen is None:
         # Renders, drawings and toys on white may be of a category that the detector does not recognise in them.
         return replace(cut, categories={} if cut.white or found is None else missed())
-    azimuth = None
-    if seen.category == "chairs" and (corners := chair_corners(_rgb(image), seen.box)) is not None:
-        azimuth = chair_azimuth(corners, image.width / image.height)
-    return replace(cut, categories=seen.probabilities, azimuth=azimuth)
+    # Of renders and cut-outs on white, the viewpoint classifier, which was trained on renders, knows more.
+    boxed = seen.category == "chairs" and not cut.white
+    corners = chair_corners(_rgb(image), seen.box) if boxed else None
+    return replace(cut, categories=seen.probabilities, corners=corners)
 
 
 def _cut_out(image: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:

@@ -9,6 +9,7 @@ from core.classifiers.viewpoint import (
     directions,
     predict_viewpoint,
     viewpoint_nll,
+    with_azimuth,
 )
 from tests.core.classifiers.test_crops import square
 
@@ -33,3 +34,20 @@ def test_the_likeliest_camera_has_no_nll_and_its_opposite_has():
     at, twin = viewpoint_nll(probability, azimuth[30] + torch.tensor([0.0, math.pi]), elevation[30].expand(2))
     assert float(at) == pytest.approx(0, abs=1e-3)
     assert float(twin) > 3
+
+
+def test_a_witness_raises_its_azimuth_most_and_its_mirror_image_next():
+    azimuth, _ = directions()
+    uniform = torch.full_like(azimuth, 1 / len(azimuth))
+    found = with_azimuth(uniform, math.radians(60))
+    assert float(found.sum()) == pytest.approx(1, abs=1e-5)
+    at, mirrored, beside = (found[int((azimuth - math.radians(one)).abs().argmin())] for one in (60, 300, 180))
+    assert at > 2 * mirrored > 4 * beside > 0
+    torch.testing.assert_close(with_azimuth(uniform, math.radians(60 - 720)), found)
+
+
+def test_a_witness_cannot_overrule_certainty():
+    azimuth, _ = directions()
+    certain = torch.zeros_like(azimuth)
+    certain[5] = 1.0
+    torch.testing.assert_close(with_azimuth(certain, float(azimuth[5]) + math.pi), certain)

@@ -22,7 +22,9 @@ from core.lab.datasets.srn import read_dataset, write_manifest, write_object
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
+from core.photos.detector import Detection
 from core.photos.photo import Photo
+from core.photos.segmentation import Hints
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model
 
@@ -314,6 +316,24 @@ def test_a_box_is_in_pixels_of_the_upright_image(file, capsys, monkeypatch):
     assert "no inside within the image of 200x400 px" in printed
     assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in printed
     assert "1 images need as many boxes, got 2" in printed
+
+
+def test_the_number_of_an_object_says_which_and_a_second_one_is_mentioned(file, capsys, monkeypatch, fit_ends):
+    given, box = [], (0.2, 0.2, 0.6, 0.6)
+    cut = fitting.cut_out(Image.open("a.png").convert("RGBA"))
+    two = tuple(Detection(box, {"chairs": score, "cars": 0.0}) for score in (0.8, 0.7))
+
+    def find(image, hints):
+        given.append(hints)
+        return replace(cut, confidence=0.8, detections=two)
+
+    monkeypatch.setattr(fitting, "cut_out", find)
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (load_model(file).camera(0.3, 0.3),), load_model(file).codes[0]))
+    run(f"fit a.png --model {file} --object 2")
+    assert given == [Hints(object=1)]
+    assert capsys.readouterr().err == ""
+    run(f"fit a.png --model {file}")
+    assert "a.png: 2 objects are found: --object 2 fits the next one" in capsys.readouterr().err
 
 
 def test_a_point_or_a_mask_says_where_the_object_is(file, capsys, monkeypatch):
