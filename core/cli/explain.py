@@ -148,7 +148,7 @@ def _finalists(images: _Images, photo: Photo, found: Explanation) -> Iterator[st
     confidence = "not known" if last.confidence is None else f"{last.confidence:.2f}"
     margin = "not known" if last.margin is None else f"{last.margin:.2f}"
     off = "not known" if last.uncertainty is None else f"{last.uncertainty:.1f}°"
-    told = "" if photo.azimuth is None else f" The 3D box tells azimuth {math.degrees(photo.azimuth) % 360:.0f}°."
+    told = "" if photo.direction is None else f" The 3D box tells {_degrees(*photo.direction)}."
     yield f"<p>Confidence {confidence}: margin (logarithm) {margin}, uncertainty {off}, {last.psnr:.1f} dB.{told}</p>"
 
 

@@ -79,19 +79,22 @@ def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION,
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
 
 
-def witness_odds(told: float | None, azimuth: float) -> float:
-    """What an azimuth that is told otherwise (rad, or None) adds to the logarithm of the odds of a camera's.
+def witness_odds(told: tuple[float, float] | None, azimuth: float) -> float:
+    """Return what a second witness adds to the logarithm of the odds that a camera's azimuth (rad) is right.
+
+    Args:
+        told: the azimuth and elevation of the witness (rad); None where there is none.
 
     Example:
-        >>> [witness_odds(told, 1.0) for told in (1.2, -1.2, 2.5, None)]
+        >>> [witness_odds(told and (told, 0.3), 1.0) for told in (1.2, -1.2, 2.5, None)]
         [0.7, -0.3, -1.2, 0.0]
     """
     if told is None:
         return 0.0
     near = math.cos(math.radians(_WITNESS_DEGREES))
-    if math.cos(azimuth - told) > near:
+    if math.cos(azimuth - told[0]) > near:
         return _AGREES
-    return _MIRRORED if math.cos(azimuth + told) > near else _CONTRADICTS
+    return _MIRRORED if math.cos(azimuth + told[0]) > near else _CONTRADICTS
 
 
 def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:

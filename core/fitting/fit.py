@@ -17,7 +17,7 @@ from core.fitting.confidence import witness_odds
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_detail import with_photo_detail
-from core.fitting.problem import Problem, told_azimuth
+from core.fitting.problem import Problem, told_direction
 from core.fitting.schedule import Schedule, build_schedule, stage_numbers
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
@@ -53,10 +53,9 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             cameras[view] = camera
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
         margin = None if job.resume_from else shown.margin
-        told = (
-            witness_odds(told_azimuth(model, photo), at.azimuth) for photo, at in zip(job.photos, cameras, strict=True)
-        )
-        shown = replace(shown, cameras=tuple(cameras), margin=margin, witness=sum(told))
+        told = zip(map(partial(told_direction, model), job.photos), cameras, strict=True)
+        witness = sum(witness_odds(direction, camera.azimuth) for direction, camera in told)
+        shown = replace(shown, cameras=tuple(cameras), margin=margin, witness=witness)
         shown = replace(shown, category_likelihood=likelihood, mask_confidence=masks)
         yield with_photo_detail(model, job.photos, shown) if state.finished else shown
 

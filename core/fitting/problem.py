@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.classifiers.viewpoint import predict_viewpoint, with_azimuth
+from core.classifiers.viewpoint import predict_viewpoint, with_witness
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
@@ -133,13 +133,13 @@ def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None
     if model.viewpoint_classifier is None or photo.camera:
         return None
     probability = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
-    told = told_azimuth(model, photo)
-    return probability if told is None else with_azimuth(probability, told)
+    told = told_direction(model, photo)
+    return probability if told is None else with_witness(probability, *told)
 
 
-def told_azimuth(model: Model, photo: Photo) -> float | None:
-    """The azimuth (rad) that the 3D box of a chair tells; None with other models or where the camera is known."""
-    return photo.azimuth if model.category == "chairs" and photo.camera is None else None
+def told_direction(model: Model, photo: Photo) -> tuple[float, float] | None:
+    """Azimuth and elevation (rad) that a chair's 3D box tells; None with other models or where the camera is known."""
+    return photo.direction if model.category == "chairs" and photo.camera is None else None
 
 
 def nominal_camera(photo: Photo, model: Model) -> Camera:

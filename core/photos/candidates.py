@@ -66,15 +66,11 @@ def _fit(candidate: Candidate, box: Box) -> float:
     return box_overlap(share_box(candidate.opacity > 0.5), box) + _PREFERRED * (candidate.found_by == "network")
 
 
-def by_network(image: Image.Image, box: Box) -> Candidate | None:
+def by_network(image: Image.Image, box: Box) -> Candidate:
     """The saliency network's mask of what it sees in a box, and all faint in it too."""
-    left, top, right, bottom = window = _in_pixels(_scaled(box, _ROOM), image)
-    found = predict_saliency(image.crop(window))
-    if found is None:
-        return None
-    salient = np.zeros((image.height, image.width), np.float32)
-    salient[top:bottom, left:right] = (found * (0.5 / _HINT)).clip(0, 1)
-    side = max(right - left, bottom - top)
+    window = _in_pixels(_scaled(box, _ROOM), image)
+    salient = (_salient(image, window) * (0.5 / _HINT)).clip(0, 1)
+    side = max(window[2] - window[0], window[3] - window[1])
     # Inside an object the network may be unsure what it sees, but not that there is something.
     inside = binary_erosion(salient > 0.5, iterations=max(1, round(_NETWORK_ERROR * side)))
     return Candidate("network", np.where(inside, np.float32(1), salient), _NETWORK_ERROR * side)
@@ -100,26 +96,31 @@ def by_place(image: Image.Image, boxes: list[Box]) -> Candidate:
     return Candidate("nothing but its place", opacity)
 
 
-def salient_box(image: Image.Image) -> Box:
-    """The box of what the saliency network sees in an image; its middle where that is nothing."""
-    found = predict_saliency(image)
-    return share_box(found > 0.5) if found is not None and (found > 0.5).any() else _MIDDLE
+def salient_box(image: Image.Image, inside: tuple[int, int, int, int]) -> Box:
+    """The box of what the saliency network sees in a part of an image (px); its middle where that is nothing."""
+    salient = _salient(image, inside) > 0.5
+    return share_box(salient) if salient.any() else _MIDDLE
 
 
 def box_at(image: Image.Image, point: tuple[float, float]) -> Box:
     """The box of what the saliency network sees at a point (shares of width and height)."""
     for share in _WINDOWS:
-        left, top, right, bottom = window = _in_pixels(_around(point, share, image), image)
-        salient = np.zeros((image.height, image.width), bool)
-        found = predict_saliency(image.crop(window))
-        if found is not None:
-            salient[top:bottom, left:right] = found > 0.5
-        if (piece := piece_at(salient, point)).any():
+        salient = _salient(image, _in_pixels(_around(point, share, image), image))
+        if (piece := _piece_at(salient > 0.5, point)).any():
             return share_box(piece)
     return _around(point, _POINTED, image)
 
 
-def piece_at(mask: Bool[np.ndarray, "height width"], point: tuple[float, float]) -> Bool[np.ndarray, "height width"]:
+def _salient(image: Image.Image, window: tuple[int, int, int, int]) -> Float[np.ndarray, "height width"]:
+    """What the saliency network sees in a window (px) of an image, 0..1; nothing without the network."""
+    left, top, right, bottom = window
+    whole, found = np.zeros((image.height, image.width), np.float32), predict_saliency(image.crop(window))
+    if found is not None:
+        whole[top:bottom, left:right] = found
+    return whole
+
+
+def _piece_at(mask: Bool[np.ndarray, "height width"], point: tuple[float, float]) -> Bool[np.ndarray, "height width"]:
     """The connected piece of a mask that holds a point; nothing where the point is beside the mask."""
     height, width = mask.shape
     pieces, _ = label(mask, np.ones((3, 3)))

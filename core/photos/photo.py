@@ -61,8 +61,8 @@ class Photo:
     """the probability that the mask is the object, the whole of it and little else"""
     categories: dict[str, float] = field(default_factory=dict)
     """the probability of each category that has a model; empty where nothing is known"""
-    azimuth: float | None = None
-    """rad, from which a chair is seen as far as its 3D box tells; front and back may be mistaken for each other"""
+    direction: tuple[float, float] | None = None
+    """azimuth and elevation (rad) that the 3D box of a chair tells; front and back may be mistaken for each other"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -247,7 +247,7 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
         fine=fine,
         mask_confidence=cut.confidence,
         categories=cut.categories,
-        azimuth=cut.azimuth,
+        direction=cut.direction,
     )
 
 

@@ -7,20 +7,13 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_gradient_magnitude, label
 from skimage.color import rgb2lab
 
-_BACKGROUND_DISTANCE = 9.0
-"""CIE76 colour distance up to which a pixel is the background's colour; about four just noticeable differences"""
-_SHADOW_LIGHTNESS = 30.0
-"""lightness that soft light or shadow may change"""
-_EDGE_SLOPE = 1000.0
-"""CIE76 per length of the image: a slope steeper than this is an edge"""
-_EVEN = 2.5
-"""CIE76: a border that wavers less than this is of one colour beyond doubt"""
-_EVEN_BORDER = 0.97
-"""share of the border that must be the background's for it to be plain beyond doubt"""
-_ONE_OBJECT = 0.8
-"""share of the foreground that one object makes up"""
-_FREE_BORDER = 0.02
-"""share of the border that an object may touch"""
+_BACKGROUND_DISTANCE = 9.0  # CIE76 up to which a pixel is of the background's colour: four noticeable differences
+_SHADOW_LIGHTNESS = 30.0  # lightness that soft light or shadow may change
+_EDGE_SLOPE = 1000.0  # CIE76 per length of the image: a steeper slope is an edge
+_EVEN = 2.5  # CIE76: a border that wavers less is of one colour
+_EVEN_BORDER = 0.97  # share of the border that must be the background's
+_ONE_OBJECT = 0.8  # share of the foreground that one object makes up
+_FREE_BORDER = 0.02  # share of the border that an object may touch
 
 
 class NoBackgroundError(ValueError):
@@ -35,10 +28,8 @@ class NoBackgroundError(ValueError):
 class PlainBackground(NamedTuple):
     """A plain background that an image shows beyond doubt."""
 
-    mask: Bool[np.ndarray, "height width"]
-    """True on the background"""
-    white: bool
-    """as in training images"""
+    mask: Bool[np.ndarray, "height width"]  # True on the background
+    white: bool  # as in training images
 
 
 def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:

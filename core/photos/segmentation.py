@@ -11,75 +11,54 @@ from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_ed
 
 from core.geometry.pixels import bounding_box, to_bytes
 from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
-from core.photos.chair_box import chair_azimuth, chair_corners
+from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import lens_focal
 from core.photos.detector import Box, Detection, detect, detection_of, missed
-from core.photos.frames import Box as FrameBox
 from core.photos.frames import fill, find_frame, is_sliver
 from core.photos.grabcut import grabcut
 from core.photos.plain_background import NoBackgroundError, find_background
 
-MIN_SIDE = 8
-"""px: an image with a shorter side than this shows nothing to fit."""
-_MIN_OBJECT_PIXELS = 12
-"""px of an object: with fewer it shows nothing to fit."""
-_PIECE, _SPECK = 0.2, 0.01
-"""of the largest piece: pieces that are kept wherever they are, and those that are kept near it"""
-_NEAR = 0.1
-"""of its size"""
-_FAINT = 0.1
-"""Between this opacity and 1 less this, nothing is decided."""
-_SAME = 0.97
-"""intersection over union from which two masks are one"""
-_THRESHOLD = 0.5
-"""opacity from which a pixel belongs to the object"""
-_REACH = 2.0
-"""Radii from a stroke up to which it changes what was found: who wipes a shadow away wants to keep the wheels."""
+MIN_SIDE = 8  # px: an image with a shorter side shows nothing to fit
+_MIN_OBJECT_PIXELS = 12  # px: a smaller object shows nothing to fit
+_PIECE, _SPECK = 0.2, 0.01  # of the largest piece: pieces kept wherever they are, and those kept near it
+_NEAR = 0.1  # of the largest piece's size: the distance of specks that are kept
+_FAINT = 0.1  # between this opacity and 1 less this, nothing is decided
+_SAME = 0.97  # intersection over union from which two masks are one
+_THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
+_REACH = 2.0  # radii from a stroke within which pixels may change
 
 
 @dataclass(frozen=True, eq=False)
 class CutOut:
     """An image at the size it was cut out."""
 
-    pixels: Float[np.ndarray, "height width 3"]
-    """0..1, on white"""
+    pixels: Float[np.ndarray, "height width 3"]  # 0..1, on white
     mask: Bool[np.ndarray, "height width"]
-    white: bool
-    """the background was white or clear, as in training images"""
+    white: bool  # the background was white or clear, as in training images
     opacity: Float[np.ndarray, "height width"]
     """0..1, of the object; the mask is where it is more than the threshold, a half unless hints say so"""
-    edge_error: float = 0.0
-    """px by which the edges may be off"""
-    undecided: float = 0.0
-    """the share of the object's area where what found it saw neither object nor background"""
+    edge_error: float = 0.0  # px by which the edges may be off
+    undecided: float = 0.0  # share of the object's area that is neither surely object nor surely background
     found_by: str = ""
-    confidence: float = 1.0
-    """the probability that the mask is the object, the whole of it and little else"""
-    others: tuple["CutOut", ...] = ()
-    """the next masks, the likeliest first"""
-    focal: float | None = None
-    """px, where the image tells"""
-    detections: tuple[Detection, ...] = ()
-    """all chairs and cars of the image, the most prominent first"""
-    categories: dict[str, float] = field(default_factory=dict)
-    """the probability of each category that has a model; empty where nothing is known"""
-    corners: Float[np.ndarray, "9 2"] | None = None
-    """of a chair's 3D box, as :func:`core.photos.chair_box.chair_corners` finds them; None of anything else"""
+    confidence: float = 1.0  # probability that the mask is the whole object and little else
+    others: tuple["CutOut", ...] = ()  # the next masks, the likeliest first
+    focal: float | None = None  # px, where the image tells
+    detections: tuple[Detection, ...] = ()  # chairs and cars of the image, the most prominent first
+    categories: dict[str, float] = field(default_factory=dict)  # probability of each; empty where nothing is known
+    corners: Float[np.ndarray, "9 2"] | None = None  # of the 3D box of a chair in a photograph
 
     @property
-    def azimuth(self) -> float | None:
-        """The azimuth (rad) that the 3D box tells; front and back may be mistaken for each other."""
+    def direction(self) -> tuple[float, float] | None:
+        """Azimuth and elevation (rad) that the 3D box tells; front and back may be mistaken for each other."""
         height, width = self.mask.shape
-        return None if self.corners is None else chair_azimuth(self.corners, width / height)
+        return None if self.corners is None else chair_direction(self.corners, width / height)
 
 
 class Stroke(NamedTuple):
     """A line drawn over an image: what is under it belongs to the object, or does not."""
 
-    points: tuple[tuple[float, float], ...]
-    """shares of the image's width and height"""
-    radius: float
-    """a share of the longer side"""
+    points: tuple[tuple[float, float], ...]  # shares of the image's width and height
+    radius: float  # a share of the longer side
     adds: bool
 
 
@@ -87,17 +66,12 @@ class Stroke(NamedTuple):
 class Hints:
     """Hints from a person. Raises ``ValueError`` for a box without an inside."""
 
-    box: tuple[float, float, float, float] | None = None
-    """left, top, right, bottom in shares of width and height; the object is inside. None: where it is is known"""
+    box: Box | None = None  # the object is inside
     strokes: tuple[Stroke, ...] = ()
-    threshold: float = _THRESHOLD
-    """opacity, 0..1, from which a pixel belongs to an object that the alpha channel or the saliency network finds"""
-    points: tuple[tuple[float, float], ...] = ()
-    """shares of width and height: on each of them is the object, or a part of it"""
-    choice: int = 0
-    """which of the masks that are found: 0 is the likeliest"""
-    object: int = 0
-    """which of the detected objects: 0 is the most prominent"""
+    threshold: float = _THRESHOLD  # opacity, 0..1, from which a pixel belongs to the object
+    points: tuple[tuple[float, float], ...] = ()  # shares of width and height, each on the object or a part of it
+    choice: int = 0  # number of the mask among those found, the likeliest first
+    object: int = 0  # number of the detected object, the most prominent first
 
     def __post_init__(self) -> None:
         if min(self.choice, self.object) < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
@@ -158,19 +132,23 @@ def _cut_out(image: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> 
     elif clear.mean() > 0.001:
         opaque = Candidate("alpha channel", alpha, white=True, certain=True)
         return _on_white(np.asarray(rgb, np.float32) / 255, opaque, hints.threshold)
-    box = find_frame(np.asarray(rgb, np.float32) / 255)
-    return _within(box, rgb, hints, found) if box else _automatically(rgb, hints, found)
+    return _automatically(rgb, hints, found)
 
 
 def _automatically(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
-    """By a plain background, else in the box of the most prominent object."""
-    plain = find_background(colours := np.asarray(rgb, np.float32) / 255)
+    """By a plain background within the frame, else in the box of the most prominent object."""
+    colours = np.asarray(rgb, np.float32) / 255
+    frame = find_frame(colours)
+    left, top, right, bottom = inside = frame or (0, 0, *rgb.size)
+    plain = find_background(colours[top:bottom, left:right])
     if plain is None:
-        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb)], hints)
+        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb, inside)], hints)
     if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
-    opacity = (~plain.mask).astype(np.float32)
-    return _on_white(colours, Candidate("plain background", opacity, white=plain.white, certain=True))
+    opacity = np.zeros(colours.shape[:2], np.float32)
+    opacity[top:bottom, left:right] = ~plain.mask
+    white = plain.white and frame is None
+    return _on_white(colours, Candidate("plain background", opacity, white=white, certain=True))
 
 
 def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
@@ -203,28 +181,6 @@ def _box_at(rgb: Image.Image, point: tuple[float, float], found: tuple[Detection
     x, y = point
     there = [one.box for one in found if one.box[0] <= x <= one.box[2] and one.box[1] <= y <= one.box[3]]
     return min(there, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None) or box_at(rgb, point)
-
-
-def _within(frame: FrameBox, rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
-    """The object found in the part of an image that a frame leaves; beyond is background."""
-    inner = rgb.crop(frame)
-    width, height = rgb.size
-    origin = np.array((frame.left / width, frame.top / height) * 2)
-    scale = np.array((width / inner.width, height / inner.height) * 2)
-
-    def moved(one: Detection) -> Detection:
-        x0, y0, x1, y1 = np.clip((np.array(one.box) - origin) * scale, 0, 1).tolist()
-        return one._replace(box=(x0, y0, x1, y1))
-
-    def padded(cut: CutOut) -> CutOut:
-        around = (frame.top, height - frame.bottom), (frame.left, width - frame.right)
-        pixels = np.pad(cut.pixels, (*around, (0, 0)), constant_values=1)
-        return replace(
-            cut, pixels=pixels, mask=np.pad(cut.mask, around), opacity=np.pad(cut.opacity, around), white=False
-        )
-
-    cut = _automatically(inner, hints, tuple(map(moved, found)))
-    return replace(padded(cut), others=tuple(map(padded, cut.others)))
 
 
 def _rgb(image: Image.Image) -> Image.Image:

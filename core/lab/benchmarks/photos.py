@@ -121,7 +121,7 @@ def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
         _right_side(nearest, camera),
         last.psnr,
         last.confidence or 0.0,
-        None if cut.azimuth is None else math.degrees(cut.azimuth),
+        None if cut.direction is None else math.degrees(cut.direction[0]),
         time.process_time() - began,
     )
 

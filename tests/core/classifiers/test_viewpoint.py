@@ -9,7 +9,7 @@ from core.classifiers.viewpoint import (
     directions,
     predict_viewpoint,
     viewpoint_nll,
-    with_azimuth,
+    with_witness,
 )
 from tests.core.classifiers.test_crops import square
 
@@ -36,18 +36,29 @@ def test_the_likeliest_camera_has_no_nll_and_its_opposite_has():
     assert float(twin) > 3
 
 
-def test_a_witness_raises_its_azimuth_most_and_its_mirror_image_next():
-    azimuth, _ = directions()
+def test_a_witness_raises_its_direction_most_and_its_mirror_image_next():
+    azimuth, elevation = directions()
     uniform = torch.full_like(azimuth, 1 / len(azimuth))
-    found = with_azimuth(uniform, math.radians(60))
+    found = with_witness(uniform, math.radians(60), math.radians(25))
     assert float(found.sum()) == pytest.approx(1, abs=1e-5)
-    at, mirrored, beside = (found[int((azimuth - math.radians(one)).abs().argmin())] for one in (60, 300, 180))
-    assert at > 2 * mirrored > 4 * beside > 0
-    torch.testing.assert_close(with_azimuth(uniform, math.radians(60 - 720)), found)
+
+    def at(degrees: float, height: float) -> float:
+        return float(
+            found[((azimuth - math.radians(degrees)).abs() + (elevation - math.radians(height)).abs()).argmin()]
+        )
+
+    assert at(60, 25) > 2 * at(300, 25) > 4 * at(180, 25) > 0
+    assert at(60, 25) > at(60, 40) > 3 * at(60, 78) > 0
+    torch.testing.assert_close(with_witness(uniform, math.radians(60 - 720), math.radians(25)), found)
 
 
-def test_a_witness_cannot_overrule_certainty():
-    azimuth, _ = directions()
-    certain = torch.zeros_like(azimuth)
-    certain[5] = 1.0
-    torch.testing.assert_close(with_azimuth(certain, float(azimuth[5]) + math.pi), certain)
+def test_where_both_disagree_neither_rules():
+    azimuth, elevation = directions()
+    certain = torch.full_like(azimuth, 1e-6)
+    certain[30] = 1.0
+    found = with_witness(certain / certain.sum(), float(azimuth[30]) + math.pi / 2, float(elevation[30]))
+    there = found[elevation == elevation[30]]
+    assert float(there.sum()) > 0.99
+    assert 0.7 < float(found[30]) < 0.8
+    told = int((azimuth - azimuth[30] - math.pi / 2).abs().argmin())
+    assert float(there[told % len(there)]) > 0.02

@@ -9,7 +9,7 @@ from PIL import Image
 from core.geometry.camera import Camera, camera_rotation
 from core.models.library import load_model
 from core.photos import chair_box
-from core.photos.chair_box import chair_azimuth, chair_corners
+from core.photos.chair_box import chair_corners, chair_direction
 from core.rendering.images import render_image
 
 
@@ -28,7 +28,7 @@ def projected(camera: Camera, half: tuple[float, float, float]) -> np.ndarray:
 @pytest.mark.parametrize("focal", [0.8, 1.5, 2.5])
 def test_a_box_tells_its_azimuth_whatever_the_focal_length(azimuth: float, focal: float):
     camera = Camera(math.radians(azimuth), math.radians(20), 2.0, 100 * focal, 100, 100)
-    found = math.degrees(chair_azimuth(projected(camera, (0.2, 0.25, 0.35)), 1.0))
+    found = math.degrees(chair_direction(projected(camera, (0.2, 0.25, 0.35)), 1.0)[0])
     assert abs((found - azimuth + 180) % 360 - 180) < (0.1 if focal == 1.5 else 12)
 
 
@@ -40,7 +40,7 @@ def test_chairs_are_seen_from_about_where_they_are_rendered_from():
         image = Image.fromarray((colour * 255).byte().numpy())
         corners = chair_corners(image, (0.2, 0.2, 0.8, 0.8))
         assert corners is not None
-        found = math.degrees(chair_azimuth(corners, 1.0))
+        found = math.degrees(chair_direction(corners, 1.0)[0])
         right += min(abs((found - one + 180) % 360 - 180) for one in (azimuth, -azimuth)) < 30
     assert right >= 3
 
@@ -51,7 +51,7 @@ def test_boxes_at_the_edges_of_an_image_of_any_shape(box):
         corners = chair_corners(Image.effect_noise(size, 60).convert("RGB"), box)
         assert corners is not None
         assert np.isfinite(corners).all()
-        assert math.isfinite(chair_azimuth(corners, size[0] / size[1]))
+        assert all(map(math.isfinite, chair_direction(corners, size[0] / size[1])))
 
 
 def test_without_its_file_nothing_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog):

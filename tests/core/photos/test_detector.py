@@ -59,7 +59,7 @@ def test_without_its_file_everything_else_works(tmp_path: Path, monkeypatch: pyt
     (said,) = caplog.messages
     assert said.startswith("objects are found without the detector: ssd_oidv4.onnx is missing")
     cut = cut_out(image)
-    assert (cut.detections, cut.categories, cut.azimuth) == ((), {}, None)
+    assert (cut.detections, cut.categories, cut.direction) == ((), {}, None)
     (tmp_path / "ssd_oidv4.onnx").write_bytes(b"damaged")
     caplog.clear()
     assert detect(image) is None
