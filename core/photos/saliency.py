@@ -15,14 +15,12 @@ from core.runtime.networks import run_network
 _NETWORK = "u2netp"  # 4.6 MB
 _SIDE = 320  # px of the network's input
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of the colours that it was trained on
-_CLIP, _TILES = 3.0, 8  # of the histogram equalisation: its steepest slope, and tiles a side
 
 
 def predict_saliency(image: Image.Image) -> Float[np.ndarray, "height width"] | None:
     """Find the opacity (0..1) of the object that an image shows; None where ``rembg`` is not installed or fails.
 
-    Local contrast is evened out first (CLAHE, Zuiderveld 1994), so that dark legs on a dark floor are seen. Some
-    distributions of ``rembg`` bring the network, others fetch it once, which fails on a machine without network.
+    Some distributions of ``rembg`` bring the network, others fetch it once, which fails on a machine without network.
     """
     small = image.convert("RGB").resize((_SIDE, _SIDE), Image.Resampling.LANCZOS)
     try:
@@ -38,19 +36,11 @@ def predict_saliency(image: Image.Image) -> Float[np.ndarray, "height width"] | 
 @lru_cache(maxsize=4)
 def _predict(path: Path, pixels: bytes) -> UInt8[np.ndarray, "side side"]:
     """Cached: every stroke over a photo begins from the same mask."""
-    values = np.asarray(_even(np.frombuffer(pixels, np.uint8).reshape(_SIDE, _SIDE, 3)), np.float64)
+    values = np.frombuffer(pixels, np.uint8).reshape(_SIDE, _SIDE, 3).astype(np.float64)
     values = (values / max(values.max(), 1) - _MEAN) / _STD
     outputs = run_network(path, values.transpose(2, 0, 1)[None].astype(np.float32))
     found = next(iter(outputs.values()))[0, 0]
     return (255 * (found - found.min()) / max(found.max() - found.min(), 1e-6)).astype(np.uint8)
-
-
-def _even(colours: UInt8[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
-    import cv2
-
-    lab = cv2.cvtColor(colours, cv2.COLOR_RGB2LAB)
-    lab[..., 0] = cv2.createCLAHE(_CLIP, (_TILES, _TILES)).apply(lab[..., 0])
-    return cv2.cvtColor(lab, cv2.COLOR_LAB2RGB)
 
 
 def _network_file() -> Path | None:

@@ -91,7 +91,8 @@ def test_a_transparent_background_stays_background_inside_the_box():
 
 
 @pytest.mark.parametrize("size", [32, 60, 900])
-def test_images_of_any_size(size: int):
+def test_images_of_any_size(size: int, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(candidates, "predict_saliency", lambda _: None)
     cut = cut_out(busy(size), Hints(BOX, (Stroke(((0.73, 0.73),), 0.05, False),)))
     assert cut.mask.shape == (size, size)
     assert overlap(cut, disc(size)) > 0.8
@@ -227,12 +228,12 @@ def test_photos_are_cut_out_by_themselves(shared: Path, name: str):
     assert mask[[0, -1]].mean() < 0.05
 
 
-def test_the_network_sees_an_image_about_as_its_package_shows_it():
+def test_the_network_sees_an_image_as_its_package_shows_it():
     rembg = pytest.importorskip("rembg")
     first, again = predict_saliency(busy()), predict_saliency(busy())
     np.testing.assert_array_equal(first, again)
     theirs = rembg.remove(busy(), session=rembg.new_session("u2netp"), only_mask=True)
-    assert np.abs(first - np.asarray(theirs, np.float32) / 255).mean() < 0.02  # theirs does not even contrast out
+    np.testing.assert_array_equal(first, np.asarray(theirs, np.float32) / 255)
 
 
 def test_the_network_is_not_needed(monkeypatch: pytest.MonkeyPatch):
