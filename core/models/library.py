@@ -1,5 +1,6 @@
 """Which models there are: the shipped ones by name, any other by its path; and images to try them with."""
 
+from functools import cache
 from pathlib import Path
 
 from core.models.authors_checkpoint import load_authors
