@@ -1,1 +1,1 @@
-"""Small networks that look at a crop of a photo: its viewpoint, its category."""
+"""A small network that looks at a crop of a photo: its viewpoint."""

@@ -23,6 +23,14 @@ _UNIFORM_MIX = 0.05
 """Share of the uniform distribution in every prediction: how often the network is confident and wrong."""
 _KERNEL_WIDTH = math.radians(12)
 """A direction between those of the grid has the probability of those that are so near."""
+_WITNESS_RIGHT, _WITNESS_MIRRORED, _WITNESS_WRONG = 0.66, 0.23, 0.11
+_WITNESS_WIDTH = math.radians(15)
+"""How often Objectron's azimuth is right, its mirror image is, or neither: of renders of validation and foreign chairs.
+"""
+_WITNESS_ALONE = 0.25
+"""Share of the result in which the classifier tells the elevation only; from 0 to 0.25 the likelihood of 27 composites
+of validation chairs is the same, and that of other renders falls by 0.07.
+"""
 
 
 class ViewpointClassifier(CropClassifier):
@@ -63,6 +71,31 @@ def predict_viewpoint(
     return torch.lerp(
         classifier(crop_to_object(pixels, mask)[None])[0].softmax(-1), torch.tensor(1 / _DIRECTIONS), _UNIFORM_MIX
     )
+
+
+def with_witness(
+    probability: Float[Tensor, "directions"], azimuth: float, elevation: float
+) -> Float[Tensor, "directions"]:
+    """Return the probabilities of directions given the one (rad) that a second witness tells.
+
+    The witness may mistake front and back for each other (-azimuth), or be wrong altogether. The classifier may be sure
+    and wrong, so a share of the result takes the azimuth from the witness alone.
+    """
+    azimuths, elevations = directions()[0][:AZIMUTHS], directions()[1][::AZIMUTHS]
+    likelihood = torch.full((AZIMUTHS,), _WITNESS_WRONG / AZIMUTHS)
+    for told, share in ((azimuth, _WITNESS_RIGHT), (-azimuth, _WITNESS_MIRRORED)):
+        apart = torch.remainder(azimuths - told + math.pi, 2 * math.pi) - math.pi
+        near = _gaussian(apart, _WITNESS_WIDTH)
+        likelihood += share * near / near.sum()
+    near = (1 - _WITNESS_WRONG) * _gaussian(elevations - elevation, _WITNESS_WIDTH) + _WITNESS_WRONG
+    by_elevation = probability.reshape(-1, AZIMUTHS) * near[:, None]
+    by_elevation = by_elevation / by_elevation.sum()
+    both = by_elevation * likelihood / (by_elevation * likelihood).sum()
+    return torch.lerp(both, by_elevation.sum(1, keepdim=True) * likelihood, _WITNESS_ALONE).flatten()
+
+
+def _gaussian(values: Float[Tensor, "*shape"], width: float) -> Float[Tensor, "*shape"]:
+    return (-(values / width).square() / 2).exp()
 
 
 def viewpoint_nll(

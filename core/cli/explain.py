@@ -6,8 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import torch
 from jaxtyping import Float
-from PIL import Image
+from PIL import Image, ImageDraw
 from torch import Tensor
 
 from core.fitting.explain import Explanation
@@ -17,12 +19,13 @@ from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
 from core.models.model import Model
+from core.photos.chair_box import EDGES
 from core.photos.photo import Photo
+from core.photos.segmentation import CutOut
 from core.photos.view_bank import view_bank
 from core.rendering.images import render_image
 
-_SMALL, _LARGE = 80, 160
-"""px, of images"""
+_SMALL, _LARGE, _DETECTIONS = 80, 160, 480  # px, of images
 _ZOOM = 1.6
 """of renders and photo: the usual crop leaves much room around an object"""
 _SHOWN = 8
@@ -33,15 +36,19 @@ _STYLE = (
 )
 
 
-def write_page(model: Model, job: FitJob, found: Explanation, folder: Path) -> Path:
-    """Writes ``index.html`` and its images into a folder that is there; the page's path."""
+def write_page(model: Model, job: FitJob, found: Explanation, folder: Path, seen: Image.Image | None = None) -> Path:
+    """Write ``index.html`` and its images into a folder that is there; return the page's path.
+
+    Args:
+        seen: the first photo as :func:`draw_detections` shows it.
+    """
     page = folder / "index.html"
     sections = _Images(model, folder)
     body = "\n".join(
         f"<h2>{title}</h2>\n{''.join(parts)}"
         for title, parts in (
+            ("What the detectors see", _detections(sections, found.categories, seen)),
             ("The photo and how it is cut out", _photo(sections, job.photos[0])),
-            ("What it shows", _categories(found.categories)),
             ("Where the search begins: the best views of the view bank", _candidates(sections, found)),
             ("What each stage keeps: the least loss first", _stages(sections, found.stages)),
             ("The result, and the best hypothesis of another basin", _finalists(sections, job.photos[0], found)),
@@ -88,8 +95,29 @@ def _photo(images: _Images, photo: Photo) -> Iterator[str]:
     yield f"<p>Its place in the image: {moved}. Focal length: {lens}. Blur: {photo.blur:.1f} px.</p>"
 
 
-def _categories(guess: dict[str, float]) -> Iterator[str]:
-    none = {"none of them": 1 - sum(guess.values())} if guess else {}
+def draw_detections(image: Image.Image, cut: CutOut) -> Image.Image:
+    """Draw the numbered boxes of chairs and cars, and a chair's 3D box, over a photo."""
+    shown = Image.alpha_composite(Image.new("RGBA", image.size, "white"), image).convert("RGB")
+    shown.thumbnail((_DETECTIONS, _DETECTIONS))
+    pen = ImageDraw.Draw(shown)
+    for number, one in enumerate(cut.detections, 1):
+        left, top, right, bottom = (side * size for side, size in zip(one.box, shown.size * 2, strict=True))
+        pen.rectangle((left, top, right, bottom), outline="lime")
+        pen.text((left + 3, top + 2), f"{number}: {one.category} {one.score:.2f}", fill="lime", stroke_width=1)
+    if cut.corners is not None:
+        places = [tuple(corner) for corner in (cut.corners * shown.size).tolist()]
+        for edge in EDGES:  # those of the front in another colour
+            front = all((corner - 1) % 2 for corner in edge)
+            pen.line([places[corner] for corner in edge], "orange" if front else "cyan", 2)
+    return shown
+
+
+def _detections(images: _Images, guess: dict[str, float], seen: Image.Image | None) -> Iterator[str]:
+    if seen is not None:
+        yield images.show(
+            torch.from_numpy(np.asarray(seen) / 255), "boxes; of a 3D box the front is orange", _DETECTIONS
+        )
+    none = {"neither": 1 - sum(guess.values())} if guess else {}
     yield _table(("category", "probability"), ((name, f"{share:.2f}") for name, share in (guess | none).items()))
 
 
@@ -120,7 +148,8 @@ def _finalists(images: _Images, photo: Photo, found: Explanation) -> Iterator[st
     confidence = "not known" if last.confidence is None else f"{last.confidence:.2f}"
     margin = "not known" if last.margin is None else f"{last.margin:.2f}"
     off = "not known" if last.uncertainty is None else f"{last.uncertainty:.1f}°"
-    yield f"<p>Confidence {confidence}: margin (logarithm) {margin}, uncertainty {off}, {last.psnr:.1f} dB.</p>"
+    told = "" if photo.direction is None else f" The 3D box tells {_degrees(*photo.direction)}."
+    yield f"<p>Confidence {confidence}: margin (logarithm) {margin}, uncertainty {off}, {last.psnr:.1f} dB.{told}</p>"
 
 
 def _hypothesis(images: _Images, one: Hypothesis, side: int = _SMALL) -> str:

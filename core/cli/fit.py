@@ -12,15 +12,13 @@ from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
 
-import torch
 from tqdm import tqdm
 
-from core.cli.explain import write_page
+from core.cli.explain import draw_detections, write_page
 from core.cli.progress import wait_for_view_bank
 from core.fitting.category_check import (
     describe_category,
     describe_difference,
-    guess_category,
     likelier_model,
     other_model,
 )
@@ -39,6 +37,7 @@ from core.photos.plain_background import NoBackgroundError
 from core.photos.segmentation import CutOut, Hints, cut_out
 from core.runtime.files import open_output, require_writable, save_or_elsewhere
 
+_AS_PROMINENT = 0.7  # prominence over that of the first object from which a second one is offered
 _TOGETHER = "confidence, uncertainty and runner-up of several photos together are not known: look at the renders"
 
 
@@ -46,7 +45,8 @@ def fit(chosen: argparse.Namespace) -> None:
     """``fit``: camera and codes of the object in the images; the last line on stdout is the result as JSON."""
     if chosen.pose and len(chosen.pose) != len(chosen.images):
         raise ValueError(f"{len(chosen.images)} images need as many poses, got {len(chosen.pose)}")
-    for given, plural in ((chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks")):
+    pointed = (chosen.box, "boxes"), (chosen.point, "points"), (chosen.mask, "masks"), (chosen.object, "object numbers")
+    for given, plural in pointed:
         if given and len(given) != len(chosen.images):
             raise ValueError(f"{len(chosen.images)} images need as many {plural}, got {len(given)}")
     if chosen.estimate_focal and chosen.pose:
@@ -60,7 +60,7 @@ def fit(chosen: argparse.Namespace) -> None:
     settings = replace(PRESETS[chosen.preset], estimate_focal=chosen.estimate_focal)
     poses = chosen.pose or [None] * len(chosen.images)
     nothing = [None] * len(chosen.images)
-    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing)
+    hints = map(_hints, chosen.images, chosen.box or nothing, chosen.point or nothing, chosen.object or nothing)
     clock = Stopwatch()
     masks = chosen.mask or nothing
     cuts = [_cut_out(*one, clock) for one in zip(chosen.images, hints, masks, strict=True)]
@@ -68,7 +68,7 @@ def fit(chosen: argparse.Namespace) -> None:
     with clock("view_bank"):
         wait_for_view_bank(model)
     photos = tuple(map(_photo, chosen.images, cuts, repeat(model), poses, repeat(chosen.pose_axes)))
-    guess, *others = (guess_category(photo.pixels, photo.mask) for photo in photos)
+    guess, *others = (photo.categories for photo in photos)
     for path, other in zip(chosen.images[1:], others, strict=True):
         _say(path, describe_difference(guess, other))
     if said := describe_category(guess, model.category) or ("" if chosen.model else other_model(guess)):
@@ -84,7 +84,8 @@ def fit(chosen: argparse.Namespace) -> None:
     seconds = {"seconds": round(time.perf_counter() - chosen.began, 3), "seconds_by_part": clock.parts}
     print(json.dumps(_to_dict(last) | seconds), flush=True)
     if chosen.explain:
-        write_page(model, job, explain(model, job, steps), chosen.explain)
+        seen = draw_detections(read_rgba(chosen.images[0]), cuts[0])
+        write_page(model, job, explain(model, job, steps), chosen.explain, seen)
     if chosen.out:
         codes = replace(last.codes, detail=None) if chosen.no_photo_detail else last.codes
         save_or_elsewhere(Scene(codes, last.cameras[0]).save, chosen.out)
@@ -92,7 +93,16 @@ def fit(chosen: argparse.Namespace) -> None:
 
 def probable_model(cut: CutOut) -> str:
     """The model of the category that an image likeliest shows."""
-    return likelier_model(guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask)))
+    return likelier_model(cut.categories)
+
+
+def other_objects(cut: CutOut, hints: Hints | None) -> str:
+    """The note on further objects that are about as prominent as the one cut out; "" without any."""
+    if hints or cut.confidence == 1 or len(cut.detections) < 2:
+        return ""
+    first, second = cut.detections[:2]
+    near = second.prominence > _AS_PROMINENT * first.prominence
+    return f"{len(cut.detections)} objects are found: --object 2 fits the next one" if near else ""
 
 
 class Stopwatch:
@@ -124,6 +134,8 @@ def _cut_out(path: Path, hints: Hints | None, mask: Path | None, clock: Stopwatc
         if cut.confidence < DOUBTFUL_MASK:
             doubt = f"the cut-out is doubtful ({cut.confidence:.2f}, by {cut.found_by})"
             _say(path, f"{doubt}: --point, --box or --mask helps")
+        if not mask and (said := other_objects(cut, hints)):
+            _say(path, said)
         return cut
     except NoBackgroundError as error:
         raise ValueError(f"{error}; give a box with --box X0,Y0,X1,Y1") from None
@@ -156,10 +168,12 @@ def _search(model: Model, job: FitJob, log: Path | None) -> list[FitStep]:
     return steps
 
 
-def _hints(image: Path, box: tuple[float, ...] | None, point: tuple[float, float] | None) -> Hints | None:
-    """A box or a point in px of the upright image, the box as far as it is inside."""
+def _hints(
+    image: Path, box: tuple[float, ...] | None, point: tuple[float, float] | None, number: int | None
+) -> Hints | None:
+    """A box or a point in px of the upright image, the box as far as it is inside, or the number of an object."""
     if box is None and point is None:
-        return None
+        return Hints(object=number - 1) if number else None
     width, height = upright_size(image)
     try:
         if point is not None:

@@ -43,7 +43,6 @@ def build_parser() -> argparse.ArgumentParser:
     _add_train(commands)
     _add_train_viewpoint(commands)
     _add_train_parts(commands)
-    _add_train_category(commands)
     _add_convert(commands)
     _add_evaluate(commands)
     _add_figures(commands)
@@ -190,6 +189,9 @@ def _add_fit(commands: argparse._SubParsersAction) -> None:
         metavar="X0,Y0,X1,Y1",
         help="px around the object, one box per image: for several objects or clutter",
     )
+    where.add_argument(
+        "--object", type=count, nargs="+", default=[], metavar="N", help="the N-th detected object, one per image"
+    )
     _add_preset(command)
     command.add_argument(
         "--estimate-focal",
@@ -316,16 +318,6 @@ def _add_train_parts(commands: argparse._SubParsersAction) -> None:
     add_model(command)
     command.add_argument("--out", type=Path, required=True, metavar="M.safetensors")
     command.add_argument("--objects", type=count, default=600, metavar="N", help="generated ones that it knows")
-
-
-def _add_train_category(commands: argparse._SubParsersAction) -> None:
-    command = add_command(
-        commands, "train-category", "train.train_category_classifier", "train what tells the categories of photos apart"
-    )
-    command.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="SRN folders, of each category one")
-    command.add_argument("--out", type=Path, required=True, metavar="C.safetensors")
-    command.add_argument("--steps", type=count, default=4000, help="of training")
-    add_seed(command)
 
 
 def _add_convert(commands: argparse._SubParsersAction) -> None:

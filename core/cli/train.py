@@ -8,7 +8,6 @@ from dataclasses import replace
 import torch
 from tqdm import tqdm
 
-from core.classifiers.category import CategoryClassifier
 from core.classifiers.viewpoint import ViewpointClassifier
 from core.cli.progress import run_with_progress
 from core.lab.datasets.categories import Split
@@ -18,12 +17,11 @@ from core.lab.datasets.recombined import recombined_tasks
 from core.lab.datasets.render_objects import RenderTask, render_objects
 from core.lab.datasets.srn import Dataset, read_dataset
 from core.lab.datasets.srn_cameras import SPIRAL_VIEWS
-from core.lab.training.category import category_accuracy, train_category
 from core.lab.training.curve import CurvePoint, read_curve, write_curve
 from core.lab.training.parts import fit_part_head, labelled_places
 from core.lab.training.recipes import RECIPES
 from core.lab.training.trainer import Trainer, held_out_psnr, hold_out
-from core.lab.training.viewpoint import ViewpointDataset, accuracy_within, train_viewpoint, viewpoint_dataset
+from core.lab.training.viewpoint import accuracy_within, train_viewpoint, viewpoint_dataset
 from core.models.authors_checkpoint import load_authors
 from core.models.field_config import FieldConfig
 from core.models.library import load_model
@@ -131,27 +129,6 @@ def train_part_head(chosen: argparse.Namespace) -> None:
     share = 100 * float((trial(features).argmax(1) == part).float().mean())
     replace(model, part_head=fit_part_head(model, places)).save(chosen.out)
     print(f"{', '.join(trial.names)}: {share:.1f} % of the surface of {len(tested)} objects that were left out")
-
-
-def train_category_classifier(chosen: argparse.Namespace) -> None:
-    """``train-category``: train what tells categories apart, on a dataset of each."""
-    require_writable(chosen.out)
-    sets = [read_dataset(path) for path in chosen.datasets]
-    categories = sorted({dataset.category for dataset in sets})
-    if "" in categories or len(categories) < 2:
-        raise ValueError("training needs datasets of two categories or more, each with a manifest.json that names it")
-    parts = [[viewpoint_dataset(one) for one in sets if one.category == name] for name in categories]
-    merged = [ViewpointDataset(*map(torch.cat, zip(*part, strict=True))) for part in parts]
-    torch.manual_seed(chosen.seed)
-    classifier = CategoryClassifier(categories)
-    for _ in tqdm(train_category(classifier, merged, chosen.steps, chosen.seed), total=chosen.steps, disable=None):
-        pass
-    classifier.save(chosen.out)
-    shares = (
-        f"{name} {100 * category_accuracy(classifier, one.images, index):.1f} %"
-        for index, (name, one) in enumerate(zip(categories, merged, strict=True))
-    )
-    print(f"recognised training images: {', '.join(shares)}")
 
 
 def _with_viewpoint(model: Model, dataset: Dataset, steps: int, seed: int) -> Model:

@@ -1,18 +1,13 @@
 """Does the photo show the model's category? The loss of a fit cannot tell.
 
-A car in a chairs model becomes a grey chair of some kind, from a side that may well be clear. So a network that knows
-all categories predicts it (:mod:`core.classifiers.category`).
+A car in a chairs model becomes a grey chair of some kind, from a side that may well be clear. So a detector that was
+trained on photographs tells (:mod:`core.photos.detector`): ``Photo.categories`` has the probability of each category.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import reduce
-from operator import mul
+from math import prod
 
-from jaxtyping import Bool, Float
-from torch import Tensor
-
-from core.classifiers.category import predict_category
-from core.models.library import DEFAULT_MODEL, category_classifier
+from core.models.library import DEFAULT_MODEL
 from core.models.model import singular
 from core.photos.photo import Photo
 
@@ -23,19 +18,9 @@ _CLEAR = 0.9
 """The share of one category among all known ones from which no other is offered."""
 
 
-def guess_category(pixels: Float[Tensor, "height width 3"], mask: Bool[Tensor, "height width"]) -> dict[str, float]:
-    """The probability of each category that has a model, for an object on white; empty where there is no classifier.
-
-    What they lack to 1 is the probability of none of them.
-    """
-    classifier = category_classifier()
-    return predict_category(classifier, pixels, mask) if classifier else {}
-
-
 def category_likelihood(category: str, photos: Sequence[Photo]) -> float:
-    """The probability that all photos show the category, 0..1; 1 where the classifier does not know the category."""
-    each = (guess_category(photo.pixels, photo.mask).get(category, 1.0) for photo in photos)
-    return reduce(mul, each, 1.0)
+    """Return the probability that all photos show the category, 0..1; of a photo that tells nothing, 1."""
+    return prod(photo.categories.get(category, 1.0) for photo in photos)
 
 
 def likeliest_category(guess: Mapping[str, float]) -> str | None:

@@ -39,6 +39,12 @@ _RIGHT_ANYHOW = 0.5
 wrong camera has more than 0.79 by it, where two had 0.87 and 0.97."""
 
 
+_WITNESS_DEGREES = 30.0
+"""Azimuths that differ by less agree."""
+_AGREES, _MIRRORED, _CONTRADICTS = 0.7, -0.3, -1.2
+"""Logarithms of the odds that a camera is right, by what a second witness tells of its azimuth."""
+
+
 class Calibration(NamedTuple):
     """The logarithm of the odds of a right camera: a constant, and the weights of the relative margin and of the
     logarithm of the uncertainty.
@@ -56,19 +62,39 @@ has an AUROC of 0.96.
 """
 
 
-def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION) -> float:
+def confidence(margin: float, uncertainty: float, by: Calibration = CALIBRATION, witness: float = 0.0) -> float:
     """The probability that a fitted camera is right, 0..1.
 
     Args:
         margin: the logarithm of the loss of the runner-up over that of the winner.
         uncertainty: degrees that the winner may be off within its basin.
+        witness: as :func:`witness_odds` has it.
 
     Example:
         >>> confidence(math.log(2), 1.0, Calibration(-2.0, 4.0, -1.0))
         0.5
     """
     odds = by.constant + by.margin * _relative_margin(margin) + by.uncertainty * _log_uncertainty(uncertainty)
+    odds += witness
     return 1 / (1 + math.exp(-max(-30.0, min(30.0, odds))))
+
+
+def witness_odds(told: tuple[float, float] | None, azimuth: float) -> float:
+    """Return what a second witness adds to the logarithm of the odds that a camera's azimuth (rad) is right.
+
+    Args:
+        told: the azimuth and elevation of the witness (rad); None where there is none.
+
+    Example:
+        >>> [witness_odds(told and (told, 0.3), 1.0) for told in (1.2, -1.2, 2.5, None)]
+        [0.7, -0.3, -1.2, 0.0]
+    """
+    if told is None:
+        return 0.0
+    near = math.cos(math.radians(_WITNESS_DEGREES))
+    if math.cos(azimuth - told[0]) > near:
+        return _AGREES
+    return _MIRRORED if math.cos(azimuth + told[0]) > near else _CONTRADICTS
 
 
 def in_words(confidence: float) -> Literal["doubtful", "likely", "sure"]:

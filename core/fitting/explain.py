@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import torch
 
-from core.fitting.category_check import guess_category
 from core.fitting.hypotheses import Hypothesis
 from core.fitting.initial import resume_from
 from core.fitting.objective import evaluate_objective
@@ -45,7 +44,7 @@ def explain(model: Model, job: FitJob, steps: Iterable[FitStep]) -> Explanation:
         image = ObjectImage(photo.pixels, photo.mask, problem.cameras[0].focal, photo.unseen)
         candidates = rank_cameras(view_bank(model), image, _CANDIDATES, problem.viewpoints[0], photo.cropped)
     terms = tuple(_terms(problem, job, one) for one in stages[-1].hypotheses[:2])
-    return Explanation(guess_category(photo.pixels, photo.mask), candidates, stages, terms)
+    return Explanation(photo.categories, candidates, stages, terms)
 
 
 def _last_of_stages(steps: Iterable[FitStep]) -> tuple[FitStep, ...]:

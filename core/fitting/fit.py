@@ -13,10 +13,11 @@ from functools import partial
 import torch
 
 from core.fitting.category_check import category_likelihood
+from core.fitting.confidence import witness_odds
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
 from core.fitting.photo_detail import with_photo_detail
-from core.fitting.problem import Problem
+from core.fitting.problem import Problem, told_direction
 from core.fitting.schedule import Schedule, build_schedule, stage_numbers
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
 from core.fitting.settings import PRESETS, FitSettings, PaperSettings
@@ -52,9 +53,10 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
             cameras[view] = camera
         # Where a fit resumes from one hypothesis, no other had a chance, so the margin says nothing.
         margin = None if job.resume_from else shown.margin
-        shown = replace(
-            shown, cameras=tuple(cameras), margin=margin, category_likelihood=likelihood, mask_confidence=masks
-        )
+        told = zip(map(partial(told_direction, model), job.photos), cameras, strict=True)
+        witness = sum(witness_odds(direction, camera.azimuth) for direction, camera in told)
+        shown = replace(shown, cameras=tuple(cameras), margin=margin, witness=witness)
+        shown = replace(shown, category_likelihood=likelihood, mask_confidence=masks)
         yield with_photo_detail(model, job.photos, shown) if state.finished else shown
 
 

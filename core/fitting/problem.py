@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from core.classifiers.viewpoint import predict_viewpoint
+from core.classifiers.viewpoint import predict_viewpoint, with_witness
 from core.fitting.objective import (
     CAMERA_PRIOR_SCALE,
     CAMERA_PRIOR_WEIGHT,
@@ -132,7 +132,14 @@ class Problem:
 def _viewpoint(model: Model, photo: Photo) -> Float[Tensor, "directions"] | None:
     if model.viewpoint_classifier is None or photo.camera:
         return None
-    return predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
+    probability = predict_viewpoint(model.viewpoint_classifier, photo.pixels, photo.mask)
+    told = told_direction(model, photo)
+    return probability if told is None else with_witness(probability, *told)
+
+
+def told_direction(model: Model, photo: Photo) -> tuple[float, float] | None:
+    """Azimuth and elevation (rad) that a chair's 3D box tells; None with other models or where the camera is known."""
+    return photo.direction if model.category == "chairs" and photo.camera is None else None
 
 
 def nominal_camera(photo: Photo, model: Model) -> Camera:

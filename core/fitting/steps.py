@@ -84,6 +84,8 @@ class FitStep:
     """the probability that all masks are the object"""
     stage: int = 0
     """number of the stage of the schedule, counted through all searches of the fit"""
+    witness: float = 0.0
+    """what the 3D box of a chair adds to the logarithm of the odds of the camera"""
 
     @property
     def confidence(self) -> float | None:
@@ -91,7 +93,7 @@ class FitStep:
         if self.margin is None or self.uncertainty is None:
             return None
         at_all = plausible(self.category_likelihood, self.mask_confidence, self.psnr)
-        return at_all * confidence(self.margin, self.uncertainty)
+        return at_all * confidence(self.margin, self.uncertainty, witness=self.witness)
 
 
 class SearchState(NamedTuple):

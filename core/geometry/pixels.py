@@ -26,14 +26,3 @@ def bounding_box(mask: Bool[Tensor | np.ndarray, "height width"]) -> tuple[int, 
     values = mask.cpu().numpy() if isinstance(mask, Tensor) else mask
     rows, columns = np.flatnonzero(values.any(1)), np.flatnonzero(values.any(0))
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
-
-
-def widened(box: tuple[int, int, int, int], room: int, size: tuple[int, ...]) -> tuple[int, int, int, int]:
-    """A box (left, top, right, bottom in px) with room on all sides, as far as an image of (height, width) reaches.
-
-    Example:
-        >>> widened((1, 5, 9, 8), 2, (10, 20))
-        (0, 3, 11, 10)
-    """
-    left, top, right, bottom = box
-    return max(0, left - room), max(0, top - room), min(size[1], right + room), min(size[0], bottom + room)

@@ -3,7 +3,6 @@
 from functools import cache
 from pathlib import Path
 
-from core.classifiers.category import CategoryClassifier
 from core.models.authors_checkpoint import load_authors
 from core.models.model import Model
 from core.runtime.precision import require_device
@@ -22,13 +21,6 @@ def shipped_models() -> tuple[str, ...]:
 def sample_images(category: str) -> tuple[Path, ...]:
     """Images to try a model with: objects of its category that it was not trained on."""
     return tuple(sorted((_ASSETS / "samples" / category).glob("*.png")))
-
-
-@cache
-def category_classifier() -> CategoryClassifier | None:
-    """The classifier of the shipped categories; None where there is no such file."""
-    path = _ASSETS / "categories.safetensors"
-    return CategoryClassifier.load(path) if path.exists() else None
 
 
 def load_model(name: str, device: str = "cpu") -> Model:

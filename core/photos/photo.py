@@ -60,6 +60,10 @@ class Photo:
     mask_confidence: float = 1.0
     """the probability that the mask is the object, the whole of it and little else"""
     note: str = ""  # which of several readings of the file was used
+    categories: dict[str, float] = field(default_factory=dict)
+    """the probability of each category that has a model; empty where nothing is known"""
+    direction: tuple[float, float] | None = None
+    """azimuth and elevation (rad) that the 3D box of a chair tells; front and back may be mistaken for each other"""
 
     def __post_init__(self) -> None:
         height, width = self.mask.shape
@@ -244,6 +248,8 @@ def _resampled(cut: CutOut, box: tuple[float, float, float, float], size: tuple[
         fine=fine,
         mask_confidence=cut.confidence,
         note=cut.note,
+        categories=cut.categories,
+        direction=cut.direction,
     )
 
 

@@ -7,20 +7,13 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_gradient_magnitude, label
 from skimage.color import rgb2lab
 
-_BACKGROUND_DISTANCE = 9.0
-"""CIE76 colour distance up to which a pixel is the background's colour; about four just noticeable differences"""
-_SHADOW_LIGHTNESS = 30.0
-"""lightness that soft light or shadow may change"""
-_EDGE_SLOPE = 1000.0
-"""CIE76 per length of the image: a slope steeper than this is an edge"""
-_EVEN = 2.5
-"""CIE76: a border that wavers less than this is of one colour beyond doubt"""
-_EVEN_BORDER = 0.97
-"""share of the border that must be the background's for it to be plain beyond doubt"""
-_ONE_OBJECT = 0.8
-"""share of the foreground that one object makes up"""
-_FREE_BORDER = 0.02
-"""share of the border that an object may touch"""
+_BACKGROUND_DISTANCE = 9.0  # CIE76 up to which a pixel is of the background's colour: four noticeable differences
+_SHADOW_LIGHTNESS = 30.0  # lightness that soft light or shadow may change
+_EDGE_SLOPE = 1000.0  # CIE76 per length of the image: a steeper slope is an edge
+_EVEN = 2.5  # CIE76: a border that wavers less is of one colour
+_EVEN_BORDER = 0.97  # share of the border that must be the background's
+_ONE_OBJECT = 0.8  # share of the foreground that one object makes up
+_FREE_BORDER = 0.02  # share of the border that an object may touch
 
 
 class NoBackgroundError(ValueError):
@@ -33,27 +26,26 @@ class NoBackgroundError(ValueError):
 
 
 class PlainBackground(NamedTuple):
-    """Where an image shows a plain background."""
+    """A plain background that an image shows beyond doubt."""
 
-    mask: Bool[np.ndarray, "height width"]
-    """True on the background"""
-    white: bool
-    """as in training images"""
-    certain: bool
-    """The border is of one even colour, and the rest is one object that does not touch it."""
+    mask: Bool[np.ndarray, "height width"]  # True on the background
+    white: bool  # as in training images
 
 
 def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackground | None:
-    """The plain background of an image (sRGB, 0..1); None where the border shows none.
+    """Find the plain background of an image (sRGB, 0..1).
+
+    None unless the border is of one even colour, and the rest is one object that hardly touches it, or nothing.
 
     The background's colour may change slowly over the image (a wall lit from one side). It spreads from the border over
     what is similar, and over soft light and shadow: of about the same hue, without an edge. Enclosed parts stay the
     object's unless they are as the background is (the gaps in the back of a chair).
     """
     lab = rgb2lab(colours).astype(np.float32)
-    if (found := _background_colour(lab)) is None:
+    found = _background_colour(lab)
+    if found is None or found[1] >= _EVEN or found[2] <= _EVEN_BORDER:
         return None
-    model, noise, share = found
+    model, noise, _ = found
     distance = np.linalg.norm(lab - model, axis=-1)
     alike = distance < np.clip(4 * noise + 2, 2.5, _BACKGROUND_DISTANCE)
     outside = connected_to_border(alike | _shaded(lab, model))
@@ -63,8 +55,9 @@ def find_background(colours: Float[np.ndarray, "height width 3"]) -> PlainBackgr
     areas[0] = 0
     outside |= (areas > 4e-4 * outside.size)[pieces]
     lightness, chroma = model[..., 0].min(), np.abs(model[..., 1:]).max()
-    plain = noise < _EVEN and share > _EVEN_BORDER
-    return PlainBackground(outside, bool(lightness > 96 and chroma < 3), plain and _is_compact(~outside))
+    if not (outside.all() or _is_compact(~outside)):
+        return None
+    return PlainBackground(outside, bool(lightness > 96 and chroma < 3))
 
 
 def _is_compact(mask: Bool[np.ndarray, "height width"]) -> bool:

@@ -1,7 +1,7 @@
 """Segmentation: the object of an image, by the likeliest of several masks and by what a person points at."""
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,68 +9,57 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt, label, minimum
 
-from core.geometry.pixels import bounding_box, widened
-from core.photos.candidates import Candidate, Seen, guess
+from core.geometry.pixels import bounding_box, to_bytes
+from core.photos.candidates import Candidate, box_at, by_place, mask_overlap, rank_candidates, salient_box
+from core.photos.chair_box import chair_corners, chair_direction
 from core.photos.decode import NOTE, lens_focal
-from core.photos.frames import Box, fill, find_frame, is_sliver
+from core.photos.detector import Box, Detection, detect, detection_of, missed
+from core.photos.frames import fill, find_frame, is_sliver
 from core.photos.grabcut import grabcut
-from core.photos.mask_score import rank_candidates
-from core.photos.plain_background import NoBackgroundError
+from core.photos.plain_background import NoBackgroundError, find_background
 
-MIN_SIDE = 8
-"""px: an image with a shorter side than this shows nothing to fit."""
-_MIN_OBJECT_PIXELS = 12
-"""px of an object: with fewer it shows nothing to fit."""
-_MARGIN = 0.25
-"""of a box: so much around it is used to learn the background's colours"""
-_PIECE, _SPECK = 0.2, 0.01
-"""of the largest piece: pieces that are kept wherever they are, and those that are kept near it"""
-_NEAR = 0.1
-"""of its size"""
-_FAINT = 0.1
-"""Between this opacity and 1 less this, nothing is decided."""
-_SAME = 0.97
-"""intersection over union from which two masks are one"""
-_OTHERS = 2
-"""masks that are offered beside the best"""
-_THRESHOLD = 0.5
-"""opacity from which a pixel belongs to the object"""
-_REACH = 2.0
-"""Radii from a stroke up to which it changes what was found: who wipes a shadow away wants to keep the wheels."""
+MIN_SIDE = 8  # px: an image with a shorter side shows nothing to fit
+_MIN_OBJECT_PIXELS = 12  # px: a smaller object shows nothing to fit
+_PIECE, _SPECK = 0.2, 0.01  # of the largest piece: pieces kept wherever they are, and those kept near it
+_NEAR = 0.1  # of the largest piece's size: the distance of specks that are kept
+_FAINT = 0.1  # between this opacity and 1 less this, nothing is decided
+_SAME = 0.97  # intersection over union from which two masks are one
+_THRESHOLD = 0.5  # opacity from which a pixel belongs to the object
+_REACH = 2.0  # radii from a stroke within which pixels may change
 
 
 @dataclass(frozen=True, eq=False)
 class CutOut:
     """An image at the size it was cut out."""
 
-    pixels: Float[np.ndarray, "height width 3"]
-    """0..1, on white"""
+    pixels: Float[np.ndarray, "height width 3"]  # 0..1, on white
     mask: Bool[np.ndarray, "height width"]
-    white: bool
-    """the background was white or clear, as in training images"""
+    white: bool  # the background was white or clear, as in training images
     opacity: Float[np.ndarray, "height width"]
     """0..1, of the object; the mask is where it is more than the threshold, a half unless hints say so"""
-    edge_error: float = 0.0
-    """px by which the edges may be off"""
-    undecided: float = 0.0
-    """the share of the object's area where what found it saw neither object nor background"""
+    edge_error: float = 0.0  # px by which the edges may be off
+    undecided: float = 0.0  # share of the object's area that is neither surely object nor surely background
     found_by: str = ""
-    confidence: float = 1.0
-    """the probability that the mask is the object, the whole of it and little else"""
-    others: tuple["CutOut", ...] = ()
-    """the next masks, the likeliest first"""
-    focal: float | None = None
-    """px, where the image tells"""
+    confidence: float = 1.0  # probability that the mask is the whole object and little else
+    others: tuple["CutOut", ...] = ()  # the next masks, the likeliest first
+    focal: float | None = None  # px, where the image tells
     note: str = ""  # which of several readings of the file was used
+    detections: tuple[Detection, ...] = ()  # chairs and cars of the image, the most prominent first
+    categories: dict[str, float] = field(default_factory=dict)  # probability of each; empty where nothing is known
+    corners: Float[np.ndarray, "9 2"] | None = None  # of the 3D box of a chair in a photograph
+
+    @property
+    def direction(self) -> tuple[float, float] | None:
+        """Azimuth and elevation (rad) that the 3D box tells; front and back may be mistaken for each other."""
+        height, width = self.mask.shape
+        return None if self.corners is None else chair_direction(self.corners, width / height)
 
 
 class Stroke(NamedTuple):
     """A line drawn over an image: what is under it belongs to the object, or does not."""
 
-    points: tuple[tuple[float, float], ...]
-    """shares of the image's width and height"""
-    radius: float
-    """a share of the longer side"""
+    points: tuple[tuple[float, float], ...]  # shares of the image's width and height
+    radius: float  # a share of the longer side
     adds: bool
 
 
@@ -78,19 +67,16 @@ class Stroke(NamedTuple):
 class Hints:
     """Hints from a person. Raises ``ValueError`` for a box without an inside."""
 
-    box: tuple[float, float, float, float] | None = None
-    """left, top, right, bottom in shares of width and height; the object is inside. None: where it is is known"""
+    box: Box | None = None  # the object is inside
     strokes: tuple[Stroke, ...] = ()
-    threshold: float = _THRESHOLD
-    """opacity, 0..1, from which a pixel belongs to an object that the alpha channel or the saliency network finds"""
-    points: tuple[tuple[float, float], ...] = ()
-    """shares of width and height: on each of them is the object, or a part of it"""
-    choice: int = 0
-    """which of the masks that are found: 0 is the likeliest"""
+    threshold: float = _THRESHOLD  # opacity, 0..1, from which a pixel belongs to the object
+    points: tuple[tuple[float, float], ...] = ()  # shares of width and height, each on the object or a part of it
+    choice: int = 0  # number of the mask among those found, the likeliest first
+    object: int = 0  # number of the detected object, the most prominent first
 
     def __post_init__(self) -> None:
-        if self.choice < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
-            raise ValueError("there is no such mask, or a point is outside the image")
+        if min(self.choice, self.object) < 0 or not all(0 <= share <= 1 for point in self.points for share in point):
+            raise ValueError("there is no such mask or object, or a point is outside the image")
         if not 0 < self.threshold < 1:
             raise ValueError("the threshold of a cut-out is between 0 and 1")
         if self.box is not None:
@@ -98,92 +84,111 @@ class Hints:
             if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
                 raise ValueError("the box around the object has no inside within the image")
 
-    @property
-    def pointed(self) -> bool:
-        """Whether there is a box, a point or a stroke."""
-        return self.box is not None or bool(self.points) or bool(self.strokes)
-
     def __bool__(self) -> bool:
         return self != Hints()
 
 
 def cut_out(image: Image.Image, hints: Hints | None = None) -> CutOut:
-    """The object of an RGBA image.
+    """Cut the object of an RGBA image out.
 
-    With a box by GrabCut (Rother et al. 2004, of OpenCV). Else by the alpha channel, or else by the likeliest of the
-    masks that several ways find (:mod:`core.photos.candidates`, :mod:`core.photos.mask_score`), of those at the points
-    where there are some; how sure that is, and which come next, it says too. Strokes correct any of these.
+    By its alpha channel or a plain background, else by what the saliency network and GrabCut find in a box
+    (:mod:`core.photos.candidates`): a person's, else that of the most prominent chair or car
+    (:mod:`core.photos.detector`), else that of what is salient. Strokes correct any of these.
 
     Raises ``ValueError`` where there is nothing to be found: an image of one colour, or hints that leave nothing.
     """
     if min(image.size) < MIN_SIDE:
         raise ValueError(f"an image of {image.width}x{image.height} px is too small; {MIN_SIDE} px are the least")
-    return replace(_cut_out(image, hints), focal=lens_focal(image), note=image.info.get(NOTE, ""))
+    hints, found = hints or Hints(), detect(image)
+    if hints.object >= max(1, len(found or ())):
+        raise ValueError(f"there is no object {hints.object + 1}: {len(found or ())} chairs and cars are found")
+    cut = _cut_out(image, hints, found or ())
+    if hints.strokes:
+        cut = _stroked(cut, image, hints.strokes)
+    return _described(
+        replace(cut, focal=lens_focal(image), note=image.info.get(NOTE, ""), detections=found or ()), image, found
+    )
 
 
-def _cut_out(image: Image.Image, hints: Hints | None) -> CutOut:
+def _described(cut: CutOut, image: Image.Image, found: tuple[Detection, ...] | None) -> CutOut:
+    """With what the detector and the network of chairs say of the object."""
+    seen = detection_of(cut.mask, found or ())
+    if seen is None:
+        # Renders, drawings and toys on white may be of a category that the detector does not recognise in them.
+        return replace(cut, categories={} if cut.white or found is None else missed())
+    # Of renders and cut-outs on white, the viewpoint classifier, which was trained on renders, knows more.
+    boxed = seen.category == "chairs" and not cut.white
+    corners = chair_corners(_rgb(image), seen.box) if boxed else None
+    return replace(cut, categories=seen.probabilities, corners=corners)
+
+
+def _cut_out(image: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
+    """Without strokes."""
+    rgb = _rgb(image)
+    if boxes := _pointed_out(rgb, hints, found):
+        return _in_boxes(rgb, boxes, hints)
     values = np.asarray(image, dtype=np.float32) / 255
-    colours, alpha = values[..., :3], values[..., 3:]
-    if hints and hints.pointed:
-        colours = colours * alpha + 1 - alpha
-        return _segment_with_hints(image, colours, hints)
-    return _segment_without_hints(image, colours, alpha, hints or Hints())
-
-
-def _segment_without_hints(
-    image: Image.Image,
-    colours: Float[np.ndarray, "height width 3"],
-    alpha: Float[np.ndarray, "height width 1"],
-    hints: Hints,
-) -> CutOut:
-    clear = alpha[..., 0] < 0.5
+    colours, alpha = values[..., :3], values[..., 3]
+    clear = alpha < 0.5
     if clear.any() and is_sliver(clear):
-        colours = fill(colours, clear)
+        rgb = Image.fromarray(to_bytes(fill(colours, clear)))
     elif clear.mean() > 0.001:
-        opaque = Candidate("alpha channel", alpha[..., 0], white=True, certain=True)
-        return _on_white(colours * alpha + 1 - alpha, opaque, hints.threshold)
-    if box := find_frame(colours):
-        return _within(box, image, colours, hints)
-    seen = Seen(image, colours)
-    if seen.background is not None and seen.background.mask.all():
+        opaque = Candidate("alpha channel", alpha, white=True, certain=True)
+        return _on_white(np.asarray(rgb, np.float32) / 255, opaque, hints.threshold)
+    return _automatically(rgb, hints, found)
+
+
+def _automatically(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> CutOut:
+    """By a plain background within the frame, else in the box of the most prominent object."""
+    colours = np.asarray(rgb, np.float32) / 255
+    frame = find_frame(colours)
+    left, top, right, bottom = inside = frame or (0, 0, *rgb.size)
+    plain = find_background(colours[top:bottom, left:right])
+    if plain is None:
+        return _in_boxes(rgb, [found[0].box if found else salient_box(rgb, inside)], hints)
+    if plain.mask.all():
         raise ValueError("no object found: nothing differs from the background")
-    return _best(colours, rank_candidates(seen), hints)
+    opacity = np.zeros(colours.shape[:2], np.float32)
+    opacity[top:bottom, left:right] = ~plain.mask
+    white = plain.white and frame is None
+    return _on_white(colours, Candidate("plain background", opacity, white=white, certain=True))
 
 
-def _best(colours: Float[np.ndarray, "height width 3"], ranked: list[tuple[Candidate, float]], hints: Hints) -> CutOut:
-    """The chosen mask, and those that come next."""
-    cuts: list[CutOut] = []
-    for candidate, confidence in ranked:
+def _in_boxes(rgb: Image.Image, boxes: list[Box], hints: Hints) -> CutOut:
+    """The chosen mask of the objects in some boxes, together, and those that come next."""
+    cuts, colours = list[CutOut](), np.asarray(rgb, np.float32) / 255
+    for ranked in zip(*(rank_candidates(rgb, box) for box in boxes), strict=False):
+        opacity = np.max([one.candidate.opacity for one in ranked], axis=0)
+        whole = replace(ranked[0].candidate, opacity=opacity, certain=hints.box is not None)
         with suppress(ValueError):  # the whole image, or next to nothing
-            cut = _on_white(colours, candidate, hints.threshold, confidence)
-            if all(_overlap(cut.mask, other.mask) < _SAME for other in cuts):
+            cut = _on_white(colours, whole, hints.threshold, min(one.confidence for one in ranked))
+            if all(mask_overlap(cut.mask, other.mask) < _SAME for other in cuts):
                 cuts.append(cut)
-        if len(cuts) > _OTHERS:
-            break
     if not cuts:
-        cuts = [_on_white(colours, guess(colours.shape[:2], hints.points), confidence=0.0)]
+        cuts = [_on_white(colours, by_place(rgb, boxes), confidence=0.0)]
     chosen = cuts.pop(min(hints.choice, len(cuts) - 1))
     return replace(chosen, others=tuple(cuts))
 
 
-def _within(box: Box, image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints) -> CutOut:
-    """The opacity of the object found in a part of the image; beyond is background."""
-    part = colours[box.top : box.bottom, box.left : box.right]
-    found = _segment_without_hints(image.crop(box), part, np.ones((*part.shape[:2], 1), np.float32), hints)
-    height, width = colours.shape[:2]
-    around = (box.top, height - box.bottom), (box.left, width - box.right)
-
-    def padded(cut: CutOut) -> CutOut:
-        pixels = np.pad(cut.pixels, (*around, (0, 0)), constant_values=1)
-        mask, opacity = np.pad(cut.mask, around), np.pad(cut.opacity, around)
-        return replace(cut, pixels=pixels, mask=mask, opacity=opacity, white=False)
-
-    return replace(padded(found), others=tuple(map(padded, found.others)))
+def _pointed_out(rgb: Image.Image, hints: Hints, found: tuple[Detection, ...]) -> list[Box]:
+    """The boxes of what a person points out, by a box, by points or by the number of a detected object."""
+    if hints.box is not None:
+        return [hints.box]
+    if hints.points:
+        return [_box_at(rgb, point, found) for point in hints.points]
+    return [found[hints.object].box] if hints.object else []
 
 
-def _overlap(one: Bool[np.ndarray, "height width"], other: Bool[np.ndarray, "height width"]) -> float:
-    """Intersection over union."""
-    return float((one & other).sum() / max(1, (one | other).sum()))
+def _box_at(rgb: Image.Image, point: tuple[float, float], found: tuple[Detection, ...]) -> Box:
+    """The smallest box that was detected at a point, else that of what is salient there."""
+    x, y = point
+    there = [one.box for one in found if one.box[0] <= x <= one.box[2] and one.box[1] <= y <= one.box[3]]
+    return min(there, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]), default=None) or box_at(rgb, point)
+
+
+def _rgb(image: Image.Image) -> Image.Image:
+    """On white."""
+    return Image.alpha_composite(Image.new("RGBA", image.size, "white"), image.convert("RGBA")).convert("RGB")
 
 
 def _on_white(
@@ -208,50 +213,15 @@ def _on_white(
     return CutOut(on_white, mask, white, opacity, found.edge_error, undecided, found.found_by, confidence)
 
 
-# By what a person points at
+# Strokes
 
 
-def _segment_with_hints(image: Image.Image, colours: Float[np.ndarray, "height width 3"], hints: Hints) -> CutOut:
-    """GrabCut from the box, what is at the points, or what is found without either; then where strokes correct it."""
-    window = (0, 0, *image.size)
-    if hints.box is not None:
-        left, top, right, bottom = box = _in_pixels(hints.box, *image.size)
-        window = widened(box, max(4, round(_MARGIN * max(right - left, bottom - top))), colours.shape)
-        mask = grabcut(colours, _in_box(box, colours.shape[:2]), window)
-        found = _on_white(colours, Candidate("box", mask.astype(np.float32), certain=True))
-    elif hints.points:
-        found = _best(colours, _at_points(image, colours, hints.points), hints)
-    else:
-        found = cut_out(image, replace(hints, strokes=()))
-    if not hints.strokes:
-        return found
-    mask = grabcut(colours, _corrected(found.mask, hints.strokes), window)
-    mask = _apply_strokes(mask, hints.strokes, True, False).astype(bool)
+def _stroked(cut: CutOut, image: Image.Image, strokes: tuple[Stroke, ...]) -> CutOut:
+    """What is under the strokes is sure, near them GrabCut decides."""
+    colours = np.asarray(_rgb(image), np.float32) / 255
+    mask = grabcut(colours, _corrected(cut.mask, strokes), (0, 0, *image.size))
+    mask = _apply_strokes(mask, strokes, True, False).astype(bool)
     return _on_white(colours, Candidate("strokes", mask.astype(np.float32), certain=True))
-
-
-def _at_points(
-    image: Image.Image, colours: Float[np.ndarray, "height width 3"], points: tuple[tuple[float, float], ...]
-) -> list[tuple[Candidate, float]]:
-    """The object at a point; of several, their union."""
-    first, *more = (rank_candidates(Seen(image, colours, point)) for point in points)
-    added = [ranked[0] for ranked in more if ranked]
-
-    def joined(candidate: Candidate, confidence: float) -> tuple[Candidate, float]:
-        opacity = np.max([candidate.opacity, *(other.opacity for other, _ in added)], axis=0)
-        return replace(candidate, opacity=opacity), min(confidence, *(sure for _, sure in added), 1.0)
-
-    return [joined(*one) for one in first]
-
-
-def _in_box(box: tuple[int, int, int, int], size: tuple[int, int]) -> UInt8[np.ndarray, "height width"]:
-    """Labels of GrabCut: the object is somewhere in the box (px)."""
-    import cv2
-
-    labels = np.full(size, cv2.GC_BGD, np.uint8)
-    left, top, right, bottom = box
-    labels[top:bottom, left:right] = cv2.GC_PR_FGD
-    return labels
 
 
 def _corrected(
@@ -283,12 +253,6 @@ def _apply_strokes(
         for x, y in points[[0, -1]].tolist():
             cv2.circle(canvas, (x, y), thickness // 2, int(value), -1)
     return canvas
-
-
-def _in_pixels(box: tuple[float, float, float, float], width: int, height: int) -> tuple[int, int, int, int]:
-    left, top, right, bottom = box
-    across, down = round(left * width), round(top * height)
-    return across, down, max(across + 1, round(right * width)), max(down + 1, round(bottom * height))
 
 
 # Masks

@@ -13,7 +13,6 @@ import pytest
 import torch
 from PIL import Image
 
-from core.classifiers.category import CategoryClassifier
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose
 from core.lab.datasets.srn import index_objects, write_manifest
@@ -93,7 +92,6 @@ _READERS: dict[str, tuple[Callable[[Path], object], Callable[[Path], object]]] =
     "scene in an image": (_write_scene_image, _read_scene),
     "pose": (_write_pose, read_pose),
     "model": (_MODEL.save, Model.load),
-    "category classifier": (CategoryClassifier(["cars", "chairs"]).save, CategoryClassifier.load),
     "authors' checkpoint": (
         lambda path: path.write_bytes((GOLDEN / "models.pth").read_bytes()),
         lambda path: load_authors(path, GOLDEN / "hpam.json"),

@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import torch
-
 from core.detail.frames import bake, render_progressively
 from core.export.frames import Image, draw_still, render_frames
 from core.export.framing import filling_distance
@@ -13,7 +11,6 @@ from core.export.keyframes import View
 from core.export.mesh import export_mesh
 from core.export.pace import Pace, measure_pace
 from core.export.video import VideoSettings, write_video
-from core.fitting.category_check import guess_category
 from core.fitting.fit import FitJob, FitStep, fit
 from core.geometry.camera import Camera
 from core.geometry.pose_files import read_pose
@@ -36,10 +33,6 @@ def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
         return prepare_photo(cut, model, read_pose(source.pose) if source.pose else None, source.crop)
 
 
-def _guess_category(cut: CutOut) -> dict[str, float]:
-    return guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask))
-
-
 @dataclass(frozen=True)
 class Backend:
     """One function for each kind of value; most of them are streams."""
@@ -55,7 +48,7 @@ class Backend:
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video
     pace: Callable[[Model, View], Iterator[Pace | None]] = measure_pace
     mesh: Callable[..., Iterator[float]] = export_mesh
-    guess_category: Callable[[CutOut], dict[str, float]] = _guess_category
+    guess_category: Callable[[CutOut], dict[str, float]] = lambda cut: cut.categories
     direction_words: Callable[[Model], Iterator[Words | None]] = direction_words
     bake: Callable[[Model, Codes], Iterator[BakedField | None]] = bake
     distance: Callable[[Model, Codes, Camera, float], float] = filling_distance

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
-import numpy as np
 import torch
 
-from core.fitting.category_check import guess_category, likelier_model
+from core.fitting.category_check import likelier_model
 from core.fitting.fit import PRESETS, FitJob, fit
 from core.geometry.camera import Camera, camera_rotation
-from core.geometry.pixels import bounding_box
 from core.lab.benchmarks.csv_files import from_row, read_csv
 from core.models.library import load_model
+from core.photos.candidates import share_box
 from core.photos.decode import read_rgba
+from core.photos.detector import Box, box_overlap
 from core.photos.photo import prepare_photo
 from core.photos.segmentation import CutOut, cut_out
 from core.photos.view_bank import build_view_bank
@@ -49,7 +49,7 @@ class Seen:
     elevation: float | None
 
     @property
-    def box(self) -> tuple[float, float, float, float]:
+    def box(self) -> Box:
         """Shares of width and height."""
         return self.left, self.top, self.right, self.bottom
 
@@ -62,6 +62,8 @@ class PhotoTrial:
     category: str
     """what it shows"""
     taken_for: str
+    detected: str
+    """the detector's box: whole, part or wrong; "" where it found nothing"""
     cut_out: str
     """whole, part or wrong, by the box"""
     found_by: str
@@ -73,6 +75,8 @@ class PhotoTrial:
     """None where it has none"""
     psnr: float
     confidence: float
+    witness: float | None
+    """degrees, the azimuth that the 3D box of a chair tells"""
     seconds: float
     """of the processor, cut-out and fit"""
 
@@ -98,7 +102,7 @@ def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
     """What becomes of one photo."""
     began = time.process_time()
     cut = cut_out(read_rgba(path))
-    taken_for = likelier_model(guess_category(torch.from_numpy(cut.pixels), torch.from_numpy(cut.mask)))
+    taken_for = likelier_model(cut.categories)
     model = load_model(taken_for)
     run_to_end(build_view_bank(model))
     *_, last = fit(model, FitJob((prepare_photo(cut, model),), PRESETS[preset]))
@@ -108,6 +112,7 @@ def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
         path.stem,
         nearest.category,
         taken_for,
+        _judged(box_overlap(nearest.box, cut.detections[0].box)) if cut.detections else "",
         _judged(_overlap(nearest.box, cut)),
         cut.found_by,
         cut.confidence,
@@ -116,6 +121,7 @@ def measure_photo(path: Path, seen: Sequence[Seen], preset: str) -> PhotoTrial:
         _right_side(nearest, camera),
         last.psnr,
         last.confidence or 0.0,
+        None if cut.direction is None else math.degrees(cut.direction[0]),
         time.process_time() - began,
     )
 
@@ -124,14 +130,9 @@ def _judged(overlap: float) -> str:
     return "whole" if overlap >= _WHOLE else "part" if overlap >= _PART else "wrong"
 
 
-def _overlap(box: tuple[float, float, float, float], cut: CutOut) -> float:
-    """Intersection over union of a box (shares of the image) and that of the mask."""
-    height, width = cut.mask.shape
-    found = [side / size for side, size in zip(bounding_box(cut.mask), (width, height) * 2, strict=True)]
-    low, high = np.maximum(box[:2], found[:2]), np.minimum(box[2:], found[2:])
-    shared = float(np.prod(np.maximum(0, high - low)))
-    areas = [(right - left) * (bottom - top) for left, top, right, bottom in (box, found)]
-    return shared / (sum(areas) - shared)
+def _overlap(box: Box, cut: CutOut) -> float:
+    """Intersection over union of a box and that of the mask."""
+    return box_overlap(box, share_box(cut.mask))
 
 
 def _right_side(seen: Seen, camera: Camera) -> bool | None:

@@ -329,6 +329,7 @@ def photos_table(found: Results[PhotoTrial]) -> str:
     """What became of each photo, and of all of a category."""
     columns: list[Column] = [
         ("photo", "photo", "{}"),
+        ("box", "detected", "{}"),
         ("cut out", "cut_out", "{}"),
         ("sure of it", "mask_confidence", "{:.2f}"),
         ("taken for", "taken_for", "{}"),

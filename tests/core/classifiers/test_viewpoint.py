@@ -9,6 +9,7 @@ from core.classifiers.viewpoint import (
     directions,
     predict_viewpoint,
     viewpoint_nll,
+    with_witness,
 )
 from tests.core.classifiers.test_crops import square
 
@@ -33,3 +34,31 @@ def test_the_likeliest_camera_has_no_nll_and_its_opposite_has():
     at, twin = viewpoint_nll(probability, azimuth[30] + torch.tensor([0.0, math.pi]), elevation[30].expand(2))
     assert float(at) == pytest.approx(0, abs=1e-3)
     assert float(twin) > 3
+
+
+def test_a_witness_raises_its_direction_most_and_its_mirror_image_next():
+    azimuth, elevation = directions()
+    uniform = torch.full_like(azimuth, 1 / len(azimuth))
+    found = with_witness(uniform, math.radians(60), math.radians(25))
+    assert float(found.sum()) == pytest.approx(1, abs=1e-5)
+
+    def at(degrees: float, height: float) -> float:
+        return float(
+            found[((azimuth - math.radians(degrees)).abs() + (elevation - math.radians(height)).abs()).argmin()]
+        )
+
+    assert at(60, 25) > 2 * at(300, 25) > 4 * at(180, 25) > 0
+    assert at(60, 25) > at(60, 40) > 3 * at(60, 78) > 0
+    torch.testing.assert_close(with_witness(uniform, math.radians(60 - 720), math.radians(25)), found)
+
+
+def test_where_both_disagree_neither_rules():
+    azimuth, elevation = directions()
+    certain = torch.full_like(azimuth, 1e-6)
+    certain[30] = 1.0
+    found = with_witness(certain / certain.sum(), float(azimuth[30]) + math.pi / 2, float(elevation[30]))
+    there = found[elevation == elevation[30]]
+    assert float(there.sum()) > 0.99
+    assert 0.7 < float(found[30]) < 0.8
+    told = int((azimuth - azimuth[30] - math.pi / 2).abs().argmin())
+    assert float(there[told % len(there)]) > 0.02

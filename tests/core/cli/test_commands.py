@@ -14,7 +14,6 @@ import torch
 from PIL import ExifTags, Image
 
 from core.__main__ import main
-from core.classifiers.category import CategoryClassifier
 from core.cli import fit as fitting
 from core.fitting import fit as fits
 from core.fitting.fit import PRESETS, FitSettings, FitStep, RunnerUp
@@ -23,8 +22,10 @@ from core.lab.datasets.srn import read_dataset, write_manifest, write_object
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.scene import Scene
+from core.photos.detector import Detection
 from core.photos.direction_words import direction_words
 from core.photos.photo import Photo
+from core.photos.segmentation import Hints
 from tests.core.lab.evaluation.test_protocol import views_of
 from tests.core.tiny import SIDE, tiny_model
 
@@ -245,10 +246,6 @@ def test_dataset_train_and_render_from_nothing():
     looks = load_model("looks.safetensors")
     assert looks.fingerprint == before.fingerprint
     assert looks.viewpoint_classifier is not None
-    write_object(Path("other"), replace(objects[0], name="boat"))
-    write_manifest(Path("other"), "boats", {})
-    run("train-category d other --steps 2 --out c.safetensors")
-    assert CategoryClassifier.load(Path("c.safetensors")).categories == ("boats", "chairs")
 
 
 def test_train_parts_adds_a_part_head(capsys):
@@ -296,7 +293,6 @@ def fit_ends(monkeypatch: pytest.MonkeyPatch) -> Callable[[FitStep], None]:
     drawing.save("a.png")
     photo = Photo(torch.ones(8, 8, 3), torch.ones(8, 8, dtype=torch.bool))
     monkeypatch.setattr(fitting, "prepare_photo", lambda *_: photo)
-    monkeypatch.setattr(fitting, "guess_category", lambda *_: {})
     return lambda step: monkeypatch.setattr(fits, "fit", lambda *_: iter([step]))
 
 
@@ -327,7 +323,10 @@ def test_that_several_photos_have_no_confidence_is_said(file, model, capsys, fit
 
 def test_a_chair_and_a_car_in_one_fit_are_named(file, model, capsys, monkeypatch, fit_ends):
     guesses = iter([{"chairs": 0.9, "cars": 0.05}, {"chairs": 0.8, "cars": 0.1}, {"chairs": 0.1, "cars": 0.8}])
-    monkeypatch.setattr(fitting, "guess_category", lambda *_: next(guesses))
+    prepared = fitting.prepare_photo
+    monkeypatch.setattr(
+        fitting, "prepare_photo", lambda *given, **named: replace(prepared(*given, **named), categories=next(guesses))
+    )
     Path("b.png").write_bytes(Path("a.png").read_bytes())
     fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (model.camera(0.3, 0.3),) * 3, model.codes[0]))
     run(f"fit a.png a.png b.png --model {file}")
@@ -357,6 +356,24 @@ def test_a_box_is_in_pixels_of_the_upright_image(file, capsys, monkeypatch):
     assert "no inside within the image of 200x400 px" in printed
     assert "a box is four numbers X0,Y0,X1,Y1, not '20,40,100'" in printed
     assert "1 images need as many boxes, got 2" in printed
+
+
+def test_the_number_of_an_object_says_which_and_a_second_one_is_mentioned(file, capsys, monkeypatch, fit_ends):
+    given, box = [], (0.2, 0.2, 0.6, 0.6)
+    cut = fitting.cut_out(Image.open("a.png").convert("RGBA"))
+    two = tuple(Detection(box, {"chairs": score, "cars": 0.0}) for score in (0.8, 0.7))
+
+    def find(image, hints):
+        given.append(hints)
+        return replace(cut, confidence=0.8, detections=two)
+
+    monkeypatch.setattr(fitting, "cut_out", find)
+    fit_ends(FitStep(1, 1, 0, 0.4, 30.0, 0.1, (load_model(file).camera(0.3, 0.3),), load_model(file).codes[0]))
+    run(f"fit a.png --model {file} --object 2")
+    assert given == [Hints(object=1)]
+    assert capsys.readouterr().err == ""
+    run(f"fit a.png --model {file}")
+    assert "a.png: 2 objects are found: --object 2 fits the next one" in capsys.readouterr().err
 
 
 def test_a_point_or_a_mask_says_where_the_object_is(file, capsys, monkeypatch):

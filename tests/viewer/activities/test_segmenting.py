@@ -65,8 +65,8 @@ def test_a_photo_that_the_network_cuts_out_is_fitted_without_a_dialog(
     Image.fromarray(noise).save(tmp_path / "street.png")
     mask = np.zeros((160, 240), np.float32)
     mask[40:120, 60:120] = 1.0
-    seen = {(240, 160): mask}
-    monkeypatch.setattr(candidates, "predict_saliency", lambda image, even=False: seen.get(image.size))
+    seen = candidates.Candidate("network", mask)
+    monkeypatch.setattr(candidates, "by_network", lambda *_: seen)
     tiny = tiny_model()
     backend = Backend(lambda name: tiny, frames=quick_frames, fit=quick_fit, guess_category=no_guess)
     session = Session(worker, backend, seed=0)
