@@ -17,9 +17,9 @@ from core.export.video import WHITE, VideoSettings, write_video
 from core.geometry.camera import Camera
 from core.geometry.pixels import to_bytes
 from core.models.codes import Codes
-from core.models.library import load_model
+from core.models.library import former_model, load_model, shipped_models
 from core.models.model import Model
-from core.models.scene import Scene, open_scene, save_image
+from core.models.scene import Scene, open_scene, save_image, scene_model
 from core.photos.direction_words import direction_words, moved
 from core.runtime.files import require_writable
 from core.streams import run_to_end
@@ -92,13 +92,22 @@ def _load_view(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
 
 def _load_selection(chosen: argparse.Namespace) -> tuple[Model, Codes, Camera]:
     """The model and the codes that the options name, with the scene's own camera or one from the front."""
-    model = load_model(chosen.model, chosen.device)
+    model = load_model(_model_name(chosen), chosen.device)
     if chosen.scene:
         scene = open_scene(chosen.scene, model)
         codes = replace(scene.codes, detail=None) if chosen.no_photo_detail else scene.codes
         return model, _edited(chosen, model, codes), scene.camera
     codes = model.codes.mean if chosen.object is None else model.codes[chosen.object]
     return model, _edited(chosen, model, codes), model.camera(math.radians(60), math.radians(20))
+
+
+def _model_name(chosen: argparse.Namespace) -> str:
+    """The chosen model; of a scene that another shipped model, or a former one, has made, that one."""
+    fingerprint = scene_model(chosen.scene) if chosen.scene else None
+    if fingerprint is None or load_model(chosen.model).shares_codes_with(fingerprint):
+        return chosen.model
+    names = [name for name in shipped_models() if load_model(name).shares_codes_with(fingerprint)]
+    return names[0] if names else str(former_model(fingerprint) or chosen.model)
 
 
 def _edited(chosen: argparse.Namespace, model: Model, codes: Codes) -> Codes:

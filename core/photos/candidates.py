@@ -24,6 +24,7 @@ _CONSTANT, _AGREEMENT = -1.8, 4.2  # of the odds that a mask overlaps the true o
 _ALONE = 0.5  # confidence of a mask that no other confirms
 _WINDOWS = 0.4, 0.75  # of the image's longer side: what the network sees around a point
 _POINTED = 0.25  # of the same: the box around a point where the network sees nothing
+_MIN_BOX = 0.05  # sides of the image: what the network sees in less is a speck
 _MIDDLE: Box = (0.1, 0.1, 0.9, 0.9)  # the box of an image in which nothing is found
 
 
@@ -97,9 +98,12 @@ def by_place(image: Image.Image, boxes: list[Box]) -> Candidate:
 
 
 def salient_box(image: Image.Image, inside: tuple[int, int, int, int]) -> Box:
-    """The box of what the saliency network sees in a part of an image (px); its middle where that is nothing."""
+    """Return the box of what the saliency network sees in a part of an image (px), or the middle for a speck."""
     salient = _salient(image, inside) > 0.5
-    return share_box(salient) if salient.any() else _MIDDLE
+    if not salient.any():
+        return _MIDDLE
+    left, top, right, bottom = box = share_box(salient)
+    return box if min(right - left, bottom - top) > _MIN_BOX else _MIDDLE
 
 
 def box_at(image: Image.Image, point: tuple[float, float]) -> Box:

@@ -1,6 +1,6 @@
 """Everything to begin with: a photo, what one has made oneself, and the model's objects as thumbnails."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from imgui_bundle import ImVec2, hello_imgui, icons_fontawesome_4, imgui
 
@@ -39,7 +39,7 @@ class LibraryPanel(Panel):
             f"{_PHOTO}  Open photo…" if imgui.get_content_region_avail().x > hello_imgui.em_size(8) else "Open photo"
         )
         action_button(context, "fit_image", label, -1, context.palette.accent)
-        names = {model.fingerprint: _heading(model) for model in context.session.models}
+        names = _headings(context.session.models)
         self._filter = draw_choice({_ALL: "All", **names, _MINE: "Mine"}, self._filter)
         if imgui.begin_child("objects"):
             if self._filter in (_ALL, _MINE):
@@ -167,9 +167,14 @@ def _draw_menu(context: PanelContext, name: str) -> None:
         context.focus = "Grid"
 
 
-def _heading(model: Model) -> str:
-    """What a model's objects are called."""
-    return model.category.capitalize() or "Objects"
+def _headings(models: Iterable[Model]) -> dict[str, str]:
+    """The names of the models' objects, by fingerprint; a second model of a category is numbered."""
+    names = dict[str, str]()
+    for model in models:
+        name = model.category.capitalize() or "Objects"
+        count = sum(known.split(" (")[0] == name for known in names.values())
+        names[model.fingerprint] = f"{name} ({count + 1})" if count else name
+    return names
 
 
 def _marks(context: PanelContext, name: str) -> list[tuple[str, Colour]]:

@@ -132,8 +132,9 @@ def test_training_continues_from_a_model_with_the_codes_of_its_objects(dataset: 
     second = Trainer(more, SETTINGS.extending)
     second.initialise_from(model)
     begun = second.model()
-    assert begun.codes[1] == model.codes[0]
-    assert begun.codes[2] == model.codes[1]
+    for index in (0, 1):
+        torch.testing.assert_close(begun.codes[index + 1].shape, model.codes[index].shape)
+        torch.testing.assert_close(begun.codes[index + 1].texture, model.codes[index].texture)
     assert model.extends == ()
     assert begun.extends == (model.fingerprint,)
     torch.testing.assert_close(begun.codes[0].shape, model.codes.mean.shape.half().float())
