@@ -20,11 +20,11 @@ _SIZES = {
 class FieldConfig:
     """The size and the conventions of a field. The defaults are the shipped models' sizes; the paper has others."""
 
-    width: int = 128
+    width: int = 96
     shape_blocks: int = 3
     texture_blocks: int = 1
-    shape_latent: int = 128
-    texture_latent: int = 64
+    shape_latent: int = 64
+    texture_latent: int = 32
     position_frequencies: int = 6
     direction_frequencies: int = 4
     density_scale: float = 30.0

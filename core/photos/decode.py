@@ -25,7 +25,7 @@ _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
 NOTE = "note"  # in ``Image.info``: which of several readings of a file was used
 _DEPTHS = 255, 1023, 4095, 16383, 65535
 """white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into files of 16"""
-_MAX_FRAMES, _MAX_LOOKED = 64, 100_000_000
+_MAX_FRAMES, MAX_LOOKED = 64, 100_000_000
 """frames of an animation that are looked at, and their pixels in all"""
 _FADED = 0.8
 """of the contrast of the clearest frame, below which a frame is fading in or out"""
@@ -140,7 +140,7 @@ def _exif(image: Image.Image) -> Image.Exif:
 def _seek_clearest(image: Image.Image) -> None:
     """Go to the first frame of an animation that does not fade in from, or out to, one colour."""
     frames = getattr(image, "n_frames", 1) if image.format in ("GIF", "WEBP", "PNG", "AVIF") else 1
-    frames = min(frames, _MAX_FRAMES, _MAX_LOOKED // (image.width * image.height))
+    frames = min(frames, _MAX_FRAMES, MAX_LOOKED // (image.width * image.height))
     if frames < 2:
         return
     contrast = list[float]()

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 MAX_DECODED = 400_000_000
 """bytes that one file may take when it is decoded, told from its header: an RGB image of 100 megapixels"""
-_MAX_TEXT = 16_000_000
+MAX_TEXT = 16_000_000
 """bytes of JSON or numbers as text; objects of Python take up to twenty times as much"""
 _MAX_MEMBERS = 10_000
 """files in a zip"""
@@ -46,7 +46,7 @@ _COEFFICIENTS = 3
 """bytes of a pixel that a progressive JPEG takes, however small it is to become"""
 
 # Pillow refuses photographs whose colour profile or description takes more than a megabyte.
-PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, _MAX_TEXT)
+PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, MAX_TEXT)
 
 
 class TooLargeError(ValueError):
@@ -134,19 +134,19 @@ def read_bytes(path: Path, most: int = MAX_DECODED) -> bytes:
 
 def read_text(path: Path) -> str:
     """A file's text: UTF-8, with or without a byte order mark."""
-    return read_bytes(path, _MAX_TEXT).decode("utf-8-sig")
+    return read_bytes(path, MAX_TEXT).decode("utf-8-sig")
 
 
 def parse_json(text: bytes | str) -> Any:
     """JSON in UTF-8, UTF-16 or UTF-32, with or without a byte order mark."""
-    if len(text) > _MAX_TEXT:
-        raise TooLargeError(f"JSON has at most {_MAX_TEXT / 1e6:.0f} MB here")
+    if len(text) > MAX_TEXT:
+        raise TooLargeError(f"JSON has at most {MAX_TEXT / 1e6:.0f} MB here")
     return json.loads(text.removeprefix("\ufeff") if isinstance(text, str) else text)
 
 
 def read_json(path: Path) -> Any:
     """A file's JSON."""
-    return parse_json(read_bytes(path, _MAX_TEXT))
+    return parse_json(read_bytes(path, MAX_TEXT))
 
 
 def read_numbers(path: Path, count: int) -> tuple[float, ...]:

@@ -448,7 +448,7 @@ def test_a_session_that_is_too_large_loses_its_oldest_undo_and_says_so(
     autosave = Autosave(session, tmp_path, clock)
     for step in range(40):
         editor.mix("texture", (step % 7 + 1) / 10)
-    monkeypatch.setattr(reading, "_MAX_TEXT", 12_000)
+    monkeypatch.setattr(reading, "MAX_TEXT", 12_000)
     clock.now += 10.0
     autosave.tick()
     autosave.finish()

@@ -198,7 +198,7 @@ def fitted(model: Model) -> EditableObject:
     return EditableObject("fitted", replace(codes, detail=detail), True, 0.9)
 
 
-def test_the_photo_s_detail_is_an_edit_and_stays_with_the_texture(editor: Editor, model: Model) -> None:
+def test_the_photo_s_detail_is_an_edit_and_stays_with_the_shape(editor: Editor, model: Model) -> None:
     one = fitted(model)
     editor.add_and_show(one, editor.scene.camera)
     before = editor.state
@@ -209,11 +209,11 @@ def test_the_photo_s_detail_is_an_edit_and_stays_with_the_texture(editor: Editor
     assert detail is not None and detail.strength == 0.25
     editor.set_code("texture", editor.code("texture") + 0.1)
     assert editor.scene.codes.detail is detail
-    editor.take("shape", "object 2")
-    assert editor.scene.codes.detail is detail
     editor.take("texture", "object 2")
+    assert editor.scene.codes.detail is detail
+    editor.take("shape", "object 2")
     assert editor.scene.codes.detail is None
-    editor.take("texture", "fitted")
+    editor.take("shape", "fitted")
     assert editor.scene.codes.detail == one.codes.detail
     for _ in range(5):
         editor.undo()

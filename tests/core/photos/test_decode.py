@@ -83,7 +83,7 @@ def test_of_an_animation_with_too_many_pixels_the_first_frame_is_read(
 ) -> None:
     first, *others = map(faded, (0.3, 0.6, 1))
     first.save(tmp_path / "a.gif", save_all=True, append_images=others, duration=100)
-    monkeypatch.setattr(decode, "_MAX_LOOKED", 300 * 200)
+    monkeypatch.setattr(decode, "MAX_LOOKED", 300 * 200)
     assert read_rgba(tmp_path / "a.gif").info[NOTE] == "image 1 of the 3 in this file is used"
 
 
