@@ -9,7 +9,7 @@ from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SHIPPED = _ASSETS / "models"
-FORMER = SHIPPED / "former"  # models that were shipped before, by fingerprint: their objects and scenes still open
+FORMER = SHIPPED / "former"  # models that were shipped before, by fingerprint: their scenes still open
 DEFAULT_MODEL = "chairs"
 
 
