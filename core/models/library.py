@@ -9,22 +9,12 @@ from core.runtime.precision import require_device
 
 _ASSETS = Path(__file__).resolve().parents[2] / "assets"
 SHIPPED = _ASSETS / "models"
-FORMER = SHIPPED / "former"  # models that were shipped before, by fingerprint: their scenes still open
 DEFAULT_MODEL = "chairs"
 
 
 def shipped_models() -> tuple[str, ...]:
     """The names of the models that come with the program."""
     return tuple(sorted(path.stem for path in SHIPPED.glob("*.safetensors")))
-
-
-def former_model(fingerprint: str) -> Path | None:
-    """Return the file of a formerly shipped model in which codes of this fingerprint are shown, if any."""
-    return next((path for path in sorted(FORMER.glob("*.safetensors")) if _shares_codes(path, fingerprint)), None)
-
-
-def _shares_codes(path: Path, fingerprint: str) -> bool:
-    return path.stem == fingerprint or Model.load(path).shares_codes_with(fingerprint)
 
 
 @cache

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 
 from core.models.codes import Codes
-from core.models.library import former_model
 from core.models.model import Model
 
 
@@ -40,18 +39,11 @@ class OpenModels:
         return self[codes.model]
 
     def __getitem__(self, fingerprint: str) -> Model:
-        """The model of a fingerprint, the open one that extends it, or a formerly shipped one, which is opened.
-
-        Raises ``ValueError`` where there is none.
-        """
+        """The model of a fingerprint, or the open one that extends it. Raises ``ValueError`` where there is none."""
         if found := self._models.get(fingerprint):
             return found
         if extending := next((one for one in self if one.shares_codes_with(fingerprint)), None):
             return extending
-        if path := former_model(fingerprint):
-            former = Model.load(path)
-            self.add(str(path), former)
-            return former
         raise ValueError("it was made with a model that is not open: drop the model's file on the window first")
 
     def of_category(self, category: str) -> Model | None:
