@@ -9,11 +9,9 @@ from torch import Tensor
 
 from core.geometry.camera import Camera
 
-Image = Float[Tensor, "_ _ 3"] | Float[np.ndarray, "_ _ 3"]
-"""height, width, rgb in 0..1"""
+Image = Float[Tensor, "_ _ 3"] | Float[np.ndarray, "_ _ 3"]  # height, width, rgb in 0..1
 
-MAX_PSNR = 100.0
-"""dB at which two images count as the same: a finite number where the ratio itself is infinite."""
+MAX_PSNR = 100.0  # dB at which two images count as the same: a finite number where the ratio itself is infinite.
 
 
 def psnr(image: Image, truth: Image) -> float:

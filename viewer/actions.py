@@ -143,8 +143,7 @@ TABLE: dict[str, tuple[Action | Gesture, ...]] = {
         Action("help", "Keys and mouse", "F1, ?", "this help; type what you look for, Enter does it"),
         Action("quit", "Quit", "Ctrl+Q", "end the program"),
     ),
-}
-"""By where it works; the order is that of the help."""
+}  # By where it works; the order is that of the help.
 
 ACTIONS: dict[str, Action] = {row.id: row for rows in TABLE.values() for row in rows if isinstance(row, Action)}
 

@@ -9,10 +9,8 @@ from torch.nn import functional
 
 from core.geometry.pixels import bounding_box
 
-SIDE = 48
-"""px, of the input"""
-CROP_MARGIN = 1.12
-"""side of the square input, over the longer side of the object's box"""
+SIDE = 48  # px, of the input
+CROP_MARGIN = 1.12  # side of the square input, over the longer side of the object's box
 _CHANNELS = (20, 40, 64, 80)
 _BOTTLENECK = 32
 _HIDDEN = 96

@@ -21,8 +21,7 @@ ELEVATIONS = (-25.0, -5.0, 10.0, 25.0, 40.0, 58.0, 78.0)
 _DIRECTIONS = AZIMUTHS * len(ELEVATIONS)
 _UNIFORM_MIX = 0.05
 """Share of the uniform distribution in every prediction: how often the network is confident and wrong."""
-_KERNEL_WIDTH = math.radians(12)
-"""A direction between those of the grid has the probability of those that are so near."""
+_KERNEL_WIDTH = math.radians(12)  # A direction between those of the grid has the probability of those that are so near.
 _WITNESS_RIGHT, _WITNESS_MIRRORED, _WITNESS_WRONG = 0.66, 0.23, 0.11
 _WITNESS_WIDTH = math.radians(15)
 """How often Objectron's azimuth is right, its mirror image is, or neither: of renders of validation and foreign chairs.

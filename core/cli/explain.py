@@ -26,10 +26,8 @@ from core.photos.view_bank import view_bank
 from core.rendering.images import render_image
 
 _SMALL, _LARGE, _DETECTIONS = 80, 160, 480  # px, of images
-_ZOOM = 1.6
-"""of renders and photo: the usual crop leaves much room around an object"""
-_SHOWN = 8
-"""hypotheses of a stage"""
+_ZOOM = 1.6  # of renders and photo: the usual crop leaves much room around an object
+_SHOWN = 8  # hypotheses of a stage
 _STYLE = (
     "body{font:14px sans-serif;margin:2em;max-width:80em}figure{display:inline-block;margin:4px;vertical-align:top}"
     "figcaption{font-size:12px;text-align:center}td,th{padding:2px 10px;text-align:right}"

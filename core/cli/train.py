@@ -28,14 +28,10 @@ from core.models.library import load_model
 from core.models.model import Model
 from core.runtime.files import require_writable
 
-_CHECKPOINT_EVERY = 5000
-"""Steps between two measurements of a model in training; it is saved at the same time."""
-_VIEWPOINT_FRACTION = 12
-"""The viewpoint classifier is trained for one step per so many steps of the model."""
-_VALIDATION_STRIDE = 20
-"""One of so many objects is held out to measure a classifier."""
-_VALIDATION_ANGLE = math.radians(15)
-"""A predicted direction within this of the true one is counted as right."""
+_CHECKPOINT_EVERY = 5000  # Steps between two measurements of a model in training; it is saved at the same time.
+_VIEWPOINT_FRACTION = 12  # The viewpoint classifier is trained for one step per so many steps of the model.
+_VALIDATION_STRIDE = 20  # One of so many objects is held out to measure a classifier.
+_VALIDATION_ANGLE = math.radians(15)  # A predicted direction within this of the true one is counted as right.
 _DEFAULT_VIEWS = {"train": 50, "validation": SPIRAL_VIEWS, "test": SPIRAL_VIEWS}
 
 

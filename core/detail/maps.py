@@ -38,31 +38,19 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.reference import Rendered
 from core.runtime.caches import CACHE, Kind
 
-SOURCE_SIZE = 256
-"""px across of the render that the photo is compared with; all lengths in px below are of it"""
+SOURCE_SIZE = 256  # px across of the render that the photo is compared with; all lengths in px below are of it
 _SAMPLES = 192
-_FADE = 10.0
-"""px from an edge over which the weight grows to 1"""
-_SHAPE_FADE = 12.0
-"""px the same, from where outlines disagree, which may be in the middle of a smooth surface"""
-_REACH = 8.0
-"""px beyond the photo's mask up to which its colours go on"""
-_SOLID = 0.9
-"""opacity from which on a pixel has the object's colour, little background mixed in"""
-_DEEP = 340
-"""such part of a photo's side lies between its outline and the pixels whose colours go on beyond"""
-_LEAP = 0.02
-"""scene units of the second difference of depth, at an edge of something in front; a slope has none"""
-_DISAGREEMENT = 4.0
-"""px by which outlines differ at the most (2 at the size of the training images)"""
-MIRROR_SHARE = 0.9
-"""of the residual, for what only the mirror image shows"""
-_MIRROR_BLUR = 2.0
-"""px, standard deviation: light is not symmetric, and lettering would be read backwards"""
-_UNSURE, _SURE = 0.5, 0.7
-"""confidence in the camera below which nothing is shown, and from which on all of it is"""
-FADED = 1.5
-"""standard deviations that the codes have moved, when nothing is left"""
+_FADE = 10.0  # px from an edge over which the weight grows to 1
+_SHAPE_FADE = 12.0  # px the same, from where outlines disagree, which may be in the middle of a smooth surface
+_REACH = 8.0  # px beyond the photo's mask up to which its colours go on
+_SOLID = 0.9  # opacity from which on a pixel has the object's colour, little background mixed in
+_DEEP = 340  # such part of a photo's side lies between its outline and the pixels whose colours go on beyond
+_LEAP = 0.02  # scene units of the second difference of depth, at an edge of something in front; a slope has none
+_DISAGREEMENT = 4.0  # px by which outlines differ at the most (2 at the size of the training images)
+MIRROR_SHARE = 0.9  # of the residual, for what only the mirror image shows
+_MIRROR_BLUR = 2.0  # px, standard deviation: light is not symmetric, and lettering would be read backwards
+_UNSURE, _SURE = 0.5, 0.7  # confidence in the camera below which nothing is shown, and from which on all of it is
+FADED = 1.5  # standard deviations that the codes have moved, when nothing is left
 _LEVELS = 6
 UNPAINTED = "wheels", "glass"
 _TEXTURES = 12  # of the model, that tell where paint changes anything

@@ -31,18 +31,14 @@ from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 
 Image = UInt8[np.ndarray, "height width channels"]
-TARGET = 45.0
-"""dB against the exact render, of the frame that is compared"""
-LEVELS = (128, 192, 256, 320)
-"""cells of the grid along each axis of the scene's box, from coarse to fine"""
+TARGET = 45.0  # dB against the exact render, of the frame that is compared
+LEVELS = (128, 192, 256, 320)  # cells of the grid along each axis of the scene's box, from coarse to fine
 MAX_TURN = math.radians(20)
 """between two key views: by how far the camera goes round the object at most, or as much nearer"""
 _RAYS = 512
 """across a frame at least: a smaller one has several in a pixel; more change a larger one by nothing visible"""
-_PROBE = 128
-"""px, of the frame that is compared"""
-FEW_PIXELS = 300_000
-"""of all frames of an object together: fewer are rendered by the network sooner than it is baked"""
+_PROBE = 128  # px, of the frame that is compared
+FEW_PIXELS = 300_000  # of all frames of an object together: fewer are rendered by the network sooner than it is baked
 FEW_SAMPLES = 96
 """of a ray of a video then: half the time of the exact ones, and 49 dB from them on average, 45 dB at worst"""
 STILL_STEPS = 384

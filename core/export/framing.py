@@ -18,19 +18,13 @@ from core.rendering.fast import shape_occupancy
 from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
 
-MARGIN = 0.04
-"""of the frame's width and height, left free at either side at the least"""
-_SHAPES = 6
-"""shapes of a video that are looked at, evenly spaced: those between them are mixtures of them"""
-_CAMERAS = 180
-"""of a long video that are looked at: two degrees of a turn apart"""
-_MIN_OPACITY = 0.03
-"""of a cell that counts as the object's: fainter ones are a haze that nobody sees at an edge"""
-_PARTS = 2
-"""points along each side of an occupied cell, of an outline"""
+MARGIN = 0.04  # of the frame's width and height, left free at either side at the least
+_SHAPES = 6  # shapes of a video that are looked at, evenly spaced: those between them are mixtures of them
+_CAMERAS = 180  # of a long video that are looked at: two degrees of a turn apart
+_MIN_OPACITY = 0.03  # of a cell that counts as the object's: fainter ones are a haze that nobody sees at an edge
+_PARTS = 2  # points along each side of an occupied cell, of an outline
 _BLOCK = 16384
-_NEAREST = 0.05
-"""scene units in front of the camera: what is nearer, or behind, counts as if it were there"""
+_NEAREST = 0.05  # scene units in front of the camera: what is nearer, or behind, counts as if it were there
 
 
 def filling_frame(models: Model | OpenModels, views: Sequence[View], zoom_out: bool = True) -> list[View]:

@@ -22,12 +22,9 @@ if TYPE_CHECKING:
 
     _Path: TypeAlias = BSpline | CubicHermiteSpline
 
-MIN_GAP = 0.04
-"""s between two keys at the least: one frame"""
-MIN_LENGTH, MAX_LENGTH = 0.2, 600.0
-"""s"""
-_MAX_ELEVATION = math.radians(89.0)
-"""Short of the pole, which a smooth path may overshoot."""
+MIN_GAP = 0.04  # s between two keys at the least: one frame
+MIN_LENGTH, MAX_LENGTH = 0.2, 600.0  # s
+_MAX_ELEVATION = math.radians(89.0)  # Short of the pole, which a smooth path may overshoot.
 
 
 class View(NamedTuple):
@@ -49,14 +46,11 @@ class Timeline:
     """A video described by keyframes. Raises ``ValueError`` where keys are out of order, out of time or too close."""
 
     keys: tuple[Keyframe, ...] = ()
-    length: float = 4.0
-    """s"""
+    length: float = 4.0  # s
     loop: bool = True
     """after the last keyframe it continues to the first, which it meets at the end; else it rests on the last"""
-    turns: int = 0
-    """of the camera around the object in the whole video, besides what the keys do"""
-    smooth: bool = True
-    """Catmull-Rom through the keys, for cameras and codes; else straight from key to key"""
+    turns: int = 0  # of the camera around the object in the whole video, besides what the keys do
+    smooth: bool = True  # Catmull-Rom through the keys, for cameras and codes; else straight from key to key
 
     def __post_init__(self) -> None:
         if not MIN_LENGTH <= self.length <= MAX_LENGTH:

@@ -33,35 +33,25 @@ from core.rendering.occupancy import Occupancy
 from core.runtime.files import atomic_file
 from core.streams import run_to_end, subprogress
 
-MAX_RESOLUTION = 1024
-"""cells along the longest side: a cell is then a thousandth of the object"""
+MAX_RESOLUTION = 1024  # cells along the longest side: a cell is then a thousandth of the object
 RESOLUTIONS = (96, 128, 192, 256, 384)
 """cells along the longest side, tried one after another where none is given; the first only to be compared with"""
-MIN_TRIANGLES = 100
-"""fewer show no chair"""
+MIN_TRIANGLES = 100  # fewer show no chair
 TOLERANCE = 0.001
 """scene units: the largest distance of a mesh without a given resolution from the surface, but for a thirtieth of it"""
-_MAX_OFF_SURFACE = 1 / 30
-"""of a surface's area: so much may lie further away, and so much may be missing"""
-_PROBES = 4096
-"""points of the surface that are checked for it"""
+_MAX_OFF_SURFACE = 1 / 30  # of a surface's area: so much may lie further away, and so much may be missing
+_PROBES = 4096  # points of the surface that are checked for it
 _INTERVALS = 64
 """Along the longest side of the box in training: within one of them an opaque surface takes half of the light, which
 is the density that the surface is cut at. A lower one would show the fringe that no image shows."""
-_LOGIT_CLAMP = 8.0
-"""The cut's logit is kept within this, so that one wild corner does not pull the surface to another."""
+_LOGIT_CLAMP = 8.0  # The cut's logit is kept within this, so that one wild corner does not pull the surface to another.
 _MIN_PIECE = 0.05
 """scene units (an object's diagonal is 1): pieces whose bounding box has a shorter diagonal are dropped"""
-_SLAB = 16
-"""planes of the grid evaluated at a time"""
-_BLOCK = 16384
-"""points evaluated at a time: few enough that activations stay in cache"""
-_COLOUR_SAMPLES = 8
-"""samples of the short ray that colours a vertex"""
-_MESH_SHARE = 0.3
-"""of the time that a mesh with a texture takes; the rest is the texture's"""
-_GRID_SHARE = 0.6
-"""of the time that the grid takes; the rest is the colours'"""
+_SLAB = 16  # planes of the grid evaluated at a time
+_BLOCK = 16384  # points evaluated at a time: few enough that activations stay in cache
+_COLOUR_SAMPLES = 8  # samples of the short ray that colours a vertex
+_MESH_SHARE = 0.3  # of the time that a mesh with a texture takes; the rest is the texture's
+_GRID_SHARE = 0.6  # of the time that the grid takes; the rest is the colours'
 
 
 @dataclass(frozen=True)
@@ -72,10 +62,8 @@ class MeshSettings:
     """cells along the longest side of the model's box; None: as many as the object's detail needs"""
     metres: float | None = None
     """the object's longest side, in m: it stands on the ground; None: in scene units, its middle at the origin"""
-    texture: int = 0
-    """px, about the width of the image that holds the colours (glb alone); 0: the vertices have them"""
-    triangles: int = 0
-    """at the most; 0: as many as the grid gives, with a texture :data:`~core.export.texture.TRIANGLES`"""
+    texture: int = 0  # px, about the width of the image that holds the colours (glb alone); 0: the vertices have them
+    triangles: int = 0  # at the most; 0: as many as the grid gives, with a texture TRIANGLES
 
     def __post_init__(self) -> None:
         if self.metres is not None and not 0 < self.metres < 1e6:
@@ -206,12 +194,9 @@ class _Grid:
     """Corners over the model's box, and a layer of empty ones around them that closes every surface."""
 
     half: Float[np.ndarray, "3"]
-    counts: tuple[int, int, int]
-    """corners along x, y, z, with the empty ones"""
-    step: Float[np.ndarray, "3"]
-    """scene units from one corner to the next"""
-    interval: float
-    """scene units"""
+    counts: tuple[int, int, int]  # corners along x, y, z, with the empty ones
+    step: Float[np.ndarray, "3"]  # scene units from one corner to the next
+    interval: float  # scene units
 
     @classmethod
     def for_model(cls, model: Model, resolution: int) -> "_Grid":

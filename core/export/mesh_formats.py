@@ -14,8 +14,7 @@ from core.export.glb import Parts, glb
 from core.geometry.camera import WORLD_FROM_GLTF
 from core.geometry.pixels import to_bytes
 
-_MILLIMETRES = 1000
-"""in a metre: what programs for printers take as the unit"""
+_MILLIMETRES = 1000  # in a metre: what programs for printers take as the unit
 _3MF = "http://schemas.microsoft.com/3dmanufacturing"
 _PACKAGE = "http://schemas.openxmlformats.org/package/2006"
 _HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -32,15 +31,11 @@ _3MF_PARTS = {
 class Mesh:
     """A closed surface. Its triangles are counter-clockwise seen from outside."""
 
-    vertices: Float[np.ndarray, "vertices 3"]
-    """world, scene units or m"""
-    normals: Float[np.ndarray, "vertices 3"]
-    """unit length, outward"""
-    colours: Float[np.ndarray, "vertices 3"]
-    """sRGB, 0..1"""
+    vertices: Float[np.ndarray, "vertices 3"]  # world, scene units or m
+    normals: Float[np.ndarray, "vertices 3"]  # unit length, outward
+    colours: Float[np.ndarray, "vertices 3"]  # sRGB, 0..1
     faces: Int[np.ndarray, "faces 3"]
-    parts: Parts
-    """the triangles' names, in their order"""
+    parts: Parts  # the triangles' names, in their order
 
     def save(self, path: Path) -> None:
         """Write the mesh in the format of the name's ending, one of :data:`FORMATS`."""
@@ -106,7 +101,5 @@ FORMATS: dict[str, Callable[[Mesh, Path], None]] = {
     ".obj": _write_obj,
     ".stl": _write_stl,
     ".3mf": _write_3mf,
-}
-"""The writer of each format, by the name's ending."""
-TEXTURED = (".glb",)
-"""Formats that can hold a texture."""
+}  # The writer of each format, by the name's ending.
+TEXTURED = (".glb",)  # Formats that can hold a texture.

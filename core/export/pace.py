@@ -27,28 +27,22 @@ from core.rendering.offscreen import OffscreenPictures
 from core.rendering.progressive import Frame, RenderJob, RenderSettings, render_progressively
 
 T = TypeVar("T")
-_EXACT_SIZE, _DRAWN, _SMALL = 96, 384, 64
-"""px: of the frame that is rendered exactly, and of those that are drawn"""
+_EXACT_SIZE, _DRAWN, _SMALL = 96, 384, 64  # px: of the frame that is rendered exactly, and of those that are drawn
 
 
 @dataclass(frozen=True)
 class Pace:
     """What parts of a video take, s."""
 
-    exact: float
-    """a ray of an exact frame"""
+    exact: float  # a ray of an exact frame
     start: float = 0.0
     """until the first frame is drawn: the frame that is compared, and the object as two cameras see it"""
-    view: float = 0.0
-    """the same object for another camera"""
-    frame: float = 0.0
-    """a mixture of two views, however small it is drawn"""
-    ray: float = 0.0
-    """one that is drawn"""
+    view: float = 0.0  # the same object for another camera
+    frame: float = 0.0  # a mixture of two views, however small it is drawn
+    ray: float = 0.0  # one that is drawn
     baked: bool = False
     """frames are drawn from a baked copy, unless they are few; else they are rendered, wanted or not"""
-    coding: Mapping[str, Coding] = field(default_factory=dict)
-    """a pixel written, by the ending of the file's name"""
+    coding: Mapping[str, Coding] = field(default_factory=dict)  # a pixel written, by the ending of the file's name
 
     def seconds(self, views: Sequence[View], suffix: str, size: int, exact: bool = False) -> float:
         """What a video of these views will take, or a picture of one; exact frames are counted ray by ray.

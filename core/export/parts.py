@@ -17,23 +17,17 @@ from core.models.model import Model
 from core.models.part_head import PartHead
 from core.rendering.folded_field import FoldedField
 
-Pairs = Int[np.ndarray, "2 pairs"]
-"""triangles that share an edge"""
-_DEPTH = 0.004
-"""scene units below the surface, where the field is surest of what it is"""
+Pairs = Int[np.ndarray, "2 pairs"]  # triangles that share an edge
+_DEPTH = 0.004  # scene units below the surface, where the field is surest of what it is
 _TRIANGLES_PER_PASS, _MOST_PASSES = 2500, 60
 """of a mesh: averaging over neighbours so often reaches equally far in coarse and in fine ones; of very fine ones"""
-_TEETH = 4
-"""times that borders are straightened: two triangles might take each other's part for ever"""
-_PATCH = 0.01
-"""of the surface: smaller patches are no part"""
-_BLOCK = 16384
-"""points evaluated at a time"""
+_TEETH = 4  # times that borders are straightened: two triangles might take each other's part for ever
+_PATCH = 0.01  # of the surface: smaller patches are no part
+_BLOCK = 16384  # points evaluated at a time
 _WHEELS_END, _WHEELS_BEGIN, _GLASS_BEGINS, _GLASS_ENDS = 0.6, 0.15, 0.38, 0.6
 """of a car's height: wheels lie below the first and begin below the second; glass lies above the third, and every
 pane reaches the fourth, which a dark bumper does not"""
-_BUMPER, _BETWEEN_WHEELS = 0.03, 0.4
-"""of a car's length, at either end; of its width, in the middle: no wheel is there"""
+_BUMPER, _BETWEEN_WHEELS = 0.03, 0.4  # of a car's length, at either end; of its width, in the middle: no wheel is there
 _REACH = {"seat": (-np.inf, 0.05), "legs": (-np.inf, 0.03), "back": (-0.1, np.inf), "arms": (-0.3, np.inf)}
 """scene units, from where to where, above the seat's top"""
 

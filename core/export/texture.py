@@ -13,18 +13,14 @@ from core.export.normals import face_normals, vertex_normals
 from core.geometry.pixels import to_bytes
 from core.streams import subprogress
 
-TRIANGLES = 8000
-"""that a surface needs at the most: details are in the image"""
-_PADDING = 4
-"""px between the pieces of the atlas"""
-_SHARE = 0.1
-"""of the time that unwrapping takes; the rest is the colours'"""
+TRIANGLES = 8000  # that a surface needs at the most: details are in the image
+_PADDING = 4  # px between the pieces of the atlas
+_SHARE = 0.1  # of the time that unwrapping takes; the rest is the colours'
 
 Colours = Callable[
     [Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"]],
     Generator[float, None, Float[np.ndarray, "points 3"]],
-]
-"""From places and outward normals to colours (sRGB, 0..1); yields the share that is done."""
+]  # From places and outward normals to colours (sRGB, 0..1); yields the share that is done.
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +28,11 @@ class TexturedMesh:
     """A surface and its image. Vertices are doubled along the seams of the image."""
 
     vertices: Float[np.ndarray, "vertices 3"]
-    normals: Float[np.ndarray, "vertices 3"]
-    """unit length, outward"""
+    normals: Float[np.ndarray, "vertices 3"]  # unit length, outward
     faces: Int[np.ndarray, "faces 3"]
-    uv: Float[np.ndarray, "vertices 2"]
-    """0..1, from the image's left and bottom edge"""
+    uv: Float[np.ndarray, "vertices 2"]  # 0..1, from the image's left and bottom edge
     image: UInt8[np.ndarray, "height width 3"]
-    parts: Parts
-    """the triangles' names, in their order"""
+    parts: Parts  # the triangles' names, in their order
 
     def glb(self) -> bytes:
         """The bytes of a .glb file, the material unlit: light is in the colours. Vertices are taken in glTF axes."""

@@ -23,28 +23,20 @@ from core.rendering.background import Background, Rgb
 from core.runtime.files import atomic_file, atomic_folder
 
 WHITE: Rgb = (255, 255, 255)
-_BT709, _LIMITED_RANGE = 1, 1
-"""numbers of H.264 and FFmpeg"""
-_WAITING = 4
-"""frames that are held for the encoder at most"""
+_BT709, _LIMITED_RANGE = 1, 1  # numbers of H.264 and FFmpeg
+_WAITING = 4  # frames that are held for the encoder at most
 
 
 @dataclass(frozen=True)
 class VideoSettings:
     """How a video is written. Raises ``ValueError`` for values out of range."""
 
-    size: int = 512
-    """px, width and height"""
-    rate: int = 24
-    """frames per second"""
-    quality: int = 85
-    """1 to 100: of mp4 and webp; a gif has so many of its 256 colours"""
-    background: Background | None = WHITE
-    """None is transparent"""
-    exact: bool = False
-    """every frame by the network; else as :mod:`core.export.frames` is soonest done"""
-    shadow: bool = False
-    """of the object, on the ground"""
+    size: int = 512  # px, width and height
+    rate: int = 24  # frames per second
+    quality: int = 85  # 1 to 100: of mp4 and webp; a gif has so many of its 256 colours
+    background: Background | None = WHITE  # None is transparent
+    exact: bool = False  # every frame by the network; else as frames is soonest done
+    shadow: bool = False  # of the object, on the ground
 
     def __post_init__(self) -> None:
         if not 2 <= self.size <= 4096 or not 1 <= self.rate <= 100 or not 1 <= self.quality <= 100:
@@ -234,12 +226,9 @@ class VideoFormat(NamedTuple):
 
     label: str
     sink: Callable[[Path, VideoSettings], _Sink]
-    transparent: bool = True
-    """can leave the background out"""
-    folder: bool = False
-    """a folder of files instead of one"""
-    translucent: bool = True
-    """a pixel can be there in part; else half a shadow on nothing would be all of one"""
+    transparent: bool = True  # can leave the background out
+    folder: bool = False  # a folder of files instead of one
+    translucent: bool = True  # a pixel can be there in part; else half a shadow on nothing would be all of one
 
     def shows_shadow(self, background: Background | None) -> bool:
         """Whether frames on this background can have a soft shadow."""
@@ -251,5 +240,4 @@ FORMATS = {
     ".gif": VideoFormat("gif", _Gif, translucent=False),
     ".webp": VideoFormat("webp", _Webp),
     ".frames": VideoFormat("png frames", _Frames, folder=True),
-}
-"""By the name's ending."""
+}  # By the name's ending.

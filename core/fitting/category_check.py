@@ -11,11 +11,9 @@ from core.models.library import DEFAULT_MODEL
 from core.models.model import singular
 from core.photos.photo import Photo
 
-UNLIKELY = 0.3
-"""Probability of a category below which people are told that the photo does not seem to show it."""
+UNLIKELY = 0.3  # Probability of a category below which people are told that the photo does not seem to show it.
 
-_CLEAR = 0.9
-"""The share of one category among all known ones from which no other is offered."""
+_CLEAR = 0.9  # The share of one category among all known ones from which no other is offered.
 
 
 def category_likelihood(category: str, photos: Sequence[Photo]) -> float:

@@ -17,16 +17,11 @@ import numpy as np
 
 RIGHT_DEGREES = 10.0
 """A camera that is turned by less is right: it is in the right basin, and the rest is a matter of precision."""
-DOUBTFUL = 0.5
-"""A camera of less confidence is more likely wrong than right."""
-SURE = 0.9
-"""Nearly all cameras of more confidence were right."""
-_RIDGE = 0.1
-"""Keeps the weights finite where they separate all fits."""
-_MIN_UNCERTAINTY = 0.01
-"""degrees"""
-_MIN_MARGIN = -30.0
-"""keeps the relative margin of a hypothesis that has lost finite"""
+DOUBTFUL = 0.5  # A camera of less confidence is more likely wrong than right.
+SURE = 0.9  # Nearly all cameras of more confidence were right.
+_RIDGE = 0.1  # Keeps the weights finite where they separate all fits.
+_MIN_UNCERTAINTY = 0.01  # degrees
+_MIN_MARGIN = -30.0  # keeps the relative margin of a hypothesis that has lost finite
 
 
 _EXPLAINED_PSNR, _EXPLAINED_WIDTH = 20.0, 1.0
@@ -39,8 +34,7 @@ _RIGHT_ANYHOW = 0.5
 wrong camera has more than 0.79 by it, where two had 0.87 and 0.97."""
 
 
-_WITNESS_DEGREES = 30.0
-"""Azimuths that differ by less agree."""
+_WITNESS_DEGREES = 30.0  # Azimuths that differ by less agree.
 _AGREES, _MIRRORED, _CONTRADICTS = 0.7, -0.3, -1.2
 """Logarithms of the odds that a camera is right, by what a second witness tells of its azimuth."""
 

@@ -21,12 +21,9 @@ _CANDIDATES = 12
 class Explanation(NamedTuple):
     """Of the first photo of a fit."""
 
-    categories: dict[str, float]
-    """the probability of each"""
-    candidates: CandidateCameras | None
-    """the best matching views of the view bank; None where the camera was known"""
-    stages: tuple[FitStep, ...]
-    """the last step of each stage, with the hypotheses that were left"""
+    categories: dict[str, float]  # the probability of each
+    candidates: CandidateCameras | None  # the best matching views of the view bank; None where the camera was known
+    stages: tuple[FitStep, ...]  # the last step of each stage, with the hypotheses that were left
     terms: tuple[dict[str, float], ...]
     """by name the terms of the objective, of the result and of the best in another basin, on the same pixels"""
 

@@ -41,12 +41,10 @@ from core.runtime.precision import matmul_dtype
 
 _MAX_STEP = (0.35, 0.35, 0.15, 0.15, 0.15, 0.1, 0.05, 0.05)
 """of each camera parameter: beyond, the quadratic says nothing"""
-_MAX_CODE_STEP = 3.0
-"""standard deviations"""
+_MAX_CODE_STEP = 3.0  # standard deviations
 _EFFECTIVE_PIXELS = 64
 """Independent errors in a photo: so many that right cameras are about as far off as their uncertainty."""
-_SAMPLES_PER_JACOBIAN = 11
-"""One of so many samples of a ray goes into the Jacobian."""
+_SAMPLES_PER_JACOBIAN = 11  # One of so many samples of a ray goes into the Jacobian.
 
 
 class NormalEquations(NamedTuple):
@@ -56,12 +54,9 @@ class NormalEquations(NamedTuple):
     """
 
     objective: Float[Tensor, "hypotheses"]
-    squared_error: Float[Tensor, "hypotheses"]
-    """as in :class:`core.fitting.objective.ObjectiveValue`"""
-    gradient: Float[Tensor, "hypotheses parameters"]
-    """half of it"""
-    hessian: Float[Tensor, "hypotheses parameters parameters"]
-    """half of Gauss-Newton's"""
+    squared_error: Float[Tensor, "hypotheses"]  # as in ObjectiveValue
+    gradient: Float[Tensor, "hypotheses parameters"]  # half of it
+    hessian: Float[Tensor, "hypotheses parameters parameters"]  # half of Gauss-Newton's
 
 
 def gauss_newton_step(

@@ -18,12 +18,9 @@ from core.rendering.shape_cells import shape_cells
 
 CAMERA_PARAMETERS = 8
 """of one view: azimuth, elevation, logarithms of distance and focal length; logarithm of scale, roll, shift x and y"""
-_BASIN = math.radians(25)
-"""Cameras that differ by less mostly converge to the same one."""
-_SIMILAR_FOCAL = 0.2
-"""So do those with focal lengths whose logarithms differ by less."""
-_OPPOSITE_COSINE = -0.6
-"""of the difference between two azimuths, where the cameras look from opposite sides"""
+_BASIN = math.radians(25)  # Cameras that differ by less mostly converge to the same one.
+_SIMILAR_FOCAL = 0.2  # So do those with focal lengths whose logarithms differ by less.
+_OPPOSITE_COSINE = -0.6  # of the difference between two azimuths, where the cameras look from opposite sides
 MAX_ZOOM = 1.5
 """logarithm of the longest focal length over the given one: beyond, there is no perspective left to be seen"""
 _MAX_ELEVATION = math.radians(89.9)
@@ -40,14 +37,11 @@ class DivergedError(ValueError):
 class Hypothesis:
     """One explanation of the photos. A fit can resume from it."""
 
-    origin: int
-    """the number of the initial hypothesis that it comes from"""
+    origin: int  # the number of the initial hypothesis that it comes from
     loss: float
-    cameras: tuple[Camera, ...]
-    """one per photo, at the photo's size"""
+    cameras: tuple[Camera, ...]  # one per photo, at the photo's size
     codes: Codes
-    crop_transform: Float[Tensor, "views 4"]
-    """as in :class:`Parameters`; its scale is a part of the cameras' focal lengths"""
+    crop_transform: Float[Tensor, "views 4"]  # as in Parameters; its scale is a part of the cameras' focal lengths
 
 
 class Parameters(NamedTuple):
@@ -57,8 +51,7 @@ class Parameters(NamedTuple):
     elevation) is constant, also at the pole, where azimuth is roll.
     """
 
-    angles: Float[Tensor, "hypotheses views 2"]
-    """azimuth, elevation; rad"""
+    angles: Float[Tensor, "hypotheses views 2"]  # azimuth, elevation; rad
     distance: Float[Tensor, "hypotheses views"]
     """logarithm of the distance over the model's, as far as the focal length does not make up for it"""
     zoom: Float[Tensor, "hypotheses views"]
@@ -80,8 +73,7 @@ class HypothesisBatch:
     loss: Float[Tensor, "hypotheses"]
     """what they are ranked by: a running mean of the objective, weighed with the viewpoint classifier; infinite where a
     hypothesis diverged"""
-    squared_error: Float[Tensor, "hypotheses"]
-    """as in :class:`core.fitting.objective.ObjectiveValue`"""
+    squared_error: Float[Tensor, "hypotheses"]  # as in ObjectiveValue
     origin: Int[Tensor, "hypotheses"]
 
     @classmethod

@@ -31,15 +31,13 @@ from core.photos.photo import Photo
 from core.photos.ranking import CandidateCameras, ObjectImage, rank_cameras, shape_similarity
 from core.photos.view_bank import EmptyBankError, view_bank
 
-_SHAPE_BLEND = 0.6
-"""How much of a prototype's shape a hypothesis begins with, the rest being the mean shape."""
+_SHAPE_BLEND = 0.6  # How much of a prototype's shape a hypothesis begins with, the rest being the mean shape.
 _MIN_DIFFERENCE = 1e-3
 """Standard deviations by which a prototype that is not the mean object differs from the mean shape."""
 _INITIAL_ZOOMS = (0.0, -0.3, 0.3)
 """Logarithms of focal lengths over the model's that pairs of cameras (one and mostly its opposite) take turns in, where
 these are searched for: a code that has settled with one focal length does not let go of it."""
-_SIZE_TOLERANCE = 0.25
-"""How much the logarithm of an object's apparent size differs from that of its prototype."""
+_SIZE_TOLERANCE = 0.25  # How much the logarithm of an object's apparent size differs from that of its prototype.
 
 
 def initial_hypotheses(problem: Problem, count: int, generator: torch.Generator) -> HypothesisBatch:

@@ -20,15 +20,12 @@ from core.models.model import Model
 from core.rendering.importance import render_top_samples
 from core.runtime.precision import autocast
 
-MASK_WEIGHT = 0.1
-"""The squared error of opacity against that of colour."""
+MASK_WEIGHT = 0.1  # The squared error of opacity against that of colour.
 CAMERA_PRIOR_SCALE = (0.2, 0.02, 0.3, 0.02, 0.03, 0.01, 0.01)
 """How far a camera moves before it costs much: rad below the ground's level, the logarithm of the distance away from
 that of the training images, which all have one, that of the focal length, and of :attr:`Parameters.crop_transform`."""
-OCCLUDER_SCALE = 0.2
-"""As :attr:`Objective.occluder_scale`, once it is doubted that the object is seen as a whole."""
-MOVED_SCALE = 0.05
-"""Of the scale, for a photo that was moved before it was fitted."""
+OCCLUDER_SCALE = 0.2  # As :attr:`Objective.occluder_scale`, once it is doubted that the object is seen as a whole.
+MOVED_SCALE = 0.05  # Of the scale, for a photo that was moved before it was fitted.
 SCALED_SCALE = 0.15
 """The same where the photo was scaled, against the scale that objects have on average when seen from there."""
 CAMERA_PRIOR_WEIGHT = (2e-3, 2e-3, 2e-4, 2e-3, 2e-3, 2e-3, 2e-3)
@@ -68,10 +65,8 @@ class Term(NamedTuple):
     """The squared error of an item is the mean square of its components. An item depends on one rendered pixel, and is
     at the pixel's place, (hypotheses, views, rays, components), or on one parameter, for which no other item stands."""
     weight: Float[Tensor, "*#items"] | float
-    kernel: Kernel = torch.positive
-    """:func:`torch.positive`: least squares"""
-    needs_depth: bool = False
-    """whether it reads :attr:`RenderedPixels.depth`, which makes steps dearer"""
+    kernel: Kernel = torch.positive  # positive: least squares
+    needs_depth: bool = False  # whether it reads :attr:`RenderedPixels.depth`, which makes steps dearer
 
 
 def term_value(term: Term, residual: Float[Tensor, "hypotheses *items components"]) -> Float[Tensor, "hypotheses"]:
@@ -131,29 +126,25 @@ TERMS = (photometric_term, mask_term, camera_prior_term, code_prior_term)
 class Objective(NamedTuple):
     """Which terms there are, their weights and scales."""
 
-    code_prior: float
-    """of a squared standard deviation of a code, against a squared error"""
+    code_prior: float  # of a squared standard deviation of a code, against a squared error
     camera_scale: Float[Tensor, "#views 7"] = torch.tensor([CAMERA_PRIOR_SCALE])
     """of :func:`camera_residuals`; infinite where a camera is given, or says nothing"""
     camera_weight: Float[Tensor, "7"] = torch.tensor(CAMERA_PRIOR_WEIGHT)
     expected_scale: Float[Tensor, "views directions"] | None = None
     """of photos (logarithm), from the directions of :func:`core.classifiers.viewpoint.directions`; None: all 0"""
-    mask_weight: float = MASK_WEIGHT
-    """0 where the network itself paints the background, which makes all rays opaque"""
+    mask_weight: float = MASK_WEIGHT  # 0 where the network itself paints the background, which makes all rays opaque
     robust_scale: float = math.inf
     """A colour error of this size (root mean square over the channels) pulls half as hard as in Eq. 5: there is
     something that the model cannot render."""
     occluder_scale: float = math.inf
     """The same for colours and opacity beside the object, where something in front may hide more of it."""
-    terms: tuple[Callable[[PixelBatch, "Objective"], Term], ...] = TERMS
-    """each for some pixels and this objective"""
+    terms: tuple[Callable[[PixelBatch, "Objective"], Term], ...] = TERMS  # each for some pixels and this objective
 
 
 class ObjectiveValue(NamedTuple):
     """How well hypotheses explain some pixels."""
 
-    terms: Float[Tensor, "terms hypotheses"]
-    """of the objective, in its order"""
+    terms: Float[Tensor, "terms hypotheses"]  # of the objective, in its order
     squared_error: Float[Tensor, "hypotheses"]
     """the mean squared error per channel over whole photos, as estimated from these pixels"""
 

@@ -17,32 +17,24 @@ from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.plain_background import connected_to_border
 
-_STRATA_FRACTIONS = (0.5, 0.3, 0.2)
-"""of the rays: on the object, near it, elsewhere"""
-_NEAR_MARGIN = 0.12
-"""of the object's size: how far "near" reaches"""
-_LEAST_CERTAINTY = 0.1
-"""of a pixel on the very edge of a mask that may be off: thin legs are nothing but edge"""
-_SURE_EDGE = 0.3
-"""px: an edge that is off by less is where it is"""
-_FOOTPRINT = 4
-"""rays through a pixel of a blurred photo"""
+_STRATA_FRACTIONS = (0.5, 0.3, 0.2)  # of the rays: on the object, near it, elsewhere
+_NEAR_MARGIN = 0.12  # of the object's size: how far "near" reaches
+_LEAST_CERTAINTY = 0.1  # of a pixel on the very edge of a mask that may be off: thin legs are nothing but edge
+_SURE_EDGE = 0.3  # px: an edge that is off by less is where it is
+_FOOTPRINT = 4  # rays through a pixel of a blurred photo
 
 
 class PixelBatch(NamedTuple):
     """Some pixels of every photo."""
 
-    pixels: Float[Tensor, "views rays 2"]
-    """from the middle of the photo, x right and y down, in focal lengths"""
+    pixels: Float[Tensor, "views rays 2"]  # from the middle of the photo, x right and y down, in focal lengths
     colours: Float[Tensor, "views rays 3"]
-    target_opacity: Float[Tensor, "views rays"]
-    """1 on the object, 0 on the background"""
+    target_opacity: Float[Tensor, "views rays"]  # 1 on the object, 0 on the background
     mask_valid: Float[Tensor, "views rays"]
     """0 where the opacity is not known: background that the object encloses may be a white part of it"""
     certainty: Float[Tensor, "views rays"]
     """0..1, how much colour and opacity count: less beside edges of a mask that may be off"""
-    footprints: Float[Tensor, "views rays rays_each 2"]
-    """what is added to a pixel to get the rays whose mean it sees"""
+    footprints: Float[Tensor, "views rays rays_each 2"]  # what is added to a pixel to get the rays whose mean it sees
     weights: Float[Tensor, "views rays"]
     """the share of the photo that each stands for: a sum with these estimates the mean over all its pixels"""
 
@@ -66,12 +58,10 @@ class Observation:
     target_opacity: Float[Tensor, "pixels"]
     mask_valid: Float[Tensor, "pixels"]
     certainty: Float[Tensor, "pixels"]
-    blur: float
-    """focal lengths, standard deviation of what a pixel sees"""
+    blur: float  # focal lengths, standard deviation of what a pixel sees
     strata: tuple[Int[Tensor, "_"], ...]
     """indices of the pixels on the object, near it, elsewhere; only non-empty ones, without what was not seen"""
-    fractions: tuple[float, ...]
-    """of the rays that each stratum gets"""
+    fractions: tuple[float, ...]  # of the rays that each stratum gets
 
     @classmethod
     def of(cls, photo: Photo, model: Model) -> "Observation":

@@ -22,12 +22,9 @@ from core.metrics import psnr_from_mse
 from core.models.codes import CodeSpace
 from core.models.model import Model
 
-_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}
-"""AdamW's; rad, scene units, numbers of a code"""
-_HALVED_EVERY = 50
-"""steps, in the authors' code"""
-_SCORE_EVERY = 10
-"""Steps between two scores, the best of which is the result."""
+_RATES = {"angles": 0.1, "distance": 0.01, "codes": 0.01}  # AdamW's; rad, scene units, numbers of a code
+_HALVED_EVERY = 50  # steps, in the authors' code
+_SCORE_EVERY = 10  # Steps between two scores, the best of which is the result.
 
 
 def fit_as_set(model: Model, job: FitJob) -> Iterator[FitStep]:

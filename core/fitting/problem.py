@@ -27,10 +27,8 @@ from core.photos.photo import Photo
 from core.photos.ranking import ObjectImage, expected_scales
 from core.photos.view_bank import view_bank
 
-SCORING_RAYS = 2048
-"""per photo, always the same ones"""
-_VALIDATION_RAYS = 512
-"""per photo, that are not those of the steps: they say how uncertain a camera is"""
+SCORING_RAYS = 2048  # per photo, always the same ones
+_VALIDATION_RAYS = 512  # per photo, that are not those of the steps: they say how uncertain a camera is
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +40,12 @@ class Problem:
     components: Components
     photos: tuple[Photo, ...]
     observations: tuple[Observation, ...]
-    cameras: tuple[Camera, ...]
-    """known cameras, and for unknown ones their size and focal length"""
+    cameras: tuple[Camera, ...]  # known cameras, and for unknown ones their size and focal length
     viewpoints: tuple[Float[Tensor, "directions"] | None, ...]
     """how probable every viewing direction is, where a camera is unknown and the model can tell"""
-    scoring: PixelBatch
-    """the pixels that hypotheses are compared on"""
+    scoring: PixelBatch  # the pixels that hypotheses are compared on
     validation: PixelBatch
-    occluded: bool = False
-    """whether something in front may hide parts of the object"""
+    occluded: bool = False  # whether something in front may hide parts of the object
 
     @classmethod
     def of(

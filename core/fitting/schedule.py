@@ -11,28 +11,20 @@ from core.fitting.settings import Components, FitSettings
 class Stage(NamedTuple):
     """Some steps between two prunings."""
 
-    hypotheses: int
-    """kept when it begins"""
+    hypotheses: int  # kept when it begins
     steps: int
-    rays: int
-    """per photo and step"""
-    samples: int
-    """along a ray"""
-    robust_scale: float
-    """as in :class:`core.fitting.objective.Objective`: while a camera is far off, the largest errors lead on"""
-    damping: float
-    """of steps, against the diagonal of the Gauss-Newton Hessian"""
+    rays: int  # per photo and step
+    samples: int  # along a ray
+    robust_scale: float  # as in Objective: while a camera is far off, the largest errors lead on
+    damping: float  # of steps, against the diagonal of the Gauss-Newton Hessian
 
 
 class Schedule(NamedTuple):
     """All stages of a search, in the order they are run."""
 
-    coarse: tuple[Stage, ...]
-    """from everywhere, to find about where a camera is; none where all are known"""
-    local: tuple[Stage, ...]
-    """around the best of those cameras"""
-    final: Stage
-    """refines the best hypothesis"""
+    coarse: tuple[Stage, ...]  # from everywhere, to find about where a camera is; none where all are known
+    local: tuple[Stage, ...]  # around the best of those cameras
+    final: Stage  # refines the best hypothesis
 
     @property
     def stages(self) -> tuple[Stage, ...]:
@@ -53,12 +45,9 @@ def stage_numbers(stages: Sequence[Stage], first: int = 0) -> Iterator[int]:
 class _Row(NamedTuple):
     """A stage in shares of the settings, but for its last two values."""
 
-    keep: float
-    """of the hypotheses of the stage before"""
-    limit: float
-    """the most hypotheses"""
-    steps: int
-    """of :data:`_ALL_STEPS`"""
+    keep: float  # of the hypotheses of the stage before
+    limit: float  # the most hypotheses
+    steps: int  # of _ALL_STEPS
     rays: float
     samples: float
     robust_scale: float
@@ -98,8 +87,7 @@ around the best basin's camera, around the next one's. Thirteen degrees are for 
 its best."""
 LOCAL_HYPOTHESES = sum(shapes for offsets in LOCAL_OFFSETS for *_, shapes in offsets)
 """of the local search, where the model has so many shapes"""
-_SHAPES = 6
-"""hypotheses where every camera is known: shapes to begin from"""
+_SHAPES = 6  # hypotheses where every camera is known: shapes to begin from
 
 
 def build_schedule(settings: FitSettings, components: Components, unknown: bool, resumed: bool = False) -> Schedule:

@@ -29,31 +29,23 @@ from core.fitting.observations import sample_pixels
 from core.fitting.problem import Problem
 from core.fitting.schedule import Stage
 
-_LOSS_FLOOR = 1e-6
-"""An objective below this counts as this: nobody can tell a perfect image from a more perfect one."""
-_EMA = 0.4
-"""weight of a step's loss in the running mean by which hypotheses are pruned"""
-_WINDOW = 4
-"""Steps of the refinement whose mean is scored: a single one follows its own pixels."""
+_LOSS_FLOOR = 1e-6  # An objective below this counts as this: nobody can tell a perfect image from a more perfect one.
+_EMA = 0.4  # weight of a step's loss in the running mean by which hypotheses are pruned
+_WINDOW = 4  # Steps of the refinement whose mean is scored: a single one follows its own pixels.
 _MIN_SAMPLES_FOR_CELLS, _SAMPLES_BETWEEN_UPDATES = 60_000, 100_000
 """Compute a shape's cells only if it will be sampled this often; recompute them after so many samples."""
 _MIN_IMPROVEMENT = 0.01
 """The refinement ends where two such means in a row are not better by this share than all that were scored before."""
-RESTART_BELOW = 0.92
-"""A camera of less confidence is searched for once more; goes with :data:`core.fitting.confidence.CALIBRATION`."""
+RESTART_BELOW = 0.92  # A camera of less confidence is searched for once more; goes with CALIBRATION.
 
 
 class SearchResult(NamedTuple):
     """The winner of a search, and what is known about its camera."""
 
-    winner: HypothesisBatch
-    """a single one"""
-    runner_up: HypothesisBatch | None = None
-    """the best hypothesis of another basin, where a camera is searched for"""
-    margin: float = math.nan
-    """logarithm of its loss over the winner's when both had been optimised equally long"""
-    uncertainty: float | None = None
-    """degrees, once assessed, where one camera is searched for"""
+    winner: HypothesisBatch  # a single one
+    runner_up: HypothesisBatch | None = None  # the best hypothesis of another basin, where a camera is searched for
+    margin: float = math.nan  # logarithm of its loss over the winner's when both had been optimised equally long
+    uncertainty: float | None = None  # degrees, once assessed, where one camera is searched for
 
 
 def optimise(
@@ -127,8 +119,7 @@ def with_runner_up(problem: Problem, winner: HypothesisBatch, among: HypothesisB
 class Refined(NamedTuple):
     """A hypothesis on its way."""
 
-    best: HypothesisBatch
-    """scored; never worse than the one before"""
+    best: HypothesisBatch  # scored; never worse than the one before
     finished: bool
 
 

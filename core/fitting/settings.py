@@ -14,8 +14,7 @@ class FitSettings:
     steps: int = 82
     """of the local search and the refinement together, at most, and at least six; where a camera is unknown, a coarse
     search of a third as many comes first"""
-    rays: int = 1024
-    """per photo and step while the best hypothesis is refined; the many before get fewer each"""
+    rays: int = 1024  # per photo and step while the best hypothesis is refined; the many before get fewer each
     samples: int = 64
     """along a ray through a box of one scene unit while the best hypothesis is refined; fewer through a smaller box,
     and in the stages before, which sort"""
@@ -50,8 +49,7 @@ class PaperSettings(FitSettings):
     hypotheses: int = 1
     steps: int = 299
     rays: int = 512
-    code_prior: float = 1e-4
-    """of the squared norm of a code"""
+    code_prior: float = 1e-4  # of the squared norm of a code
     max_restarts: int = 0
 
     def __post_init__(self) -> None:
@@ -65,28 +63,22 @@ PRESETS: dict[str, FitSettings] = {
     "normal": FitSettings(),
     "fine": FitSettings(hypotheses=40, steps=123, rays=1536),
     "paper": PaperSettings(),
-}
-"""By what they cost, and the paper's."""
+}  # By what they cost, and the paper's.
 
 
 @dataclass(frozen=True)
 class Components:
     """The parts of a fit that an ablation can switch off."""
 
-    view_bank: bool = True
-    """begin from the cameras of the view bank that match best, else from random ones"""
+    view_bank: bool = True  # begin from the cameras of the view bank that match best, else from random ones
     prototype_shapes: bool = True
     """begin from the shapes of the view bank that look most like the photo, else from the mean shape"""
-    viewpoint_classifier: bool = True
-    """weigh cameras by what :mod:`core.classifiers.viewpoint` predicts"""
-    distinct_basins: bool = True
-    """keep the best hypothesis of each basin before a second one of any"""
+    viewpoint_classifier: bool = True  # weigh cameras by what viewpoint predicts
+    distinct_basins: bool = True  # keep the best hypothesis of each basin before a second one of any
     fresh_codes: bool = True
     """begin the local search around the best cameras with fresh codes, else go on with those found so far"""
-    early_stopping: bool = True
-    """end the refinement once further steps no longer improve it"""
-    robust_loss: bool = True
-    """the last stages use Cauchy's loss, else squared errors throughout"""
+    early_stopping: bool = True  # end the refinement once further steps no longer improve it
+    robust_loss: bool = True  # the last stages use Cauchy's loss, else squared errors throughout
     mask_loss: bool = True
     camera_prior: bool = True
 

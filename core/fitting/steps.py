@@ -23,10 +23,8 @@ class FitJob:
     photos: tuple[Photo, ...]
     settings: FitSettings = field(default_factory=FitSettings)
     seed: int = 0
-    resume_from: Hypothesis | None = None
-    """refine this one, without a search"""
-    components: Components = ALL_COMPONENTS
-    """what is switched on; for ablations"""
+    resume_from: Hypothesis | None = None  # refine this one, without a search
+    components: Components = ALL_COMPONENTS  # what is switched on; for ablations
 
     def __post_init__(self) -> None:
         if not self.photos:
@@ -39,8 +37,7 @@ class RunnerUp(NamedTuple):
     """The best hypothesis of another basin than the result's: mostly seen from the opposite side."""
 
     cameras: tuple[Camera, ...]
-    loss: float
-    """on the same pixels as the result's"""
+    loss: float  # on the same pixels as the result's
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,25 +45,19 @@ class FitStep:
     """Where a fit stands: the leading hypothesis after a step. The last one is the result."""
 
     step: int
-    steps: int
-    """how many there will be, as far as is known"""
-    origin: int
-    """the number of the initial hypothesis that it comes from"""
+    steps: int  # how many there will be, as far as is known
+    origin: int  # the number of the initial hypothesis that it comes from
     loss: float
     """what hypotheses are ranked by: the objective of some rays, smoothed over steps and weighed with the viewpoint
     classifier"""
     psnr: float
     """dB over whole photos, estimated from the rays of the step, while the best is refined from more of them; pixels
     behind a suspected occluder are down-weighted in the restart"""
-    seconds: float
-    """since the job began"""
-    cameras: tuple[Camera, ...]
-    """one per photo, at the photo's size"""
+    seconds: float  # since the job began
+    cameras: tuple[Camera, ...]  # one per photo, at the photo's size
     codes: Codes
-    active: int = 1
-    """how many hypotheses are optimised"""
-    restart: bool = False
-    """the search is run once more, as the first one has left its camera in doubt"""
+    active: int = 1  # how many hypotheses are optimised
+    restart: bool = False  # the search is run once more, as the first one has left its camera in doubt
     runner_up: RunnerUp | None = None
     """where one camera is searched for, once its hypotheses are sorted; not in the paper's recipe"""
     margin: float | None = None
@@ -78,14 +69,10 @@ class FitStep:
     """the leader, then the others that have not diverged, the least loss first. Where several cameras are unknown, they
     are of the photos of the search under way: each camera has one of its own at first."""
 
-    category_likelihood: float = 1.0
-    """the probability that the photos show an object of the model's category"""
-    mask_confidence: float = 1.0
-    """the probability that all masks are the object"""
-    stage: int = 0
-    """number of the stage of the schedule, counted through all searches of the fit"""
-    witness: float = 0.0
-    """what the 3D box of a chair adds to the logarithm of the odds of the camera"""
+    category_likelihood: float = 1.0  # the probability that the photos show an object of the model's category
+    mask_confidence: float = 1.0  # the probability that all masks are the object
+    stage: int = 0  # number of the stage of the schedule, counted through all searches of the fit
+    witness: float = 0.0  # what the 3D box of a chair adds to the logarithm of the odds of the camera
 
     @property
     def confidence(self) -> float | None:
@@ -100,17 +87,13 @@ class SearchState(NamedTuple):
     """Where a search stands after a step."""
 
     problem: Problem
-    views: Sequence[int]
-    """which photos of the job are searched with"""
+    views: Sequence[int]  # which photos of the job are searched with
     stage: int
-    batch: HypothesisBatch
-    """what is optimised"""
-    result: SearchResult | None = None
-    """whose winner leads, once there is one"""
+    batch: HypothesisBatch  # what is optimised
+    result: SearchResult | None = None  # whose winner leads, once there is one
     restart: bool = False
     restart_follows: bool = False
-    finished: bool = False
-    """a search has ended, though another may follow"""
+    finished: bool = False  # a search has ended, though another may follow
 
     def to_step(self, step: int, steps: int, seconds: float) -> FitStep:
         """The step of the stream that shows this state."""

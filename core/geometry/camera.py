@@ -17,8 +17,7 @@ from torch import Tensor
 
 from core.runtime.reading import whole
 
-FRONT_AZIMUTH = math.pi / 2
-"""rad, from where the front of an object is seen"""
+FRONT_AZIMUTH = math.pi / 2  # rad, from where the front of an object is seen
 WORLD_FROM_GLTF = np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
 """glTF has y up and the front at +z. Its own inverse's transpose: a row vector times it goes from the world to glTF."""
 MAX_SIDE = 16_384
@@ -31,14 +30,10 @@ OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 class Camera:
     """A pinhole camera on an orbit: looks at the origin, z up. Raises ``ValueError`` for values no camera has."""
 
-    azimuth: float
-    """rad, from +x towards +y; the front of an object is seen from pi / 2."""
-    elevation: float
-    """rad above the horizontal plane, within [-pi / 2, pi / 2]."""
-    distance: float
-    """scene units from the origin; an object's bounding box has a diagonal of 1."""
-    focal: float
-    """px, at this width and height."""
+    azimuth: float  # rad, from +x towards +y; the front of an object is seen from pi / 2.
+    elevation: float  # rad above the horizontal plane, within [-pi / 2, pi / 2].
+    distance: float  # scene units from the origin; an object's bounding box has a diagonal of 1.
+    focal: float  # px, at this width and height.
     width: int
     height: int
 

@@ -13,12 +13,9 @@ from core.geometry.camera import Camera, camera_directions, camera_rotation, pix
 class Rays:
     """Half-lines clipped to the scene. A ray that misses it has ``near == far``, so that no mask is needed."""
 
-    origins: Float[Tensor, "*batch 3"]
-    """world"""
-    directions: Float[Tensor, "*batch 3"]
-    """world, unit length"""
-    near: Float[Tensor, "*batch"]
-    """scene units along the direction"""
+    origins: Float[Tensor, "*batch 3"]  # world
+    directions: Float[Tensor, "*batch 3"]  # world, unit length
+    near: Float[Tensor, "*batch"]  # scene units along the direction
     far: Float[Tensor, "*batch"]
 
     def __getitem__(self, index: object) -> "Rays":

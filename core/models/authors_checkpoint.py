@@ -23,10 +23,8 @@ _LAYERS = {
     "rgb.0": "colour_hidden",
     "rgb.2": "colour_layer",
 }
-_PARALLEL = "module."
-"""prefix of tensors that torch's DataParallel adds"""
-_CELLS = 12
-"""Points along each axis at which density is evaluated to find collapsed objects."""
+_PARALLEL = "module."  # prefix of tensors that torch's DataParallel adds
+_CELLS = 12  # Points along each axis at which density is evaluated to find collapsed objects.
 _COLLAPSED_BELOW = 0.025
 """Share of the median object's solid volume. In their 500 cars, collapsed ones have at most 0.015 and the smallest
 whole car 0.043."""

@@ -19,8 +19,7 @@ class Codes:
     texture: Float[Tensor, "*batch texture_latent"]
     detail: PhotoDetail | None = None
     """Photos of a fitted object. They lie on its surface, so they go with the shape; a texture repaints them."""
-    model: str = ""
-    """fingerprint of the model that gives them a meaning; empty for codes of no object, such as a batch"""
+    model: str = ""  # fingerprint of the model that gives them a meaning; empty for codes of no object, such as a batch
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shape).all() and torch.isfinite(self.texture).all()):
@@ -69,10 +68,8 @@ class CodeSpace:
     """The cloud of one kind of trained codes: its mean and its principal directions, strongest first."""
 
     mean: Float[Tensor, "latent"]
-    directions: Float[Tensor, "rank latent"]
-    """orthonormal rows"""
-    std: Float[Tensor, "rank"]
-    """standard deviation along each direction, descending"""
+    directions: Float[Tensor, "rank latent"]  # orthonormal rows
+    std: Float[Tensor, "rank"]  # standard deviation along each direction, descending
 
     @classmethod
     def from_codes(cls, codes: Float[Tensor, "objects latent"]) -> "CodeSpace":
@@ -144,8 +141,7 @@ class CodeBook:
     objects: tuple[Entry, ...]
     collapsed: frozenset[int] = frozenset()
     """Objects that collapsed in training and show next to nothing: still indexed, but not part of the code spaces."""
-    model: str = ""
-    """fingerprint of the model that holds the book"""
+    model: str = ""  # fingerprint of the model that holds the book
 
     def __post_init__(self) -> None:
         if not bool(torch.isfinite(self.shapes).all() and torch.isfinite(self.textures).all()):

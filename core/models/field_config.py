@@ -12,8 +12,7 @@ _SIZES = {
     "texture_latent": (1, 4096),
     "position_frequencies": (0, 32),
     "direction_frequencies": (0, 32),
-}
-"""The least and the greatest. A field is made before its weights are read, so its sizes are checked first."""
+}  # The least and the greatest. A field is made before its weights are read, so its sizes are checked first.
 
 
 @dataclass(frozen=True)
@@ -32,10 +31,8 @@ class FieldConfig:
     need not grow to hundreds. 1 in the authors' files."""
     contrast: float = 0.0  # density (per scene unit) that contrast leaves as it is; 0: none (core.models.density)
     contrast_gain: float = 4.0  # by how much it multiplies density at most
-    bounded_colour: bool = True
-    """A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1]."""
-    architecture: str = "codenerf"
-    """"M1" and "M2" are those of :mod:`core.models.architecture_variants`."""
+    bounded_colour: bool = True  # A sigmoid on rgb. False in the authors' files, whose colours leave [0, 1].
+    architecture: str = "codenerf"  # "M1" and "M2" are those of architecture_variants.
 
     def __post_init__(self) -> None:
         if self.architecture not in ("codenerf", "M1", "M2"):

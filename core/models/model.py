@@ -26,11 +26,9 @@ from core.runtime.files import atomic_file
 from core.runtime.reading import number, parse_json, read_tensors, reading, typed, whole
 
 FORMAT = "codenerf-1"
-_LARGEST = 1e6
-"""of lengths in scene units and px"""
+_LARGEST = 1e6  # of lengths in scene units and px
 _CELLS = "occupied_cells"
-_CLASSIFIER = "viewpoint."
-"""prefix of the viewpoint classifier's tensors"""
+_CLASSIFIER = "viewpoint."  # prefix of the viewpoint classifier's tensors
 _PARTS = "parts.weight", "parts.bias"
 
 
@@ -42,26 +40,19 @@ class Model:
     codes: CodeBook
     extent: tuple[float, float, float]
     """Half the size of the box that holds every training object, along x, y, z (scene units)."""
-    category: str
-    """its plural: "chairs"; '' where that is not known"""
-    image_size: int
-    """px, the size of the training images"""
-    focal: float
-    """px at ``image_size``"""
-    distance: float
-    """scene units, from which the training images were taken"""
+    category: str  # its plural: "chairs"; '' where that is not known
+    image_size: int  # px, the size of the training images
+    focal: float  # px at `image_size`
+    distance: float  # scene units, from which the training images were taken
     white_from_network: bool = False
     """The network itself paints the white background (the authors' checkpoints): the last sample is always opaque."""
     viewpoint_classifier: ViewpointClassifier | None = None
     """predicts from where an image was probably taken; on the processor"""
-    extends: tuple[str, ...] = ()
-    """The fingerprints of the models that its training started from, the latest first."""
-    metres: float = 1.0
-    """the longest side of a usual object"""
+    extends: tuple[str, ...] = ()  # The fingerprints of the models that its training started from, the latest first.
+    metres: float = 1.0  # the longest side of a usual object
     stored_cells: Bool[Tensor, "x y z"] | None = None
     """:attr:`occupied_cells`, as the file holds them; None: they follow from the codes"""
-    part_head: PartHead | None = None
-    """tells the parts of a mesh apart, on the processor; None: a mesh is one part"""
+    part_head: PartHead | None = None  # tells the parts of a mesh apart, on the processor; None: a mesh is one part
 
     def __post_init__(self) -> None:
         sizes = {"focal": self.focal, "distance": self.distance, "metres": self.metres}
@@ -233,12 +224,10 @@ class _About(NamedTuple):
     white_from_network: bool = False
     extends: tuple[str, ...] = ()
     metres: float = 1.0
-    parts: tuple[str, ...] = ()
-    """names of the part head's parts"""
+    parts: tuple[str, ...] = ()  # names of the part head's parts
 
 
-_ELSEWHERE = ("config", "objects", "collapsed", "parts")
-"""of these the model's other values are made"""
+_ELSEWHERE = ("config", "objects", "collapsed", "parts")  # of these the model's other values are made
 
 
 def _pop_classifier(tensors: dict[str, Tensor]) -> ViewpointClassifier | None:

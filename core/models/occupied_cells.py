@@ -16,12 +16,9 @@ from core.models.cells import corner_points, corners_of, max_of_corners, with_ne
 from core.models.field import Field, encode
 from core.runtime.precision import autocast
 
-CELLS = 32
-"""along each axis of the box"""
-MIN_OPACITY = 0.03
-"""A corner whose cell would take less of the light than this is empty."""
-_BLOCK = 16384
-"""Corners evaluated at a time."""
+CELLS = 32  # along each axis of the box
+MIN_OPACITY = 0.03  # A corner whose cell would take less of the light than this is empty.
+_BLOCK = 16384  # Corners evaluated at a time.
 
 
 def cells_at_corners(

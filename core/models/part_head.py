@@ -12,8 +12,7 @@ from torch.nn import functional
 class PartHead:
     """The parts of a category's objects. Raises ``ValueError`` where its parts do not fit together."""
 
-    names: tuple[str, ...]
-    """what is no other part is the first: ("body", "wheels", "glass")"""
+    names: tuple[str, ...]  # what is no other part is the first: ("body", "wheels", "glass")
     weight: Float[Tensor, "parts width"]
     bias: Float[Tensor, "parts"]
 

@@ -16,26 +16,20 @@ from torch import Tensor
 from core.geometry.camera import Camera
 from core.runtime.reading import open_image, reading
 
-SIDE = 1024
-"""px of the longer side at most: lettering on a door is still read"""
-MAX_BYTES = 200_000
-"""of a photo's file, in scenes, projects and pictures"""
-MAX_PHOTOS = 4
-"""of one object whose detail is kept: graphics cards look up 16 images at least, three of each photo"""
+SIDE = 1024  # px of the longer side at most: lettering on a door is still read
+MAX_BYTES = 200_000  # of a photo's file, in scenes, projects and pictures
+MAX_PHOTOS = 4  # of one object whose detail is kept: graphics cards look up 16 images at least, three of each photo
 OtherSide = Literal["model", "soft", "mirrored"]
 OTHER_SIDES: tuple[OtherSide, ...] = get_args(OtherSide)
 """Sources of colours that only the mirror image shows: the model alone, the photo blurred, the photo."""
-_QUALITIES = (96, 92, 85, 75, 60, 40)
-"""of WebP, from the best to what any photo needs at most"""
+_QUALITIES = (96, 92, 85, 75, 60, 40)  # of WebP, from the best to what any photo needs at most
 
 
 class Erasure(NamedTuple):
     """A line drawn over a photo: what is under it does not belong to the object, or is none of its paint."""
 
-    points: tuple[tuple[float, float], ...]
-    """shares of the photo's width and height"""
-    radius: float
-    """a share of its longer side"""
+    points: tuple[tuple[float, float], ...]  # shares of the photo's width and height
+    radius: float  # a share of its longer side
 
 
 @dataclass(frozen=True)
@@ -44,8 +38,7 @@ class PhotoView:
 
     image: bytes = field(repr=False)
     """a WebP file: the object on white, how much of each pixel is its as opacity; as the camera sees it, upright"""
-    camera: Camera
-    """at the size of the image"""
+    camera: Camera  # at the size of the image
     erased: tuple[Erasure, ...] = ()
 
     def __post_init__(self) -> None:
@@ -87,14 +80,11 @@ class PhotoView:
 class PhotoDetail:
     """Photos of an object, and the codes that were fitted to them. Raises ``ValueError`` where it cannot be one."""
 
-    views: tuple[PhotoView, ...]
-    """one to :data:`MAX_PHOTOS`"""
+    views: tuple[PhotoView, ...]  # one to MAX_PHOTOS
     shape: Float[Tensor, "shape_latent"] = field(repr=False)
     texture: Float[Tensor, "texture_latent"] = field(repr=False)
-    confidence: float = 1.0
-    """the probability that the cameras are right, 0..1"""
-    strength: float = 1.0
-    """how much of it is shown, 0..1"""
+    confidence: float = 1.0  # the probability that the cameras are right, 0..1
+    strength: float = 1.0  # how much of it is shown, 0..1
     other_side: OtherSide = "mirrored"
 
     def __post_init__(self) -> None:

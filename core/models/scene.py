@@ -21,10 +21,8 @@ from core.models.photo_detail import Erasure, OtherSide, PhotoDetail, PhotoView
 from core.runtime.files import atomic_file
 from core.runtime.reading import optional, parse_json, read_json, read_text, reading, typed
 
-IMAGE_FORMATS = (".png", ".jpg", ".webp")
-"""The endings to offer: images that nearly every program opens."""
-OPAQUE_FORMATS = (".jpg", ".jpeg")
-"""Those that have no transparent pixels."""
+IMAGE_FORMATS = (".png", ".jpg", ".webp")  # The endings to offer: images that nearly every program opens.
+OPAQUE_FORMATS = (".jpg", ".jpeg")  # Those that have no transparent pixels.
 _KEY = "CodeNeRF scene"
 
 

@@ -10,27 +10,21 @@ from PIL import ExifTags, Image, ImageCms
 
 from core.runtime.reading import open_image, optional, read_bytes, reading
 
-WORKING_SIDE = 1024
-"""px: the longer side at which images are cut out"""
+WORKING_SIDE = 1024  # px: the longer side at which images are cut out
 _NARROWEST = 128
 """The longest side of an image, in its shorter ones: of a narrower one 8 px would not be left at the working size."""
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".avif", ".heic", ".heif", ".hif", ".bmp", ".tif", ".tiff", ".gif")
 """of the files that a dialog offers"""
-_FILM_DIAGONAL = math.hypot(36, 24)
-"""mm"""
-_LENSES = 8, 600
-"""mm, the shortest and the longest focal length that is believed"""
+_FILM_DIAGONAL = math.hypot(36, 24)  # mm
+_LENSES = 8, 600  # mm, the shortest and the longest focal length that is believed
 _SENSOR_RATIOS, _SAME_RATIO = (4 / 3, 3 / 2, 16 / 9), 0.02
 """of whole photographs, longer by shorter side; and how far they may be off"""
 NOTE = "note"  # in ``Image.info``: which of several readings of a file was used
 _DEPTHS = 255, 1023, 4095, 16383, 65535
 """white of 8, 10, 12, 14 and 16 bits: cameras write their own depth into files of 16"""
-_MAX_FRAMES, MAX_LOOKED = 64, 100_000_000
-"""frames of an animation that are looked at, and their pixels in all"""
-_FADED = 0.8
-"""of the contrast of the clearest frame, below which a frame is fading in or out"""
-_TRANSPOSED = (5, 6, 7, 8)
-"""EXIF orientations that exchange width and height"""
+_MAX_FRAMES, MAX_LOOKED = 64, 100_000_000  # frames of an animation that are looked at, and their pixels in all
+_FADED = 0.8  # of the contrast of the clearest frame, below which a frame is fading in or out
+_TRANSPOSED = (5, 6, 7, 8)  # EXIF orientations that exchange width and height
 _TURNS = {
     2: Image.Transpose.FLIP_LEFT_RIGHT,
     3: Image.Transpose.ROTATE_180,
@@ -39,10 +33,8 @@ _TURNS = {
     6: Image.Transpose.ROTATE_270,
     7: Image.Transpose.TRANSVERSE,
     8: Image.Transpose.ROTATE_90,
-}
-"""by EXIF orientation, what makes the image upright"""
-_NO_COLOURS_OF_SCREENS = ("L", "CMYK")
-"""modes that have colour profiles of their own"""
+}  # by EXIF orientation, what makes the image upright
+_NO_COLOURS_OF_SCREENS = ("L", "CMYK")  # modes that have colour profiles of their own
 
 
 def read_rgba(path: Path) -> Image.Image:

@@ -13,8 +13,7 @@ from PIL import Image
 from core.geometry.pixels import bounding_box
 from core.runtime.networks import NETWORKS, run_network
 
-Box = tuple[float, float, float, float]
-"""left, top, right, bottom in shares of the image's width and height"""
+Box = tuple[float, float, float, float]  # left, top, right, bottom in shares of the image's width and height
 
 _SIDE = 300  # px of the network's input
 _CLASSES = {"chairs": (5,), "cars": (18, 23)}  # of Open Images: chair; vehicle and car

@@ -20,15 +20,11 @@ from core.rendering.surface import surface_points
 
 Kind = Literal["shape", "texture"]
 Words = dict[Kind, tuple[str, ...]]
-_REACH = 1.5
-"""standard deviations to either side of the mean"""
-_EDGE = 0.01
-"""of the points, that may lie beyond what counts as an object's extent: specks"""
-_CORNER = 0.2
-"""of a silhouette's width and height, that its corners take"""
+_REACH = 1.5  # standard deviations to either side of the mean
+_EDGE = 0.01  # of the points, that may lie beyond what counts as an object's extent: specks
+_CORNER = 0.2  # of a silhouette's width and height, that its corners take
 _LEAST_POINTS = 50
-_LEAST = 0.5
-"""of what an eye notices: what changes less is no name"""
+_LEAST = 0.5  # of what an eye notices: what changes less is no name
 _SHAPE: dict[str, tuple[str, str, float]] = {
     "width": ("wider", "narrower", 0.05),
     "depth": ("longer", "shorter", 0.05),
@@ -38,8 +34,7 @@ _SHAPE: dict[str, tuple[str, str, float]] = {
     "front": ("fuller front", "fuller back", 0.04),
     "upper width": ("wider top", "narrower top", 0.08),
     "upper depth": ("longer top", "shorter top", 0.08),
-}
-"""of a measure the words for more and for less of it, and how much of it an eye notices"""
+}  # of a measure the words for more and for less of it, and how much of it an eye notices
 _TEXTURE: dict[str, tuple[str, str, float]] = {
     "lightness": ("lighter", "darker", 8.0),
     "red": ("redder", "greener", 7.0),

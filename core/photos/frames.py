@@ -6,22 +6,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt
 
-_SAME = 0.16
-"""of 1: channels that differ by less, as JPEG leaves them, are of one colour"""
-_DARK = 0.1
-"""of 1: the brightest channel of a black frame"""
+_SAME = 0.16  # of 1: channels that differ by less, as JPEG leaves them, are of one colour
+_DARK = 0.1  # of 1: the brightest channel of a black frame
 _EDGE = 0.75
 """the share of a photo's edge that differs from the frame; an object on black that reaches its box differs in parts"""
 _BAR_EDGE = 0.95
 """the same of bars of any colour: on a plain background, straight furniture may look like a photo between bars"""
-_SLIVER = 0.03
-"""the share of an image that rounded corners cut off at the most"""
-_UNIFORM = 0.99
-"""the share of a line that is of the frame's colour"""
-_RINGING = 3
-"""px beside a frame that are left out at the most, as JPEG mixes both there"""
-_MIN_SHARE = 0.5
-"""of the image's width and height that is left within a frame: a smaller box may be an object"""
+_SLIVER = 0.03  # the share of an image that rounded corners cut off at the most
+_UNIFORM = 0.99  # the share of a line that is of the frame's colour
+_RINGING = 3  # px beside a frame that are left out at the most, as JPEG mixes both there
+_MIN_SHARE = 0.5  # of the image's width and height that is left within a frame: a smaller box may be an object
 
 
 class Box(NamedTuple):

@@ -5,8 +5,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from core.photos.plain_background import NoBackgroundError
 
-_SIDE = 320
-"""px: the longer side at which it works, twice what a model sees"""
+_SIDE = 320  # px: the longer side at which it works, twice what a model sees
 _ROUNDS = 4
 
 

@@ -24,41 +24,29 @@ from core.photos.segmentation import CutOut, Hints, cut_out
 from core.photos.sharpness import edge_softness, measure_blur
 from core.photos.view_bank import SizeRange, apparent_size, view_bank
 
-DOUBTFUL_MASK = 0.5
-"""the confidence of a mask below which people are told"""
-_MAX_OFFSET = 0.02
-"""focal lengths: an object that lies further from where it should was moved in its image"""
+DOUBTFUL_MASK = 0.5  # the confidence of a mask below which people are told
+_MAX_OFFSET = 0.02  # focal lengths: an object that lies further from where it should was moved in its image
 
 
 @dataclass(frozen=True, eq=False)
 class Photo:
     """An image of an object on white. Raises ``ValueError`` where its parts do not fit together."""
 
-    pixels: Float[Tensor, "height width 3"]
-    """0..1"""
-    mask: Bool[Tensor, "height width"]
-    """True on the object"""
-    camera: Camera | None = None
-    """None: find it"""
-    cropped: bool = False
-    """The image was moved, so that its centre is not where the camera looks."""
+    pixels: Float[Tensor, "height width 3"]  # 0..1
+    mask: Bool[Tensor, "height width"]  # True on the object
+    camera: Camera | None = None  # None: find it
+    cropped: bool = False  # The image was moved, so that its centre is not where the camera looks.
     unseen: Bool[Tensor, "height width"] | None = None
     """True where nothing was seen, beyond an edge that truncates the object; None where none does"""
-    scaled: bool = False
-    """It was scaled too, so that the object's size says nothing: such a crop is a zoom."""
-    opacity: Float[Tensor, "height width"] | None = None
-    """0..1 where it is known more finely than by the mask"""
-    edge_error: float = 0.0
-    """px by which the mask's edges may be off"""
-    focal: float | None = None
-    """px, where the image tells; a given camera has its own"""
-    blur: float = 0.0
-    """px, standard deviation of what a pixel sees; 0 where it sees a point"""
+    scaled: bool = False  # It was scaled too, so that the object's size says nothing: such a crop is a zoom.
+    opacity: Float[Tensor, "height width"] | None = None  # 0..1 where it is known more finely than by the mask
+    edge_error: float = 0.0  # px by which the mask's edges may be off
+    focal: float | None = None  # px, where the image tells; a given camera has its own
+    blur: float = 0.0  # px, standard deviation of what a pixel sees; 0 where it sees a point
     fine: bytes | None = field(default=None, repr=False)
     """the same part of the image as finely as it was taken, up to :data:`core.models.photo_detail.SIDE` px, as
     :func:`core.models.photo_detail.compressed` has it: colours on white and opacity; None where no more is known"""
-    mask_confidence: float = 1.0
-    """the probability that the mask is the object, the whole of it and little else"""
+    mask_confidence: float = 1.0  # the probability that the mask is the object, the whole of it and little else
     note: str = ""  # which of several readings of the file was used
     categories: dict[str, float] = field(default_factory=dict)
     """the probability of each category that has a model; empty where nothing is known"""
@@ -83,10 +71,8 @@ class Photo:
 class Crop:
     """How an object is moved and scaled against the usual crop. Raises ``ValueError`` for a size of 0."""
 
-    scale: float = 1.0
-    """of the usual size"""
-    right: float = 0.0
-    """to the right, in shares of the image"""
+    scale: float = 1.0  # of the usual size
+    right: float = 0.0  # to the right, in shares of the image
     down: float = 0.0
 
     def __post_init__(self) -> None:

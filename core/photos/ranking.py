@@ -19,12 +19,9 @@ _SIZE_WEIGHT, _PLACE_WEIGHT = 0.3, 1.0
 """of a difference in size (logarithm) and in place (object sizes), against the overlap"""
 _LUMINANCE_WEIGHT = 0.1
 """of the correlation of luminance, against the overlap: textures are unknown yet, so it settles ties only"""
-_VIEWPOINT_RANK_WEIGHT = 0.06
-"""of the logarithm of a direction's probability, against the overlap"""
-_NEIGHBOURS = 20
-"""best matching views that say where an object should lie"""
-_MATCHED = 1344
-"""views at a time, as the bank's numbers take more memory in the format that is computed in"""
+_VIEWPOINT_RANK_WEIGHT = 0.06  # of the logarithm of a direction's probability, against the overlap
+_NEIGHBOURS = 20  # best matching views that say where an object should lie
+_MATCHED = 1344  # views at a time, as the bank's numbers take more memory in the format that is computed in
 _TRUNCATION = (0.0, 0.25, 0.6)
 """How much of an object may lie beyond an edge that cuts it off, as shares of what is seen of it."""
 
@@ -32,14 +29,10 @@ _TRUNCATION = (0.0, 0.25, 0.6)
 class ObjectImage(NamedTuple):
     """An image of one object, and where the object is on it."""
 
-    pixels: Float[Tensor, "height width 3"]
-    """on white, 0..1"""
-    mask: Bool[Tensor, "height width"]
-    """True on the object; anything on it at all"""
-    focal: float
-    """px"""
-    unseen: Bool[Tensor, "height width"] | None = None
-    """True where nothing was seen, as an edge cuts the object off"""
+    pixels: Float[Tensor, "height width 3"]  # on white, 0..1
+    mask: Bool[Tensor, "height width"]  # True on the object; anything on it at all
+    focal: float  # px
+    unseen: Bool[Tensor, "height width"] | None = None  # True where nothing was seen, as an edge cuts the object off
 
 
 class CandidateCameras(NamedTuple):
@@ -48,12 +41,9 @@ class CandidateCameras(NamedTuple):
     azimuth: Float[Tensor, "cameras"]
     elevation: Float[Tensor, "cameras"]
     distance: Float[Tensor, "cameras"]
-    shift: Float[Tensor, "cameras 2"]
-    """from where the prototype lies to where the image's object does; focal lengths"""
-    prototype: Int[Tensor, "cameras"]
-    """the prototype of the view bank that matches the image best from there"""
-    score: Float[Tensor, "cameras"]
-    """the overlap with it, less what differs in size and place, more what is probable"""
+    shift: Float[Tensor, "cameras 2"]  # from where the prototype lies to where the image's object does; focal lengths
+    prototype: Int[Tensor, "cameras"]  # the prototype of the view bank that matches the image best from there
+    score: Float[Tensor, "cameras"]  # the overlap with it, less what differs in size and place, more what is probable
 
 
 def rank_cameras(
@@ -122,12 +112,9 @@ class _Template(NamedTuple):
 
     mask: Float[Tensor, "side side"]
     luminance: Float[Tensor, "side side"]
-    seen: Float[Tensor, "side side"]
-    """0 where the image says nothing"""
-    size: float
-    """the box's longer side, in focal lengths"""
-    middle: Float[Tensor, "2"]
-    """of the box less that of the image, (x, y) in focal lengths"""
+    seen: Float[Tensor, "side side"]  # 0 where the image says nothing
+    size: float  # the box's longer side, in focal lengths
+    middle: Float[Tensor, "2"]  # of the box less that of the image, (x, y) in focal lengths
 
 
 def _templates(image: ObjectImage) -> list[_Template]:

@@ -7,18 +7,12 @@ from jaxtyping import Float
 from scipy.ndimage import binary_erosion, gaussian_filter
 from torch import Tensor
 
-_BLUR_AGAIN = 2.0
-"""px, by which an image is blurred once more: the sharper it was, the more that flattens its edges"""
-_SHARP = 1.0
-"""px: an edge between two pixels, and of renders that are anti-aliased, seems to be blurred by less"""
-_STEEPEST = 0.03
-"""of an image's gradients: those of its edges"""
-_MAX_BLUR = 6.0
-"""px: more is a shade, not an edge"""
-_SOFT = 0.1
-"""Opacities from this to 1 less this are on an edge."""
-_RAMP = 2.56
-"""standard deviations of a blur across which it makes an edge pass through those"""
+_BLUR_AGAIN = 2.0  # px, by which an image is blurred once more: the sharper it was, the more that flattens its edges
+_SHARP = 1.0  # px: an edge between two pixels, and of renders that are anti-aliased, seems to be blurred by less
+_STEEPEST = 0.03  # of an image's gradients: those of its edges
+_MAX_BLUR = 6.0  # px: more is a shade, not an edge
+_SOFT = 0.1  # Opacities from this to 1 less this are on an edge.
+_RAMP = 2.56  # standard deviations of a blur across which it makes an edge pass through those
 
 
 def measure_blur(pixels: Float[Tensor, "height width 3"]) -> float:

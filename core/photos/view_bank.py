@@ -30,14 +30,10 @@ from core.runtime.folders import VIEW_BANKS, cache_folder
 
 PROTOTYPES = 120
 """With 60 of them, fits of a model's own objects end in worse codes; with 240, fits of others are no better."""
-SIDE = 24
-"""px, of a view"""
-FORMAT = "view-bank-1"
-"""of the files; another one is made anew"""
-_MIN_POINTS = 20
-"""of a prototype that is worth keeping"""
-_SPLATTED = 24
-"""views at a time: the points of more leave the cache, and take much memory"""
+SIDE = 24  # px, of a view
+FORMAT = "view-bank-1"  # of the files; another one is made anew
+_MIN_POINTS = 20  # of a prototype that is worth keeping
+_SPLATTED = 24  # views at a time: the points of more leave the cache, and take much memory
 _TENSORS = ("silhouettes", "luminance", "contrast", "sizes", "offsets")
 """of the files, beside the codes and the distance"""
 
@@ -48,18 +44,14 @@ class ViewBank:
     to its bounding box. Raises ``ValueError`` where the parts do not fit together.
     """
 
-    codes: Codes
-    """of the prototypes, (prototypes, latent); the first is the mean object"""
-    distance: float
-    """scene units, from which all views are seen"""
+    codes: Codes  # of the prototypes, (prototypes, latent); the first is the mean object
+    distance: float  # scene units, from which all views are seen
     silhouettes: UInt8[Tensor, "prototypes views bytes"]
     """masks, pixels row by row, eight to a byte, the lowest bit first"""
     luminance: Int8[Tensor, "prototypes views pixels"]
     """luminance less its mean over the object, -127 to 127; 0 off the object"""
-    contrast: Float[Tensor, "prototypes views"]
-    """factor that gives a view's luminance unit norm"""
-    sizes: Float[Tensor, "prototypes views"]
-    """the longer side of the bounding box, in focal lengths"""
+    contrast: Float[Tensor, "prototypes views"]  # factor that gives a view's luminance unit norm
+    sizes: Float[Tensor, "prototypes views"]  # the longer side of the bounding box, in focal lengths
     offsets: Float[Tensor, "prototypes views 2"]
     """the middle of the bounding box (x, y) less that of the image, in focal lengths"""
 
@@ -135,8 +127,7 @@ def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
 class SizeRange(NamedTuple):
     """How large objects are in training images, as shares of the image: the longer side of the bounding box."""
 
-    median: float
-    """seen from somewhat above"""
+    median: float  # seen from somewhat above
     min: float
     max: float
 

@@ -3,18 +3,14 @@
 import numpy as np
 from jaxtyping import Float
 
-Rgb = tuple[int, int, int]
-"""0..255"""
-Gradient = tuple[Rgb, Rgb]
-"""at the upper and at the lower edge"""
+Rgb = tuple[int, int, int]  # 0..255
+Gradient = tuple[Rgb, Rgb]  # at the upper and at the lower edge
 Background = Rgb | Gradient
-_BEGINS = 0.25
-"""of the height, from above: where a gradient begins"""
+_BEGINS = 0.25  # of the height, from above: where a gradient begins
 GLSL = f"""
 uniform vec3 top, bottom;
 vec3 background(float down) {{ return mix(top, bottom, smoothstep({_BEGINS}, 1.0, down)); }}
-"""
-"""``background(down)``: the colour of a place, 0 at the upper edge and 1 at the lower"""
+"""  # `background(down)`: the colour of a place, 0 at the upper edge and 1 at the lower
 
 
 def edges(background: Background) -> Gradient:

@@ -24,15 +24,11 @@ from core.rendering.ground_shadow import GroundShadow
 from core.rendering.occupancy import CELLS
 from core.rendering.reference import Rendered
 
-LOGITS = -8.0, 24.0
-"""Logits that 0 and 255 stand for; the least is a density of 0.01 per scene unit."""
+LOGITS = -8.0, 24.0  # Logits that 0 and 255 stand for; the least is a density of 0.01 per scene unit.
 STEPS_PER_TEXEL = 1.5
-MAX_STEPS = 128
-"""along the longest side of the box: more change nothing that can be seen in motion"""
-MIN_LIGHT = 0.005
-"""A ray ends where less of its light is left; that counts as taken."""
-_FARTHEST = 8
-"""cells that are skipped at a time, at most"""
+MAX_STEPS = 128  # along the longest side of the box: more change nothing that can be seen in motion
+MIN_LIGHT = 0.005  # A ray ends where less of its light is left; that counts as taken.
+_FARTHEST = 8  # cells that are skipped at a time, at most
 _CHUNK_RAYS = 4096
 
 
@@ -44,21 +40,15 @@ class BakedField:
     """rgb, and the logit of density on the scale of :data:`LOGITS`; of the part of the grid that is occupied"""
     distance: UInt8[np.ndarray, "cells cells cells"]
     """cells to the nearest occupied one, diagonals as long as edges; 0: occupied"""
-    extent: tuple[float, float, float]
-    """half the size of the scene's box, scene units"""
+    extent: tuple[float, float, float]  # half the size of the scene's box, scene units
     config: FieldConfig  # of the field: how density follows from logits
-    pixel_offset: float
-    """px, by how much rays pass left of and above pixel centres"""
-    cells: int
-    """of the grid, along each axis of the box; the first and the last corners lie on the box's faces"""
-    first: tuple[int, int, int] = (0, 0, 0)
-    """the corner of the grid that the first texel is of"""
+    pixel_offset: float  # px, by how much rays pass left of and above pixel centres
+    cells: int  # of the grid, along each axis of the box; the first and the last corners lie on the box's faces
+    first: tuple[int, int, int] = (0, 0, 0)  # the corner of the grid that the first texel is of
     detail: DetailMaps | None = None
     """what a photo adds to the colours: far finer than texels, so it is looked up for each pixel"""
-    shadow: GroundShadow | None = None
-    """of the object on the ground, to be laid between it and a background"""
-    steps: int | None = None
-    """along the longest side of the box; None: as many as change most of what can be seen"""
+    shadow: GroundShadow | None = None  # of the object on the ground, to be laid between it and a background
+    steps: int | None = None  # along the longest side of the box; None: as many as change most of what can be seen
 
     @property
     def step(self) -> float:

@@ -30,27 +30,20 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.occupancy import CELLS
 from core.runtime.caches import CACHE, Kind
 
-_DIVISIONS = (1, 2)
-"""of the edges of an occupied cell, from coarse to fine"""
-_BLOCK = 8192
-"""Corners evaluated at a time: what a newer job waits for."""
+_DIVISIONS = (1, 2)  # of the edges of an occupied cell, from coarse to fine
+_BLOCK = 8192  # Corners evaluated at a time: what a newer job waits for.
 _ELEVATION = math.radians(20)
 _DIRECTIONS = tuple(
     (-math.cos(_ELEVATION) * math.cos(turn), -math.cos(_ELEVATION) * math.sin(turn), -math.sin(_ELEVATION))
     for turn in (math.pi / 4 + side * math.pi / 2 for side in range(4))
-)
-"""that colours are averaged over: from all sides, a little from above"""
+)  # that colours are averaged over: from all sides, a little from above
 _MIN_DENSITY = 0.1
 """per scene unit: a cell with less at all of its corners takes less than two thousandths of the light, and is empty;
 what has no neighbour with more needs no colour"""
-_BELOW = 12.0
-"""optical depth: what lies deeper than that along all axes is seen by no camera"""
-_BEHIND = 4.0
-"""optical depth: what lies behind more than that is not coloured for a camera"""
-_VOXEL = 2
-"""texels along each side of a voxel, which hides what is behind it"""
-_AHEAD, _LOOK = 2.0, 16
-"""voxels: from where on, and how many, are looked at between one and the camera"""
+_BELOW = 12.0  # optical depth: what lies deeper than that along all axes is seen by no camera
+_BEHIND = 4.0  # optical depth: what lies behind more than that is not coloured for a camera
+_VOXEL = 2  # texels along each side of a voxel, which hides what is behind it
+_AHEAD, _LOOK = 2.0, 16  # voxels: from where on, and how many, are looked at between one and the camera
 
 
 class Box(NamedTuple):
@@ -79,17 +72,14 @@ def box_of(occupied: Bool[Tensor, "x y z"], cells: int) -> Box:
 class BakedShape:
     """What no texture and no camera changes of a baked object."""
 
-    field: BakedField
-    """without colours"""
+    field: BakedField  # without colours
     box: Box
     corners: Int[Tensor, "seen 3"]
     """those at the surface, which alone a camera may see; counted from the first of the box"""
     neighbours: Int[Tensor, "seen 6"]
     """which corners are beside each, along each axis; itself where one of the two is not at the surface"""
-    features: Float[Tensor, "seen width"]
-    """for the colour (:meth:`core.rendering.folded_field.FoldedField.density`)"""
-    hidden: Float[Tensor, "u v w"]
-    """optical depth of each voxel"""
+    features: Float[Tensor, "seen width"]  # for the colour (density)
+    hidden: Float[Tensor, "u v w"]  # optical depth of each voxel
 
     @property
     def size(self) -> int:

@@ -34,12 +34,10 @@ BESIDE = math.cos(math.radians(25)), math.cos(math.radians(8))
 surface is seen"""
 NEAR = math.cos(math.radians(6)), math.cos(math.radians(2))
 """the same cosines: from the photo's own camera the object is as in the photo up to its outlines"""
-NEAR_FIRST = 20.0
-"""by how much the photo from whose camera the object is seen goes before others, which have at most 1"""
+NEAR_FIRST = 20.0  # by how much the photo from whose camera the object is seen goes before others, which have at most 1
 NEAR_DEPTHS = 0.2, 0.1
 """scene units between a point and what was seen, for that: a pixel at an outline has a depth between"""
-MIN_OPACITY = 0.02
-"""of a pixel that takes anything"""
+MIN_OPACITY = 0.02  # of a pixel that takes anything
 
 
 class ColourMatch(NamedTuple):
@@ -58,22 +56,19 @@ class Shares(NamedTuple):
     """Where the colours of places come from, 0..1; the rest is the model's."""
 
     photo: Float[Tensor, "*places"]
-    mirrored: Float[Tensor, "*places"]
-    """from the mirror image"""
+    mirrored: Float[Tensor, "*places"]  # from the mirror image
 
 
 @dataclass(frozen=True, eq=False)
 class PhotoMaps:
     """Maps over the image of one photo's camera. Never written again."""
 
-    camera: Camera
-    """at any size: maps are over its whole image"""
+    camera: Camera  # at any size: maps are over its whole image
     fine: tuple[Float[Tensor, "4 _ _"], ...]
     """The photo's colours (sRGB) and :func:`packed` weights; each level has half the pixels across of the last one."""
     mirrored: Float[Tensor, "4 rows columns"]
     """Soft detail of the mirror image: the photo less the render, low-passed, and the share that places take of it."""
-    surface: Float[Tensor, "4 rows columns"]
-    """unit normal (world) and distance from the camera (scene units)"""
+    surface: Float[Tensor, "4 rows columns"]  # unit normal (world) and distance from the camera (scene units)
 
     @property
     def size(self) -> int:
@@ -114,8 +109,7 @@ class DetailMaps:
     """The maps of all photos of an object, and how they are shown."""
 
     photos: tuple[PhotoMaps, ...]
-    strength: float = 1.0
-    """times all that is added"""
+    strength: float = 1.0  # times all that is added
     other_side: OtherSide = "mirrored"
     match: ColourMatch = field(default_factory=ColourMatch)  # of the model's colours where no photo reaches
 

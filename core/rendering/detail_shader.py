@@ -75,8 +75,7 @@ vec3 detail(vec3 point, vec3 along, vec3 model) {{
     vec3 seen = twin.rgb / max(twin.a, 1e-6) - (other_side == 2 ? model : vec3(0.0));
     return strength * mix(mix(matched, seen, mirror), own.rgb / max(own.a, 1e-6) - model, direct);
 }}
-"""
-"""``detail(point, along, model)``: the change of the model's colour at a place seen along a unit vector"""
+"""  # `detail(point, along, model)`: the change of the model's colour at a place seen along a unit vector
 
 
 class DetailTextures:

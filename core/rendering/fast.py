@@ -24,12 +24,10 @@ from core.runtime.caches import CACHE, Kind
 from core.runtime.layers import pad_rows
 from core.streams import run_to_end
 
-CHUNK_RAYS = 4096
-"""Rays evaluated at a time, about 32k evaluations: what a newer job waits for."""
+CHUNK_RAYS = 4096  # Rays evaluated at a time, about 32k evaluations: what a newer job waits for.
 _SIMILAR_DISTANCE = 0.25
 """Standard deviations of the trained shapes: a shape this near to the last one reuses its occupied cells."""
-_BLOCK = 8192
-"""Points evaluated at a time: few enough that activations stay in cache."""
+_BLOCK = 8192  # Points evaluated at a time: few enough that activations stay in cache.
 
 
 def render_steps(
@@ -84,20 +82,15 @@ def render(
 class Chunk:
     """A shape as some rays see it: depth, opacity and the intervals that are worth a colour."""
 
-    pixel: Int[Tensor, "rays"]
-    """of the image, row by row"""
+    pixel: Int[Tensor, "rays"]  # of the image, row by row
     directions: Float[Tensor, "rays 3"]
     depth: Float[Tensor, "rays"]
     opacity: Float[Tensor, "rays"]
-    evaluations: Int[Tensor, "rays"]
-    """intervals of each ray whose density was evaluated"""
+    evaluations: Int[Tensor, "rays"]  # intervals of each ray whose density was evaluated
     ray: Int[Tensor, "seen"]
-    weight: Float[Tensor, "seen"]
-    """share of its ray's light"""
-    features: Float[Tensor, "seen width"]
-    """activations that the texture part takes"""
-    share: float
-    """of the view's rays, those included that cross nothing"""
+    weight: Float[Tensor, "seen"]  # share of its ray's light
+    features: Float[Tensor, "seen width"]  # activations that the texture part takes
+    share: float  # of the view's rays, those included that cross nothing
 
     @property
     def size(self) -> int:

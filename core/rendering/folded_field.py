@@ -25,10 +25,8 @@ from core.models.model import Model
 from core.runtime.layers import linear_relu, pad_rows, relu_
 from core.runtime.precision import matmul_dtype
 
-_CHUNK_POINTS = 16384
-"""Points evaluated in one go: with fewer, calls cost more than leaving the cache does."""
-_RESOLUTION = 8192
-"""entries along each axis"""
+_CHUNK_POINTS = 16384  # Points evaluated in one go: with fewer, calls cost more than leaving the cache does.
+_RESOLUTION = 8192  # entries along each axis
 _MARGIN = 1.1
 """half sizes of the scene's box that the table of positions covers: samples may lie a little outside the box"""
 
@@ -36,18 +34,13 @@ _MARGIN = 1.1
 class AxisLookup(NamedTuple):
     """A linear layer of a positional encoding, tabulated as a function of x, plus one of y, plus one of z."""
 
-    scale: Float[Tensor, "3"]
-    """entries per unit of each axis"""
-    origin_index: Float[Tensor, "3"]
-    """index of the origin on each axis"""
+    scale: Float[Tensor, "3"]  # entries per unit of each axis
+    origin_index: Float[Tensor, "3"]  # index of the origin on each axis
     first: Float[Tensor, "3"]
-    last: Float[Tensor, "3"]
-    """first and last index of each axis"""
-    entries: Float[Tensor, "entries outputs"]
-    """those of x, then of y, then of z; the bias is in those of x"""
+    last: Float[Tensor, "3"]  # first and last index of each axis
+    entries: Float[Tensor, "entries outputs"]  # those of x, then of y, then of z; the bias is in those of x
     frequencies: int
-    layer: tuple[Tensor, Tensor]
-    """weight and bias, for encoded values"""
+    layer: tuple[Tensor, Tensor]  # weight and bias, for encoded values
 
     @classmethod
     def from_layer(

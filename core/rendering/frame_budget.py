@@ -2,20 +2,15 @@
 
 import math
 
-_DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)
-"""Divisor of the image size for the first frame."""
-_HEADROOM = 0.7
-"""share of the time for rays: a first frame that takes less allows a finer one"""
-_MIN_HEIGHT = 64
-"""px of a first frame: a smaller one hardly takes less time, and shows nothing"""
-_MAX_DROP = 2
-"""levels at a time, at most: one disturbance must not spoil the image"""
+_DIVISORS = (24, 16, 12, 8, 6, 5, 4, 3, 2, 1)  # Divisor of the image size for the first frame.
+_HEADROOM = 0.7  # share of the time for rays: a first frame that takes less allows a finer one
+_MIN_HEIGHT = 64  # px of a first frame: a smaller one hardly takes less time, and shows nothing
+_MAX_DROP = 2  # levels at a time, at most: one disturbance must not spoil the image
 _FRAMES_BEFORE_FINER, _MAX_FRAMES_BEFORE_FINER = 3, 96
 """Frames in a row with headroom before a finer one is tried; twice as many each time that it was too slow, unless it
 would fit even if all of the time but the fixed part grew with the size: so the image is fine again soon after other
 work has ended."""
-_FIXED_COST_EXPIRES = 60
-"""frames after which the fixed part is estimated anew, by a smaller one"""
+_FIXED_COST_EXPIRES = 60  # frames after which the fixed part is estimated anew, by a smaller one
 _OUTDATED = 0.7
 """share of the fixed part, or of a coarser frame's time: a frame that takes less shows that the estimate is outdated,
 as other work has ended or another thing moves"""
@@ -32,18 +27,13 @@ class FrameBudget:
     """
 
     def __init__(self, budget: float = 1 / 30, divisor: int = 8) -> None:
-        self.budget = budget
-        """s for the first frame while something moves"""
+        self.budget = budget  # s for the first frame while something moves
         self._level, self._floor, self._height = _DIVISORS.index(divisor), 0, 0
-        self._learnt = divisor, 0
-        """divisor that was last changed to, and the height of image that it is for"""
+        self._learnt = divisor, 0  # divisor that was last changed to, and the height of image that it is for
         self._headroom, self._patience, self._refined = 0, _FRAMES_BEFORE_FINER, False
-        self._fixed = 0.0
-        """s that a frame of any size takes, as far as is known"""
-        self._fixed_expires_in = 0
-        """frames for which that holds, unless it is outdated before"""
-        self._last = divisor, 0.0
-        """divisor and s of the newest frame"""
+        self._fixed = 0.0  # s that a frame of any size takes, as far as is known
+        self._fixed_expires_in = 0  # frames for which that holds, unless it is outdated before
+        self._last = divisor, 0.0  # divisor and s of the newest frame
 
     @property
     def divisor(self) -> int:

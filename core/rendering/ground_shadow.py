@@ -18,28 +18,22 @@ from torch.nn import functional
 from core.geometry.camera import Camera
 from core.geometry.rays import camera_rays
 
-_STRENGTH = 0.7
-"""of the ground's light that it loses where it sees no sky"""
+_STRENGTH = 0.7  # of the ground's light that it loses where it sees no sky
 _OVERHEAD = 3
 """1: a sky that is as bright everywhere; more: brightest overhead, so that shadows lie under what casts them"""
-_COARSE = 2
-"""corners along each side of what is one texel of the ground"""
+_COARSE = 2  # corners along each side of what is one texel of the ground
 _SLABS = (0, 1, 2, 4, 8, 16, 32, 64)
 """Layers above the ground where slabs begin, and end: the higher, the less their height matters."""
-_MIN_CORNERS = 4
-"""that are solid in the layer that stands on the ground; no more are a speck"""
+_MIN_CORNERS = 4  # that are solid in the layer that stands on the ground; no more are a speck
 
 
 @dataclass(frozen=True, eq=False)
 class GroundShadow:
     """A map of the ground, twice as long and wide as the scene's box. Never written again."""
 
-    darkness: UInt8[np.ndarray, "y x"]
-    """255: all light is lost"""
-    reach: tuple[float, float]
-    """scene units from the middle of the map to its sides, along x and y"""
-    height: float
-    """of the ground: its z"""
+    darkness: UInt8[np.ndarray, "y x"]  # 255: all light is lost
+    reach: tuple[float, float]  # scene units from the middle of the map to its sides, along x and y
+    height: float  # of the ground: its z
 
     def seen_by(self, camera: Camera, pixel_offset: float = 0.0) -> Float[Tensor, "height width"]:
         """The share of the ground's light (0..1) that is lost in each pixel; 0 where no ground is seen."""

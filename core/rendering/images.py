@@ -7,8 +7,7 @@ from core.rendering.fast import render
 from core.rendering.progressive import RenderSettings
 from core.rendering.reference import Rendered, render_exact
 
-_EXACT_SAMPLES = 64
-"""the paper's"""
+_EXACT_SAMPLES = 64  # the paper's
 
 
 def render_image(model: Model, codes: Codes, camera: Camera, samples: int | None = None) -> Rendered:

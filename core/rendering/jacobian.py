@@ -25,8 +25,7 @@ from core.rendering.reference import sample_intervals
 from core.runtime.layers import linear_relu, relu_, relu_backward_
 from core.runtime.precision import matmul_dtype
 
-CHUNK_POINTS = 4096
-"""Points differentiated at a time: with fewer, calls cost more than leaving the cache does."""
+CHUNK_POINTS = 4096  # Points differentiated at a time: with fewer, calls cost more than leaving the cache does.
 
 
 class BiasJacobians(NamedTuple):
@@ -40,8 +39,7 @@ class RenderedJacobian(NamedTuple):
     """The channels of rays (red, green, blue, opacity and perhaps depth), and how each of them changes."""
 
     channels: Float[Tensor, "objects views rays channels"]
-    origin: Float[Tensor, "objects views rays channels 3"]
-    """derivatives along the ray's origin"""
+    origin: Float[Tensor, "objects views rays channels 3"]  # derivatives along the ray's origin
     direction: Float[Tensor, "objects views rays channels 3"]
     """derivatives along the ray's direction, through the samples' positions and the viewing direction"""
     codes: Float[Tensor, "objects views rays channels numbers"]
@@ -202,14 +200,10 @@ class _Activations(NamedTuple):
 
     position_derivative: Float[Tensor, "objects samples encoded"]
     """derivative of the encoded position along the axes, as :func:`core.models.field.encode` orders it"""
-    direction_derivative: Float[Tensor, "objects samples more_encoded"]
-    """the same of the direction"""
-    shape: tuple[Float[Tensor, "objects samples width"], ...]
-    """activations after each layer of the shape part"""
-    texture: tuple[Float[Tensor, "objects samples _"], ...]
-    """and of the texture part"""
-    rgb_derivative: Float[Tensor, "objects samples 3"]
-    """derivative of rgb along the last layer's output"""
+    direction_derivative: Float[Tensor, "objects samples more_encoded"]  # the same of the direction
+    shape: tuple[Float[Tensor, "objects samples width"], ...]  # activations after each layer of the shape part
+    texture: tuple[Float[Tensor, "objects samples _"], ...]  # and of the texture part
+    rgb_derivative: Float[Tensor, "objects samples 3"]  # derivative of rgb along the last layer's output
 
 
 def _forward(

@@ -24,29 +24,21 @@ from core.rendering.folded_field import FoldedField
 from core.rendering.ground_shadow import cast_shadow
 from core.runtime.layers import pad_rows
 
-CELLS = 64
-"""Cells along each axis of the box."""
-_MIN_OPACITY = 0.001
-"""A corner whose cell would take less of the light than this is empty."""
-_SOLID = 0.7
-"""A corner whose cell has at least this optical depth, half of the light, is inside the object."""
-_FINE_TOLERANCE = 0.002
-"""Share of a ray's light that may be neglected with :data:`_FINE_SAMPLES` intervals."""
+CELLS = 64  # Cells along each axis of the box.
+_MIN_OPACITY = 0.001  # A corner whose cell would take less of the light than this is empty.
+_SOLID = 0.7  # A corner whose cell has at least this optical depth, half of the light, is inside the object.
+_FINE_TOLERANCE = 0.002  # Share of a ray's light that may be neglected with _FINE_SAMPLES intervals.
 _FINE_SAMPLES = 192
-_MAX_TOLERANCE = 0.03
-"""share of the light, with few intervals"""
-_COARSE_FACTOR = 2
-"""Cells along each axis that make a coarse cell, for the outline."""
+_MAX_TOLERANCE = 0.03  # share of the light, with few intervals
+_COARSE_FACTOR = 2  # Cells along each axis that make a coarse cell, for the outline.
 _BLOCK = 16384
 
 
 class Tolerances(NamedTuple):
     """Limits below which parts of a ray are neglected: early ray termination and intervals too faint to colour."""
 
-    termination: float
-    """optical depth: intervals behind more than this are not evaluated"""
-    min_weight: float
-    """share of the object's light in a ray: intervals that give less are not coloured"""
+    termination: float  # optical depth: intervals behind more than this are not evaluated
+    min_weight: float  # share of the object's light in a ray: intervals that give less are not coloured
 
 
 def tolerances(samples: int) -> Tolerances:
@@ -197,14 +189,10 @@ def _cumulative_per_ray(
 class _Corners(NamedTuple):
     """The corners of the grid of a model, those first that are always evaluated."""
 
-    corner: Int[Tensor, "all"]
-    """which of the grid, row by row"""
-    activations: Float[Tensor, "all width"]
-    """of the first layer, in this order"""
-    likely: int
-    """how many are in the cells that training objects occupy"""
-    always: int
-    """how many are evaluated of every shape: those, and every second one elsewhere"""
+    corner: Int[Tensor, "all"]  # which of the grid, row by row
+    activations: Float[Tensor, "all width"]  # of the first layer, in this order
+    likely: int  # how many are in the cells that training objects occupy
+    always: int  # how many are evaluated of every shape: those, and every second one elsewhere
     sparse: Bool[Tensor, "all"]
     """in the order of the grid: those evaluated of a shape that changes, wherever it was before"""
 

@@ -22,12 +22,9 @@ from core.rendering.ground_shadow import GroundShadow
 class RenderSettings:
     """Every field is an axis of the speed-against-accuracy chart."""
 
-    samples: int = 192
-    """intervals along the longest side of the scene's box in the last stage"""
-    divisors: tuple[int, ...] = (8, 4, 2, 1)
-    """what the size of the image is divided by, stage after stage"""
-    preview_samples: int = 64
-    """intervals in the stages before the last"""
+    samples: int = 192  # intervals along the longest side of the scene's box in the last stage
+    divisors: tuple[int, ...] = (8, 4, 2, 1)  # what the size of the image is divided by, stage after stage
+    preview_samples: int = 64  # intervals in the stages before the last
 
     def __post_init__(self) -> None:
         if min(self.samples, self.preview_samples) < 2 or min(self.divisors, default=0) < 1:
@@ -41,10 +38,8 @@ class RenderJob:
     codes: Codes
     camera: Camera
     settings: RenderSettings = field(default_factory=RenderSettings)
-    detail: DetailMaps | None = None
-    """what a photo adds to the colours; :func:`core.detail.frames.render_progressively` finds it by the codes"""
-    shadow: bool = False
-    """frames have :attr:`Frame.shadow`"""
+    detail: DetailMaps | None = None  # what a photo adds to the colours; render_progressively finds it by the codes
+    shadow: bool = False  # frames have :attr:`Frame.shadow`
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,16 +47,12 @@ class Frame:
     """An image as far as it is known. Its arrays are never written again."""
 
     image: UInt8[np.ndarray, "height width 3"]
-    depth: Float32[np.ndarray, "height width"]
-    """scene units; 0 on the background"""
+    depth: Float32[np.ndarray, "height width"]  # scene units; 0 on the background
     opacity: Float32[np.ndarray, "height width"]
-    stage: int
-    """0 is the coarsest"""
+    stage: int  # 0 is the coarsest
     stage_count: int
-    samples: int
-    """along a ray"""
-    seconds: float
-    """since the job began"""
+    samples: int  # along a ray
+    seconds: float  # since the job began
     evaluations: Int32[np.ndarray, "height width"] | None = None
     """samples of each ray whose density was evaluated, where that is known"""
     sources: Float32[np.ndarray, "height width 2"] | None = None

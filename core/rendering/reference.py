@@ -20,12 +20,10 @@ _CHUNK_POINTS = 8192
 class Rendered:
     """Colours, opacities and depths of a bundle of rays."""
 
-    colour: Float[Tensor, "*batch 3"]
-    """on white; within [0, 1] unless the model's colours are unbounded"""
+    colour: Float[Tensor, "*batch 3"]  # on white; within [0, 1] unless the model's colours are unbounded
     depth: Float[Tensor, "*batch"]
     """scene units along the ray to the middle of the light's share that the object gave; 0 where it gave none"""
-    opacity: Float[Tensor, "*batch"]
-    """0..1, one less the light left over"""
+    opacity: Float[Tensor, "*batch"]  # 0..1, one less the light left over
     evaluations: Int[Tensor, "*batch"] | None = None
     """samples whose density was evaluated, where that differs from ray to ray"""
 

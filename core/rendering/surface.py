@@ -15,28 +15,20 @@ from core.models.model import Model
 from core.rendering.folded_field import FoldedField
 from core.runtime.layers import pad_rows
 
-_CELLS = 40
-"""along the longest side of the model's box"""
-_MIN_THICKNESS = 0.05
-"""of a block's optical depth over a cell: more may be the fringe of something"""
-_INSIDE = 0.5
-"""optical depth over a cell from which it is inside"""
-_CHUNK = 8192
-"""points evaluated at a time"""
+_CELLS = 40  # along the longest side of the model's box
+_MIN_THICKNESS = 0.05  # of a block's optical depth over a cell: more may be the fringe of something
+_INSIDE = 0.5  # optical depth over a cell from which it is inside
+_CHUNK = 8192  # points evaluated at a time
 
 
 class _Grid(NamedTuple):
     """Shared by all objects of a model: where cells lie, and the activations of the first layer there."""
 
-    cell: float
-    """scene units"""
-    points: Float[Tensor, "x y z 3"]
-    """centres of the cells"""
+    cell: float  # scene units
+    points: Float[Tensor, "x y z 3"]  # centres of the cells
     activations: Float[Tensor, "cells width"]
-    blocks: Bool[Tensor, "bx by bz"]
-    """blocks of two cells a side that any object of the model may occupy"""
-    block_activations: Float[Tensor, "some width"]
-    """of these"""
+    blocks: Bool[Tensor, "bx by bz"]  # blocks of two cells a side that any object of the model may occupy
+    block_activations: Float[Tensor, "some width"]  # of these
 
 
 def surface_points(model: Model, codes: Codes) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:

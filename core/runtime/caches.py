@@ -10,21 +10,16 @@ from enum import IntEnum
 from threading import Lock
 from typing import Any, NamedTuple
 
-LIMIT = 128 * 2**20
-"""bytes of all caches together"""
+LIMIT = 128 * 2**20  # bytes of all caches together
 
 
 class Kind(IntEnum):
     """Kinds of values: those that are cheap to make again go first, of one kind the one not used for longest."""
 
-    VIEW = 0
-    """what a shape shows from a camera: much memory, a fraction of a second"""
-    SHAPE = 1
-    """the occupied cells of a shape"""
-    DETAIL = 2
-    """what a photo adds to colours"""
-    BANK = 3
-    """the view bank of a model: many seconds"""
+    VIEW = 0  # what a shape shows from a camera: much memory, a fraction of a second
+    SHAPE = 1  # the occupied cells of a shape
+    DETAIL = 2  # what a photo adds to colours
+    BANK = 3  # the view bank of a model: many seconds
 
 
 class _Entry(NamedTuple):
@@ -102,5 +97,4 @@ class ByteCache:
             self._entries[lowest].popitem(last=False)
 
 
-CACHE = ByteCache()
-"""Shared by rendering and fits of this process."""
+CACHE = ByteCache()  # Shared by rendering and fits of this process.

@@ -25,25 +25,18 @@ if TYPE_CHECKING:
 
 MAX_DECODED = 400_000_000
 """bytes that one file may take when it is decoded, told from its header: an RGB image of 100 megapixels"""
-MAX_TEXT = 16_000_000
-"""bytes of JSON or numbers as text; objects of Python take up to twenty times as much"""
-_MAX_MEMBERS = 10_000
-"""files in a zip"""
-_MAX_PAGES = 100
-"""of an image that are looked at"""
-_MAX_MESSAGE, _MAX_REASON = 200, 100
-"""characters of an error, and of its reason at least where the path is long"""
-_LARGEST = 1e300
-"""of a number: integers in JSON may be of any size"""
+MAX_TEXT = 16_000_000  # bytes of JSON or numbers as text; objects of Python take up to twenty times as much
+_MAX_MEMBERS = 10_000  # files in a zip
+_MAX_PAGES = 100  # of an image that are looked at
+_MAX_MESSAGE, _MAX_REASON = 200, 100  # characters of an error, and of its reason at least where the path is long
+_LARGEST = 1e300  # of a number: integers in JSON may be of any size
 _FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 """Image formats that are read, and HEIF. Pillow has many more, of which EPS starts another program."""
 _HEIF_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
-_COPIED = ("WEBP", "AVIF", "HEIF")
-"""formats whose decoders hold the pixels once more"""
+_COPIED = ("WEBP", "AVIF", "HEIF")  # formats whose decoders hold the pixels once more
 _STORED = {"1": 1, "L": 1, "P": 1, "I;16": 2, "I;16B": 2, "I;16L": 2}
 """bytes of a pixel in Pillow's memory, where they are not 4"""
-_COEFFICIENTS = 3
-"""bytes of a pixel that a progressive JPEG takes, however small it is to become"""
+_COEFFICIENTS = 3  # bytes of a pixel that a progressive JPEG takes, however small it is to become
 
 # Pillow refuses photographs whose colour profile or description takes more than a megabyte.
 PngImagePlugin.MAX_TEXT_CHUNK = max(PngImagePlugin.MAX_TEXT_CHUNK, MAX_TEXT)

@@ -32,8 +32,7 @@ class FitView:
         self._jobs, self._editor, self._viewport = jobs, editor, viewport
         self.history = FitHistory()
         self.from_runner_up = False  # shown from the runner-up's camera
-        self._rendered_at, self._steps_since = 0.0, 0
-        """time (s) of the last render, and steps since"""
+        self._rendered_at, self._steps_since = 0.0, 0  # time (s) of the last render, and steps since
 
     def show(self, history: FitHistory) -> None:
         """Show another fit, which has not begun or is over."""

@@ -39,8 +39,7 @@ class Fitting:
         self.queue: tuple[FitRequest, ...] = ()  # those that wait
         self.no_background = Signal[tuple[PhotoSource, ...], int]()  # photos, and the one whose object was not found
         self._a = editor.state.mix.a  # in the last frame
-        self._shown_fit, self._fits = "", dict[str, FitHistory]()
-        """object whose fit is shown; fits by name"""
+        self._shown_fit, self._fits = "", dict[str, FitHistory]()  # object whose fit is shown; fits by name
         self._before = self.history, self.candidates.tiles  # what was there before the last fit began
 
     @property

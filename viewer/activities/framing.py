@@ -16,8 +16,7 @@ class Framing:
 
     def __init__(self, jobs: Jobs, editor: Editor) -> None:
         self._jobs, self._editor = jobs, editor
-        self._last, self._zoomed = editor.scene, False
-        """scene of before, and whether a person zoomed"""
+        self._last, self._zoomed = editor.scene, False  # scene of before, and whether a person zoomed
         self._panel = (0, 0)  # px, the view of the newest request
         editor.scene_changed.connect(self._look)
 

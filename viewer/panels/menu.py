@@ -113,5 +113,4 @@ MENUS: dict[str, tuple[str | Callable[[PanelContext], None] | None, ...]] = {
     ),
     "Panels": (_draw_panels, None, "reset_layout"),
     "Help": ("help",),
-}
-"""Actions by their ids, sub-menus, and lines (None); what has no key has its place here."""
+}  # Actions by their ids, sub-menus, and lines (None); what has no key has its place here.

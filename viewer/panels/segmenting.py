@@ -33,8 +33,7 @@ class SegmentingDialog:
         self._brush = 0.03  # of the photo's longer side
         self._before = Hints()  # where the drag under way began
         self._start = (0.0, 0.0)
-        self._zoom, self._left, self._top = 1.0, 0.0, 0.0
-        """size of the photo, shares beyond the edges"""
+        self._zoom, self._left, self._top = 1.0, 0.0, 0.0  # size of the photo, shares beyond the edges
         self._line: tuple[tuple[float, float], ...] = ()
 
     def draw(self, context: PanelContext) -> None:

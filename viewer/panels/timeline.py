@@ -15,8 +15,7 @@ _ADD, _VIDEO = icons_fontawesome_4.ICON_FA_PLUS, icons_fontawesome_4.ICON_FA_FIL
 _SWITCHES = (
     ("Smooth", "smooth", "Through the keys without corners (Catmull-Rom), or straight from one to the next"),
     ("Loop", "loop", "After the last keyframe comes the first again, so that it can be shown over and over"),
-)
-"""label, name in the timeline, tooltip"""
+)  # label, name in the timeline, tooltip
 _LENGTH = 4.5  # em
 _LOOPS = 1.5  # The step from the end to the start, in the longest of the others, that still passes for one of them
 _INVITATION = "Show something, add a keyframe (K); move on in time, show something else, add another. Space plays."

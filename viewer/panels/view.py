@@ -27,8 +27,7 @@ _BUTTONS = {
     "redo": icons_fontawesome_4.ICON_FA_REDO,
     "reset_view": icons_fontawesome_4.ICON_FA_HOME,
     "share": icons_fontawesome_4.ICON_FA_SHARE_ALT,
-}
-"""actions, and the icons of their buttons"""
+}  # actions, and the icons of their buttons
 _MODE = 7.0  # em
 _HINT, _SHORT_HINT = "Drag to turn    Wheel to zoom    F1 for help", "Drag to turn    Wheel to zoom"
 _GEAR = icons_fontawesome_4.ICON_FA_COG

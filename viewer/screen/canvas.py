@@ -26,8 +26,7 @@ void main() {
     gl_Position = vec4(4.0 * uv - 1.0, 0.0, 1.0);
     uv *= 2.0;
 }
-"""
-"""The vertex shader of a pass over all pixels."""
+"""  # The vertex shader of a pass over all pixels.
 _BACKGROUND = """
 #version 330
 in vec2 uv;

@@ -24,8 +24,7 @@ SYSTEM = (
     "C:/Windows/Fonts/msyh.ttc",
     "C:/Windows/Fonts/YuGothM.ttc",
     "C:/Windows/Fonts/malgun.ttf",
-)
-"""fonts of systems with Chinese, Japanese or Korean, the widest first"""
+)  # fonts of systems with Chinese, Japanese or Korean, the widest first
 
 
 def load_fonts() -> list[imgui.ImFont]:

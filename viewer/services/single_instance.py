@@ -36,8 +36,7 @@ class SingleInstance:
     def __init__(self, folder: Path, lock: FileLock) -> None:
         """Watch a folder. The lock is released with :meth:`close`, or by the system when the process ends."""
         self._folder, self._lock, self._ends = folder, lock, threading.Event()
-        self.wake: Callable[[], None] = lambda: None
-        """called from a thread while there is a start to take"""
+        self.wake: Callable[[], None] = lambda: None  # called from a thread while there is a start to take
         threading.Thread(target=self._watch, name="second starts", daemon=True).start()
 
     def starts(self) -> Iterator[Start]:

@@ -13,8 +13,7 @@ SIDES = {
     "right side": orbit.VIEWS["side"],
     "back": (orbit.FRONT_AZIMUTH + math.pi, 0.0),
     "left side": (orbit.FRONT_AZIMUTH + math.pi / 2, 0.0),
-}
-"""azimuth and elevation of the camera that sees each"""
+}  # azimuth and elevation of the camera that sees each
 _SIZE = 32  # px of the renders that are looked at
 _COVERED = 0.4  # of a side's pixels, from which on it counts as from a photo
 

@@ -18,6 +18,5 @@ QUALITIES = (
     Quality(384, 192),
     Quality(512, 192),
     Quality(768, 256),
-)
-"""From coarse to fine; each takes about twice as long as the one before."""
+)  # From coarse to fine; each takes about twice as long as the one before.
 DEFAULT_QUALITY = 3  # index into :data:`QUALITIES`

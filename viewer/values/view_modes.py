@@ -18,8 +18,7 @@ _COLOUR_MAP = np.array([[13, 8, 60], [120, 28, 109], [229, 92, 48], [252, 200, 6
 SOURCE_COLOURS = {
     name: np.array(colour, np.float32)
     for name, colour in (("photo", (50, 190, 90)), ("mirrored", (60, 120, 240)), ("model", (150, 150, 150)))
-}
-"""of what is from a photo, from the mirror image of one, and the model's own"""
+}  # of what is from a photo, from the mirror image of one, and the model's own
 
 
 def in_mode(frame: Frame, camera: Camera, mode: str) -> Frame:

@@ -20,8 +20,7 @@ OVERLAY_FLAGS = (
     | imgui.WindowFlags_.no_nav
     | imgui.WindowFlags_.no_docking
     | imgui.WindowFlags_.no_move
-)
-"""of a small window over the view that nobody moves"""
+)  # of a small window over the view that nobody moves
 
 
 def tooltip(text: str) -> None:

@@ -41,8 +41,7 @@ ABLATIONS: dict[str, FitMethod] = {
     "without the robust loss": FitMethod(_USUAL, Components(robust_loss=False)),
     "without the mask loss": FitMethod(_USUAL, Components(mask_loss=False)),
     "in float32": FitMethod(_USUAL, dtype=torch.float32),
-}
-"""All but the repeats leave something out."""
+}  # All but the repeats leave something out.
 
 
 @dataclass(frozen=True)
@@ -51,10 +50,8 @@ class Ablation:
     others, which says what is noise."""
 
     summary: FitSummary
-    gain: Mean
-    """dB, of the other views over what they are with the full preset"""
-    time: float
-    """times what the full preset takes; median"""
+    gain: Mean  # dB, of the other views over what they are with the full preset
+    time: float  # times what the full preset takes; median
 
 
 def measure_ablations(model: Model, targets: Sequence[HeldOutView]) -> Iterator[str | Results[Ablation]]:

@@ -25,13 +25,10 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.reference import Rendered, render_exact
 
-ARCHITECTURES = {"M1": "M1", "M2": "M2", "CodeNeRF": "default"}
-"""name: recipe"""
-_SAMPLES = 64
-"""intervals along a ray"""
+ARCHITECTURES = {"M1": "M1", "M2": "M2", "CodeNeRF": "default"}  # name: recipe
+_SAMPLES = 64  # intervals along a ray
 _TURN = math.radians(60)
-_SHOWN = 2
-"""objects"""
+_SHOWN = 2  # objects
 
 
 @dataclass(frozen=True)
@@ -39,10 +36,8 @@ class Architecture:
     """One model."""
 
     name: str
-    parameters: int
-    """of the network"""
-    new_views: float
-    """dB, views not trained on of training objects"""
+    parameters: int  # of the network
+    new_views: float  # dB, views not trained on of training objects
     opacity_change: Mean
     """0..1, by which another object's texture code changes a pixel of the object: the mean of an image's pixels"""
 

@@ -89,5 +89,4 @@ CHARTS = {
     "architectures": Chart(_rows_of(Architecture), tables.architectures_table),
     "photos": Chart(_rows_of(PhotoTrial), tables.photos_table),
     "training": Chart(_read_curves, figure=draw_curves),
-}
-"""By name of the file."""
+}  # By name of the file.

@@ -20,8 +20,7 @@ Row = Mapping[str, str]
 class Results(Generic[_Record]):
     """Everything that one run measured: a CSV file."""
 
-    about: Row
-    """columns that are the same in all rows: the machine, for one"""
+    about: Row  # columns that are the same in all rows: the machine, for one
     rows: tuple[_Record, ...]
 
 

@@ -22,17 +22,12 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.photos.photo import Photo
 
-_SIDE, _LABEL = 160, 18
-"""px of an image in a figure, and of the line of text above it"""
-_STRIP_STEPS = 8
-"""renders of a fit over time"""
-_SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""of the way from the first object to the second"""
-_TURN = math.radians(60)
-"""from the photo's viewpoint to another"""
+_SIDE, _LABEL = 160, 18  # px of an image in a figure, and of the line of text above it
+_STRIP_STEPS = 8  # renders of a fit over time
+_SHARES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the way from the first object to the second
+_TURN = math.radians(60)  # from the photo's viewpoint to another
 
-Cell = tuple[str, UInt8[Tensor, "side side 3"]]
-"""a label and an image"""
+Cell = tuple[str, UInt8[Tensor, "side side 3"]]  # a label and an image
 
 
 @dataclass(frozen=True, eq=False)

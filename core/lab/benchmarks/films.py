@@ -25,12 +25,9 @@ from core.rendering.progressive import RenderJob, RenderSettings
 from core.streams import run_to_end
 
 FRAMES = 72
-COMPARED = 6, 30, 53
-"""frames that are compared: between two views that are baked, halfway or less"""
-SIZE, PICTURE = 512, 2160
-"""px, of a film and of a picture"""
-SAMPLES = 48, 96, 192
-"""of a ray; the last is what exact films have"""
+COMPARED = 6, 30, 53  # frames that are compared: between two views that are baked, halfway or less
+SIZE, PICTURE = 512, 2160  # px, of a film and of a picture
+SAMPLES = 48, 96, 192  # of a ray; the last is what exact films have
 REFERENCE_SAMPLES = 384
 DEFAULT = "default"
 
@@ -39,18 +36,12 @@ DEFAULT = "default"
 class Film:
     """A way to make the frames of a film, or a picture: what it takes and how exact it is, mean over objects."""
 
-    shown: str
-    """turn, morph or picture"""
-    recipe: str
-    """exact, baked, or default: as :func:`~core.export.frames.render_frames` chooses, its choice timed"""
-    setting: float
-    """samples of a ray, or cells of the grid along an axis"""
-    seconds: float
-    """of the processor, for all frames"""
-    psnr: float
-    """dB"""
-    worst: float
-    """dB, of a frame"""
+    shown: str  # turn, morph or picture
+    recipe: str  # exact, baked, or default: as render_frames chooses, its choice timed
+    setting: float  # samples of a ray, or cells of the grid along an axis
+    seconds: float  # of the processor, for all frames
+    psnr: float  # dB
+    worst: float  # dB, of a frame
 
     @property
     def key(self) -> Hashable:

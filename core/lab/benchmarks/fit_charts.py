@@ -133,6 +133,5 @@ def photo_detail_chart(found: Results[DetailView]) -> "Figure":
     return figure
 
 
-_BIN = 30.0
-"""degrees"""
+_BIN = 30.0  # degrees
 _MIDDLES = tuple(_BIN * (number + 0.5) for number in range(6))

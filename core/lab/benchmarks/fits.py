@@ -29,12 +29,9 @@ from core.metrics import rotation_error, translation_error
 from core.models.model import Model
 from core.runtime.precision import use_dtype
 
-_FAR = 20.0
-"""degrees: a camera that is further off than this may be right by symmetry"""
-_SYMMETRY_TOLERANCE = 5.0
-"""degrees: it is, if the object looks from there no less like itself than when turned by this"""
-TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))
-"""s, at which the curves are read"""
+_FAR = 20.0  # degrees: a camera that is further off than this may be right by symmetry
+_SYMMETRY_TOLERANCE = 5.0  # degrees: it is, if the object looks from there no less like itself than when turned by this
+TIMES = tuple(0.25 * 2 ** (0.5 * index) for index in range(20))  # s, at which the curves are read
 
 
 @dataclass(frozen=True)
@@ -42,30 +39,19 @@ class FitTrial:
     """One fit of one view."""
 
     preset: str
-    name: str
-    """of the object"""
+    name: str  # of the object
     view: int
-    seconds: float
-    """of the processor, so that other programs do not count; of the clock on a graphics card"""
-    initial_rotation: float
-    """degrees, error after the first step"""
-    rotation: float
-    """degrees, error of the fitted camera"""
-    translation: float
-    """error as a share of the true distance"""
-    psnr: float
-    """dB, of the fitted image"""
-    held_out: float
-    """dB, mean over some other views, from their true cameras"""
-    margin: float | None
-    """over the runner-up; None where there is none"""
-    uncertainty: float | None
-    """degrees, as in :class:`core.fitting.fit.FitStep`"""
+    seconds: float  # of the processor, so that other programs do not count; of the clock on a graphics card
+    initial_rotation: float  # degrees, error after the first step
+    rotation: float  # degrees, error of the fitted camera
+    translation: float  # error as a share of the true distance
+    psnr: float  # dB, of the fitted image
+    held_out: float  # dB, mean over some other views, from their true cameras
+    margin: float | None  # over the runner-up; None where there is none
+    uncertainty: float | None  # degrees, as in FitStep
     confidence: float | None
-    rotation_curve: tuple[float, ...]
-    """degrees, error at :data:`TIMES`"""
-    symmetric: bool
-    """far off, and yet a render from this camera is nearly the one from the true camera"""
+    rotation_curve: tuple[float, ...]  # degrees, error at TIMES
+    symmetric: bool  # far off, and yet a render from this camera is nearly the one from the true camera
 
     @property
     def effective_rotation(self) -> float:
@@ -79,23 +65,17 @@ class FitSummary:
 
     preset: str
     fits: int
-    seconds: float
-    """median"""
-    initial_rotation: float
-    """degrees, mean"""
-    rotation: float
-    """degrees, median"""
-    symmetric: int
-    """cameras that are right by the object's symmetry"""
+    seconds: float  # median
+    initial_rotation: float  # degrees, mean
+    rotation: float  # degrees, median
+    symmetric: int  # cameras that are right by the object's symmetry
     within_5_degrees: Mean
     within_10_degrees: Mean
     within_3_percent: Mean
-    held_out: Mean
-    """dB"""
+    held_out: Mean  # dB
     auroc: float | None
     """of the confidence, right cameras against wrong ones; None without confidence, or where all are right or wrong"""
-    curve: tuple[tuple[float, float, float], ...]
-    """seconds, median rotation error in degrees, share within 5 degrees"""
+    curve: tuple[tuple[float, float, float], ...]  # seconds, median rotation error in degrees, share within 5 degrees
 
 
 class FitMethod(NamedTuple):
@@ -103,10 +83,8 @@ class FitMethod(NamedTuple):
 
     settings: FitSettings
     components: Components = ALL_COMPONENTS
-    dtype: torch.dtype | None = None
-    """of multiplications; None for the machine's"""
-    seed: int = 0
-    """of its random numbers, added to the view's"""
+    dtype: torch.dtype | None = None  # of multiplications; None for the machine's
+    seed: int = 0  # of its random numbers, added to the view's
 
 
 def measure_fits(

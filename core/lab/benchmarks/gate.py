@@ -32,10 +32,8 @@ from core.rendering.progressive import RenderSettings
 from core.rendering.reference import render_exact
 from core.runtime.precision import use_dtype
 
-TOLERANCE = 2.0
-"""times the baseline that a ratio may be"""
-_EXACT, _NAIVE_STEPS = 64, 20
-"""px and samples of the exact render; steps of the paper's recipe"""
+TOLERANCE = 2.0  # times the baseline that a ratio may be
+_EXACT, _NAIVE_STEPS = 64, 20  # px and samples of the exact render; steps of the paper's recipe
 _IMPORT = (sys.executable, "-c", "import torch")
 _SPIN = "import os\nparent = os.getppid()\nwhile os.getppid() == parent: sum(range(10000))"
 """ends with the program that started it, however that ends"""

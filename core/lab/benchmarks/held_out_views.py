@@ -19,14 +19,11 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.images import render_image
 
-HELD_OUT_VIEWS = 4
-"""other views of each object that a fit is scored on"""
+HELD_OUT_VIEWS = 4  # other views of each object that a fit is scored on
 _BACKGROUND = 0.99
 """A pixel that is brighter in all channels is background, where the network renders the background itself."""
-_NEAR_DEGREES = 8.0
-"""Views of a test spiral are so far apart."""
-_SAME_FOCAL = 0.02
-"""logarithm of the ratio"""
+_NEAR_DEGREES = 8.0  # Views of a test spiral are so far apart.
+_SAME_FOCAL = 0.02  # logarithm of the ratio
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +31,7 @@ class HeldOutView:
     """An object and the view of it that is fitted without its camera."""
 
     views: ObjectViews
-    index: int
-    """of the fitted view"""
+    index: int  # of the fitted view
     codes: Codes
     """the object's own; or, for an object the model was not trained on, fitted to a few views with their cameras"""
 

@@ -41,24 +41,15 @@ _POINTS = 100_000
 class ModelSize:
     """One model."""
 
-    axis: str
-    """in which it differs from the baseline; or "baseline", or "default" for the size of the default recipe"""
-    value: int
-    """there; 0 for these two"""
-    parameters: int
-    """of the network"""
-    bytes: int
-    """of the model file, codes included"""
-    new_views: float
-    """dB, views not trained on of training objects"""
-    held_out: Mean
-    """dB, other views of objects never trained on, fitted on one view from its true camera"""
-    gain: Mean
-    """dB, of the same objects over the first model's"""
-    found: Mean
-    """share of the same objects' cameras found within 10 degrees, from a random view"""
-    fit_seconds: float
-    """median of these blind fits"""
+    axis: str  # in which it differs from the baseline; or "baseline", or "default" for the size of the default recipe
+    value: int  # there; 0 for these two
+    parameters: int  # of the network
+    bytes: int  # of the model file, codes included
+    new_views: float  # dB, views not trained on of training objects
+    held_out: Mean  # dB, other views of objects never trained on, fitted on one view from its true camera
+    gain: Mean  # dB, of the same objects over the first model's
+    found: Mean  # share of the same objects' cameras found within 10 degrees, from a random view
+    fit_seconds: float  # median of these blind fits
     field_ms: float
     """to evaluate density and colour at 100,000 points: what a frame costs depends besides on how clean the object is,
     and after so little training all of them are hazy"""

@@ -36,26 +36,17 @@ class DetailView:
     """One view of a fitted object."""
 
     category: str
-    renderer: str
-    """which has drawn the images"""
-    camera: str
-    """one of :data:`CAMERAS`"""
-    name: str
-    """of the object"""
+    renderer: str  # which has drawn the images
+    camera: str  # one of CAMERAS
+    name: str  # of the object
     view: int
-    angle: float
-    """degrees from the photo; 0 for the photo itself"""
-    rotation: float
-    """degrees, error of the camera"""
+    angle: float  # degrees from the photo; 0 for the photo itself
+    rotation: float  # degrees, error of the camera
     confidence: float | None
-    plain: float
-    """dB, without detail"""
-    direct: float
-    """dB, without mirroring"""
-    full: float
-    """dB"""
-    bound: float | None = None
-    """dB of the photo where the render is not empty, for the photo itself"""
+    plain: float  # dB, without detail
+    direct: float  # dB, without mirroring
+    full: float  # dB
+    bound: float | None = None  # dB of the photo where the render is not empty, for the photo itself
 
     @property
     def key(self) -> tuple[str, str, str, str]:

@@ -27,8 +27,7 @@ from core.photos.segmentation import CutOut, cut_out
 from core.photos.view_bank import build_view_bank
 from core.streams import run_to_end
 
-RIGHT_DEGREES = 30.0
-"""a side seen within so much of what the eye says is right"""
+RIGHT_DEGREES = 30.0  # a side seen within so much of what the eye says is right
 _WHOLE, _PART = 0.8, 0.3
 """intersection over union with the eye's box from which the whole object is cut out, and from which a part is"""
 
@@ -37,15 +36,13 @@ _WHOLE, _PART = 0.8, 0.3
 class Seen:
     """What an eye says of an object in a photo."""
 
-    photo: str
-    """the file's name without its ending"""
+    photo: str  # the file's name without its ending
     category: str
     left: float
     top: float
     right: float
     bottom: float
-    azimuth: float | None
-    """degrees; None where it lies on its side"""
+    azimuth: float | None  # degrees; None where it lies on its side
     elevation: float | None
 
     @property
@@ -59,26 +56,19 @@ class PhotoTrial:
     """What became of a photo."""
 
     photo: str
-    category: str
-    """what it shows"""
+    category: str  # what it shows
     taken_for: str
-    detected: str
-    """the detector's box: whole, part or wrong; "" where it found nothing"""
-    cut_out: str
-    """whole, part or wrong, by the box"""
+    detected: str  # the detector's box: whole, part or wrong; "" where it found nothing
+    cut_out: str  # whole, part or wrong, by the box
     found_by: str
     mask_confidence: float
     azimuth: float
-    elevation: float
-    """degrees"""
-    right_side: bool | None
-    """None where it has none"""
+    elevation: float  # degrees
+    right_side: bool | None  # None where it has none
     psnr: float
     confidence: float
-    witness: float | None
-    """degrees, the azimuth that the 3D box of a chair tells"""
-    seconds: float
-    """of the processor, cut-out and fit"""
+    witness: float | None  # degrees, the azimuth that the 3D box of a chair tells
+    seconds: float  # of the processor, cut-out and fit
 
     @property
     def right(self) -> bool:

@@ -36,19 +36,13 @@ REFERENCE_SAMPLES = 256
 NAIVE_SAMPLES = (8, 16, 32, 64, 96)
 FAST_SAMPLES = (32, 48, 64, 96, 128, 192, 256)
 SIZES = (64, 128, 256, 512)
-INTERACTION_SIZES = (128, 256)
-"""px"""
-_SIZE = 128
-"""px, of most images"""
-_COMPARED = 64
-"""px, of larger images that are compared with the reference pixel by pixel"""
-TURNS, NAIVE_TURNS = 5, 2
-"""The naive renderer is slow and varies little."""
+INTERACTION_SIZES = (128, 256)  # px
+_SIZE = 128  # px, of most images
+_COMPARED = 64  # px, of larger images that are compared with the reference pixel by pixel
+TURNS, NAIVE_TURNS = 5, 2  # The naive renderer is slow and varies little.
 INTERACTION_FRAMES = 24
-_WARMUP_FRAMES = 8
-"""frames before these, in which caches fill and the frame budget settles"""
-_SETTLES = 2
-"""times that the movement stops"""
+_WARMUP_FRAMES = 8  # frames before these, in which caches fill and the frame budget settles
+_SETTLES = 2  # times that the movement stops
 CURVES = ("naive", "fast", "float32", "baked", "sizes", "ablation")
 """fast: in the number format that this machine multiplies fastest; float32: the same in float32, where it is another"""
 
@@ -57,22 +51,15 @@ CURVES = ("naive", "fast", "float32", "baked", "sizes", "ablation")
 class RenderTiming:
     """One setting of one recipe: a turn of it, or the median over turns."""
 
-    curve: str
-    """of :data:`CURVES`"""
+    curve: str  # of CURVES
     recipe: str
-    size: int
-    """px"""
-    samples: int
-    """along a ray; of a baked field the cells along an axis"""
+    size: int  # px
+    samples: int  # along a ray; of a baked field the cells along an axis
     turn: int
-    ms: float
-    """per frame, mean over the views"""
-    psnr: float
-    """dB, mean over the views"""
-    worst_view: float
-    """dB"""
-    worst_pixel: float
-    """largest difference of a channel, 0..1"""
+    ms: float  # per frame, mean over the views
+    psnr: float  # dB, mean over the views
+    worst_view: float  # dB
+    worst_pixel: float  # largest difference of a channel, 0..1
 
     @property
     def key(self) -> tuple[str, str, int, int, int]:
@@ -87,20 +74,14 @@ class RenderTiming:
 class Interaction:
     """How long images take while the camera or a code moves."""
 
-    what: str
-    """that moves: the camera ("orbit"), the texture or the shape"""
-    size: int
-    """px, of the final image"""
-    p50: float
-    """ms for the full image with all samples"""
+    what: str  # that moves: the camera ("orbit"), the texture or the shape
+    size: int  # px, of the final image
+    p50: float  # ms for the full image with all samples
     p95: float
-    preview_p50: float
-    """ms for the preview, as coarse as the frame budget makes it"""
+    preview_p50: float  # ms for the preview, as coarse as the frame budget makes it
     preview_p95: float
-    preview_size: int
-    """px, of the last preview"""
-    settle_time: float
-    """s from the end of the movement to the final image, mean over a few"""
+    preview_size: int  # px, of the last preview
+    settle_time: float  # s from the end of the movement to the final image, mean over a few
 
     @property
     def key(self) -> Hashable:
@@ -134,8 +115,7 @@ class _View:
 class _Setting(NamedTuple):
     curve: str
     recipe: str
-    size: int
-    """px"""
+    size: int  # px
     samples: int
     views: Sequence[_View]
     render: Callable[[Model, _View], Tensor]

@@ -28,11 +28,9 @@ from core.models.model import Model
 from core.photos.photo import photo_from_array
 from core.rendering.surface import surface_points
 
-COMPARED = ("normal", "paper")
-"""presets"""
+COMPARED = ("normal", "paper")  # presets
 SUCCESS_DEGREES = RIGHT_DEGREES
-ROUGH_DEGREES = 30.0
-"""A camera that is off by less sees the right side."""
+ROUGH_DEGREES = 30.0  # A camera that is off by less sees the right side.
 
 
 @dataclass(frozen=True)
@@ -42,13 +40,11 @@ class RobustnessTrial:
     stressor: str
     level: float
     preset: str
-    name: str
-    """of the object"""
+    name: str  # of the object
     rotation: float | None = None
     """degrees, error; 0 where the object looks the same; None where the image was refused or shows no object"""
     confidence: float | None = None
-    size_error: float | None = None
-    """of the fitted object's longest side, relative to the true one"""
+    size_error: float | None = None  # of the fitted object's longest side, relative to the true one
     outcome: str = ""
     """"correct", "symmetric", "near", "opposite", "wrong", or why the image was refused; where there is no object to be
     found "refused", "doubted" or "believed"."""
@@ -64,8 +60,7 @@ class RobustnessTrial:
         return self.stressor, self.level, self.preset, self.name
 
 
-Rates = dict[tuple[str, float], dict[str, Mean]]
-"""shares of every preset, 0..1, by stressor and level"""
+Rates = dict[tuple[str, float], dict[str, Mean]]  # shares of every preset, 0..1, by stressor and level
 
 
 def success_rates(trials: Sequence[RobustnessTrial]) -> Rates:

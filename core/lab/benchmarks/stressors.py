@@ -16,26 +16,21 @@ from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 
 from core.geometry.camera import FRONT_AZIMUTH, Camera
 
-Cutout = Float[np.ndarray, "height width 4"]
-"""0..1: colours on white, and alpha"""
+Cutout = Float[np.ndarray, "height width 4"]  # 0..1: colours on white, and alpha
 
 
 class Stressor(NamedTuple):
     """One way in which an image can be worse."""
 
-    unit: str
-    """of the levels"""
+    unit: str  # of the levels
     levels: tuple[float, ...]
     corrupt: Callable[[Cutout, float, np.random.Generator], np.ndarray] = lambda cutout, *_: cutout
     """returns an image with 3 or 4 channels"""
-    camera: Callable[[Camera, float], Camera] = lambda camera, _: camera
-    """the camera that the image is rendered from"""
+    camera: Callable[[Camera, float], Camera] = lambda camera, _: camera  # the camera that the image is rendered from
     init: Callable[[Camera, float], Camera] | None = None
     """from the true camera, the initial camera of the paper's recipe; our presets are given none"""
-    no_object: bool = False
-    """The image shows no object of the model's category: it should be refused or doubted."""
-    other_category: bool = False
-    """It shows an object of another shipped category."""
+    no_object: bool = False  # The image shows no object of the model's category: it should be refused or doubted.
+    other_category: bool = False  # It shows an object of another shipped category.
 
 
 def _occlude(cutout: Cutout, share: float, _: np.random.Generator) -> np.ndarray:
@@ -169,5 +164,4 @@ STRESSORS = {
     "plain image": Stressor("grey level", (0.0, 1.0), _plain_image, no_object=True),
     "random pixels": Stressor("", (0.0,), _random_image, no_object=True),
     "another category": Stressor("", (0.0,), no_object=True, other_category=True),
-}
-"""By name; every level of each is tried on every object."""
+}  # By name; every level of each is tried on every object.

@@ -25,10 +25,8 @@ from core.lab.benchmarks.robustness import (
 from core.lab.benchmarks.stressors import STRESSORS
 from core.lab.evaluation.statistics import Mean, format_difference, format_share, share_within
 
-_SURE = 0.9
-"""A wrong camera of more confidence misleads."""
-_THRESHOLDS = (0.0, 0.5, 0.8, _SURE)
-"""confidences from which on a camera may be believed"""
+_SURE = 0.9  # A wrong camera of more confidence misleads.
+_THRESHOLDS = (0.0, 0.5, 0.8, _SURE)  # confidences from which on a camera may be believed
 
 Column = tuple[str, str | Callable[[Any], Any], str | Callable[[Any], str]]
 """heading; attribute of a row, or a function of it; how its value is formatted"""

@@ -25,17 +25,14 @@ from core.runtime.files import write_json
 from core.runtime.reading import read_json, reading, typed
 from core.streams import run_to_end
 
-_NEW_VIEWS = 8
-"""training objects of which a view that was not trained on is rendered"""
-_VIEW_STRIDE = 5
-"""over the other views of a test object"""
+_NEW_VIEWS = 8  # training objects of which a view that was not trained on is rendered
+_VIEW_STRIDE = 5  # over the other views of a test object
 
 
 class Variant(NamedTuple):
     """A model to train, and the objects to train it on."""
 
-    name: str
-    """of its file, without the number of steps"""
+    name: str  # of its file, without the number of steps
     settings: TrainSettings
     entries: Sequence[ObjectEntry]
 
@@ -44,18 +41,12 @@ class Variant(NamedTuple):
 class Scores:
     """How good a model is."""
 
-    model: str
-    """its fingerprint"""
-    tests: tuple[str, ...]
-    """names of the test objects"""
-    new_views: float
-    """dB, views not trained on of training objects"""
-    held_out: tuple[float, ...]
-    """dB, of each test object: other views, fitted on one view from its true camera"""
-    found: tuple[float, ...]
-    """1 where its camera was found within 10 degrees from a random view, else 0"""
-    fit_seconds: tuple[float, ...]
-    """of these blind fits"""
+    model: str  # its fingerprint
+    tests: tuple[str, ...]  # names of the test objects
+    new_views: float  # dB, views not trained on of training objects
+    held_out: tuple[float, ...]  # dB, of each test object: other views, fitted on one view from its true camera
+    found: tuple[float, ...]  # 1 where its camera was found within 10 degrees from a random view, else 0
+    fit_seconds: tuple[float, ...]  # of these blind fits
 
 
 class TrainedModel(NamedTuple):

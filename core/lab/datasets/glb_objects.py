@@ -23,8 +23,7 @@ TURN_TO_FRONT = {
     "quaternius_oct2017_chair": -90,
     "quaternius_oct2017_chaircushioned": -90,
     "quaternius_oct2017_chairhandle": -90,
-}
-"""Degrees about the vertical that bring the front of a mesh to +y where its file has it elsewhere."""
+}  # Degrees about the vertical that bring the front of a mesh to +y where its file has it elsewhere.
 
 
 @dataclass(frozen=True)

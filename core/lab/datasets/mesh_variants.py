@@ -12,12 +12,10 @@ from scipy.cluster.vq import kmeans2
 from core.lab.datasets.procedural.paint import any_colour
 from core.lab.datasets.rasteriser import Surface
 
-_COLOURS = 6
-"""At most as many groups of colour, taken as the parts of a mesh."""
+_COLOURS = 6  # At most as many groups of colour, taken as the parts of a mesh.
 _STRETCH = 0.16
 """Largest logarithm of the factor by which an axis is stretched, and of that by which its two halves differ."""
-_TEXELS = 1024
-"""px; larger textures are shrunk to this before they are recoloured."""
+_TEXELS = 1024  # px; larger textures are shrunk to this before they are recoloured.
 
 Recolouring = Callable[[Float[np.ndarray, "*colours 3"]], Float[np.ndarray, "*colours 3"]]
 

@@ -10,8 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from core.geometry.camera import Camera
 
-SUPERSAMPLES = 4
-"""Samples a pixel along each axis; the mean of the 16 is the pixel."""
+SUPERSAMPLES = 4  # Samples a pixel along each axis; the mean of the 16 is the pixel.
 
 
 def _unit(x: float, y: float, z: float) -> Float[np.ndarray, "3"]:
@@ -92,17 +91,12 @@ void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 -
 class Surface:
     """Triangles with one texture. Raises ``ValueError`` where the arrays do not belong together."""
 
-    vertices: Float[np.ndarray, "vertices 3"]
-    """world"""
-    normals: Float[np.ndarray, "vertices 3"]
-    """world, either side; a zero normal: flat shading"""
+    vertices: Float[np.ndarray, "vertices 3"]  # world
+    normals: Float[np.ndarray, "vertices 3"]  # world, either side; a zero normal: flat shading
     faces: Int[np.ndarray, "faces 3"]
-    colours: Float[np.ndarray, "vertices 3"]
-    """sRGB, 0..1; multiplies the texture"""
-    uvs: Float[np.ndarray, "vertices 2"] | None = None
-    """(0, 0) is the texture's top left, and it repeats"""
-    texture: UInt8[np.ndarray, "height width 4"] | None = None
-    """sRGB and alpha; cut out where alpha is below a half"""
+    colours: Float[np.ndarray, "vertices 3"]  # sRGB, 0..1; multiplies the texture
+    uvs: Float[np.ndarray, "vertices 2"] | None = None  # (0, 0) is the texture's top left, and it repeats
+    texture: UInt8[np.ndarray, "height width 4"] | None = None  # sRGB and alpha; cut out where alpha is below a half
 
     def __post_init__(self) -> None:
         count = len(self.vertices)

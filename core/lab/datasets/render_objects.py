@@ -20,8 +20,7 @@ class RenderTask:
     name: str
     shape_id: str
     texture_id: str
-    surfaces: Callable[[], Sequence[Surface]]
-    """called only when the object is rendered"""
+    surfaces: Callable[[], Sequence[Surface]]  # called only when the object is rendered
 
 
 def render_objects(

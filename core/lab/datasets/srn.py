@@ -30,14 +30,10 @@ class ObjectViews:
     """One object's images and their cameras. Raises ``ValueError`` where they do not belong together."""
 
     name: str
-    shape_id: str
-    """objects with the same shape_id have one geometry"""
-    texture_id: str
-    """objects with the same texture_id have the same colours"""
-    images: UInt8[np.ndarray, "views height width 3"]
-    """on white"""
-    masks: Bool[np.ndarray, "views height width"]
-    """True on the object"""
+    shape_id: str  # objects with the same shape_id have one geometry
+    texture_id: str  # objects with the same texture_id have the same colours
+    images: UInt8[np.ndarray, "views height width 3"]  # on white
+    masks: Bool[np.ndarray, "views height width"]  # True on the object
     cameras: tuple[Camera, ...]
 
     def __post_init__(self) -> None:
@@ -57,14 +53,10 @@ class Dataset:
     """Objects of one category, all seen through the same square image and focal length."""
 
     objects: tuple[ObjectViews, ...]
-    category: str
-    """'' where the files do not say"""
-    image_size: int
-    """px, width and height"""
-    focal: float
-    """px, at image_size"""
-    weights: tuple[float, ...] = ()
-    """of each object, how often training takes a ray of it; all alike where empty"""
+    category: str  # '' where the files do not say
+    image_size: int  # px, width and height
+    focal: float  # px, at image_size
+    weights: tuple[float, ...] = ()  # of each object, how often training takes a ray of it; all alike where empty
 
 
 class _Identity(NamedTuple):

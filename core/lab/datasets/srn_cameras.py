@@ -6,12 +6,10 @@ import numpy as np
 
 from core.geometry.camera import Camera
 
-SRN_FOCAL = 131.25
-"""px, at SRN's 128 px images."""
+SRN_FOCAL = 131.25  # px, at SRN's 128 px images.
 SRN_SIZE = 128
 SPIRAL_VIEWS = 251
-_SPIRAL_TURN = 150.0
-"""rad of azimuth on SRN's way from the horizon to the pole: 0.6 a step, about 24 turns."""
+_SPIRAL_TURN = 150.0  # rad of azimuth on SRN's way from the horizon to the pole: 0.6 a step, about 24 turns.
 
 
 def training_views(

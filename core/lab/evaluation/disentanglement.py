@@ -23,12 +23,9 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.rendering.images import render_image
 
-_RENDERED_VIEWS = 12
-"""of a pair, evenly spaced over all"""
-_FITTED_VIEWS = 6
-"""of a pair, with their cameras; others than the rendered ones where it has more"""
-_BACKGROUND_OPACITY = 1e-3
-"""A pixel that is less opaque than this shows the background."""
+_RENDERED_VIEWS = 12  # of a pair, evenly spaced over all
+_FITTED_VIEWS = 6  # of a pair, with their cameras; others than the rendered ones where it has more
+_BACKGROUND_OPACITY = 1e-3  # A pixel that is less opaque than this shows the background.
 _EDIT_SAMPLES = 96
 
 
@@ -39,8 +36,7 @@ class ShapeTexturePair:
     entry: ObjectEntry
     shape: int
     texture: int
-    trained: bool
-    """as this pair"""
+    trained: bool  # as this pair
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +44,13 @@ class PairScore:
     """How well a pair is rendered with the codes of its shape and its texture."""
 
     pair: ShapeTexturePair
-    psnr: float
-    """dB"""
+    psnr: float  # dB
     ssim: float
-    refitted: tuple[float, float] | None
-    """PSNR in dB and SSIM of the same views, rendered with :attr:`fitted_codes`"""
-    opacity_change: float
-    """0..1, the largest at any pixel when the texture code is replaced by another pair's"""
-    background_change: float
-    """0..1, the largest change of a colour beside the object"""
-    fitted_codes: Codes | None
-    """fitted to images of the pair alone; None for entangled designs, which cannot be fitted"""
-    images: UInt8[np.ndarray, "height two_widths 3"]
-    """the true view and the rendered one"""
+    refitted: tuple[float, float] | None  # PSNR in dB and SSIM of the same views, rendered with :attr:`fitted_codes`
+    opacity_change: float  # 0..1, the largest at any pixel when the texture code is replaced by another pair's
+    background_change: float  # 0..1, the largest change of a colour beside the object
+    fitted_codes: Codes | None  # fitted to images of the pair alone; None for entangled designs, which cannot be fitted
+    images: UInt8[np.ndarray, "height two_widths 3"]  # the true view and the rendered one
 
 
 def pairs(model: Model, entries: Sequence[ObjectEntry]) -> tuple[ShapeTexturePair, ...]:
@@ -132,11 +122,9 @@ def _fit_codes(model: Model, views: ObjectViews, candidates: Sequence[int], seed
 class Probe:
     """How often a classifier recovers an identity from codes."""
 
-    accuracy: Mean
-    """share of pairs, 0..1"""
+    accuracy: Mean  # share of pairs, 0..1
     chance: float
-    pairs: int
-    """whose label could be predicted"""
+    pairs: int  # whose label could be predicted
 
 
 def probe(codes: Float[Tensor, "pairs latent"], labels: Sequence[Hashable], groups: Sequence[Hashable]) -> Probe | None:
@@ -164,21 +152,18 @@ def probe(codes: Float[Tensor, "pairs latent"], labels: Sequence[Hashable], grou
 class DisentanglementSummary:
     """Means over all pairs."""
 
-    recombined: Mean
-    """PSNR in dB of held-out pairs, with the codes of two training objects"""
+    recombined: Mean  # PSNR in dB of held-out pairs, with the codes of two training objects
     recombined_ssim: Mean
     recombined_pairs: int
     refitted: Mean
     """of the same pairs and views, with codes fitted to other images of each pair; NaN for entangled designs"""
     refitted_ssim: Mean
-    trained: Mean
-    """of trained pairs; higher where their views were trained on"""
+    trained: Mean  # of trained pairs; higher where their views were trained on
     trained_ssim: Mean
     trained_pairs: int
     opacity_change: float
     background_change: float
-    probes: dict[str, Probe | None]
-    """empty for entangled architectures"""
+    probes: dict[str, Probe | None]  # empty for entangled architectures
 
 
 def summarise_pairs(scores: Sequence[PairScore]) -> DisentanglementSummary:

@@ -25,15 +25,11 @@ OUTLIER_DEGREES, OUTLIER_SHARE = 5.0, 0.03
 class EvaluationProtocol:
     """Which views of an object are fitted and which are rendered."""
 
-    inputs: tuple[int, ...] = (64,)
-    """the views that are fitted; the others are rendered and compared"""
-    estimate: bool = False
-    """estimate the cameras of the input views instead of taking the true ones"""
-    preset: str = "normal"
-    """of :data:`core.fitting.fit.PRESETS`"""
+    inputs: tuple[int, ...] = (64,)  # the views that are fitted; the others are rendered and compared
+    estimate: bool = False  # estimate the cameras of the input views instead of taking the true ones
+    preset: str = "normal"  # of PRESETS
     seed: int = 0
-    every: int = 1
-    """stride over the other views; the paper renders all of them"""
+    every: int = 1  # stride over the other views; the paper renders all of them
 
     def __post_init__(self) -> None:
         if self.preset not in PRESETS:
@@ -49,10 +45,8 @@ class PoseScore:
     """Errors of an estimated camera, at the end of the fit and after its first step."""
 
     view: int
-    rotation: float
-    """degrees"""
-    translation: float
-    """share of the true distance"""
+    rotation: float  # degrees
+    translation: float  # share of the true distance
     initial_rotation: float
     initial_translation: float
 
@@ -67,15 +61,11 @@ class ObjectScore:
     """How well one object was reconstructed."""
 
     name: str
-    psnr: float
-    """dB, mean over the rendered views"""
+    psnr: float  # dB, mean over the rendered views
     ssim: float
-    views: int
-    """rendered and compared"""
-    seconds: float
-    """of the fit"""
-    poses: tuple[PoseScore, ...] = ()
-    """one per input view where cameras were estimated"""
+    views: int  # rendered and compared
+    seconds: float  # of the fit
+    poses: tuple[PoseScore, ...] = ()  # one per input view where cameras were estimated
 
     @property
     def outlier(self) -> bool:
@@ -164,14 +154,11 @@ class PoseSummary:
     """Errors of estimated cameras, averaged per object, then over objects."""
 
     cameras: int
-    rotation: Mean
-    """degrees"""
-    translation: Mean
-    """share of the true distance"""
+    rotation: Mean  # degrees
+    translation: Mean  # share of the true distance
     initial_rotation: Mean
     initial_translation: Mean
-    within_5_degrees: Mean
-    """shares of cameras, 0..1"""
+    within_5_degrees: Mean  # shares of cameras, 0..1
     within_10_degrees: Mean
     within_3_percent: Mean
     within_5_percent: Mean
@@ -185,8 +172,7 @@ class EvaluationSummary:
     psnr: Mean
     ssim: Mean
     seconds: Mean
-    pose: PoseSummary | None
-    """None where cameras are known"""
+    pose: PoseSummary | None  # None where cameras are known
     without_outliers: "EvaluationSummary | None" = None
 
 

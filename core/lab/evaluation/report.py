@@ -19,14 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)
-"""degrees"""
-_TRANSLATION_BINS = (0, 1, 2, 3, 5, 10, 20, 50, 100, 200)
-"""per cent of the distance"""
-_PSNR_BINS = tuple(range(10, 42, 2))
-"""dB"""
-_SHEET = 24
-"""pairs on the contact sheet of a disentanglement report, at the most"""
+_ROTATION_BINS = (0, 1, 2, 3, 5, 10, 20, 45, 90, 135, 180)  # degrees
+_TRANSLATION_BINS = (0, 1, 2, 3, 5, 10, 20, 50, 100, 200)  # per cent of the distance
+_PSNR_BINS = tuple(range(10, 42, 2))  # dB
+_SHEET = 24  # pairs on the contact sheet of a disentanglement report, at the most
 _FINAL, _INITIAL = "#2f6fb0", "#8cc084"
 
 
@@ -36,8 +32,7 @@ class _Panel(NamedTuple):
     title: str
     bins: Sequence[int]
     values: Sequence[float]
-    initial: Sequence[float] = ()
-    """the same after the first step of the fit"""
+    initial: Sequence[float] = ()  # the same after the first step of the fit
 
 
 def format_table(scores: Sequence[ObjectScore], protocol: EvaluationProtocol) -> str:

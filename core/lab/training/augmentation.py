@@ -12,22 +12,16 @@ from torch.nn import functional
 from core.classifiers.crops import CROP_MARGIN
 from core.geometry.camera import FRONT_AZIMUTH
 
-_COLOUR_STD, _BRIGHTNESS_STD = 0.35, 0.2
-"""by how much colours are mixed and shifted"""
+_COLOUR_STD, _BRIGHTNESS_STD = 0.35, 0.2  # by how much colours are mixed and shifted
 _INVERT_PROBABILITY = 0.15
 _SCALE_STD, _ASPECT_STD, _SHIFT_STD = 0.06, 0.08, 0.04
 """of an object's size, of its proportions and, in halves of an image, of its place"""
-_SHADING_STD = 0.35
-"""slope of the light across half an image"""
-_MIN_SIDE = 12
-"""px: the resolution that the coarsest images are reduced to"""
+_SHADING_STD = 0.35  # slope of the light across half an image
+_MIN_SIDE = 12  # px: the resolution that the coarsest images are reduced to
 _BLUR_PROBABILITY, _NOISE_PROBABILITY, _MASK_PROBABILITY, _HIDE_PROBABILITY = 0.4, 0.3, 0.3, 0.3
-_MAX_NOISE = 0.12
-"""standard deviation"""
-_HIDDEN = (0.1, 0.6)
-"""share of the object's box behind what is in front of it, along one axis"""
-_MIN_VISIBLE = 0.25
-"""Share of an object that stays visible: of less, nobody knows the direction."""
+_MAX_NOISE = 0.12  # standard deviation
+_HIDDEN = (0.1, 0.6)  # share of the object's box behind what is in front of it, along one axis
+_MIN_VISIBLE = 0.25  # Share of an object that stays visible: of less, nobody knows the direction.
 
 Crops = Float[Tensor, "images 4 side side"]
 

@@ -17,10 +17,8 @@ class CurvePoint:
     """One measurement during a training run."""
 
     step: int
-    seconds: float
-    """of training"""
-    psnr: float
-    """dB on views not trained on"""
+    seconds: float  # of training
+    psnr: float  # dB on views not trained on
 
 
 def read_curve(path: Path) -> list[CurvePoint]:

@@ -25,21 +25,14 @@ from core.streams import run_to_end
 
 PARTS = {"cars": ("body", "wheels", "glass"), "chairs": ("seat", "back", "legs", "arms")}
 """The names of each category's parts; what is no other part is the first."""
-_RESOLUTION = 96
-"""cells along the longest side of the surfaces that are learned from"""
-_PLACES = 1000
-"""of each object's surface"""
-_SAMPLES = 60000
-"""of the generated shape's surface"""
-_DEPTH = 0.004
-"""scene units below the surface"""
-_SHELL_BACK = 0.1
-"""m above its legs: from there on a bent shell is the back"""
-_STEPS, _WEIGHT_DECAY = 60, 1e-4
-"""of L-BFGS; of the squared norm of the weights"""
+_RESOLUTION = 96  # cells along the longest side of the surfaces that are learned from
+_PLACES = 1000  # of each object's surface
+_SAMPLES = 60000  # of the generated shape's surface
+_DEPTH = 0.004  # scene units below the surface
+_SHELL_BACK = 0.1  # m above its legs: from there on a bent shell is the back
+_STEPS, _WEIGHT_DECAY = 60, 1e-4  # of L-BFGS; of the squared norm of the weights
 
-Places = tuple[Float[Tensor, "places width"], Int[Tensor, "places"]]
-"""features of the field, and parts as indices"""
+Places = tuple[Float[Tensor, "places width"], Int[Tensor, "places"]]  # features of the field, and parts as indices
 
 
 def labelled_places(model: Model, count: int) -> Iterator[Places]:

@@ -19,27 +19,19 @@ class TrainSettings:
 
     field: FieldConfig = field(default_factory=FieldConfig)
     steps: int = 100_000
-    rays: int = 768
-    """per step"""
+    rays: int = 768  # per step
     samples: int = 24  # of a ray, in the part of its hull that light reaches
-    outside_points: int = 768
-    """points outside the hulls whose density is penalised, per step"""
+    outside_points: int = 768  # points outside the hulls whose density is penalised, per step
     muon_lr: float | None = 1e-2
     """peak learning rate of the network's matrices, optimised by Muon; None: by AdamW like the rest, as in the paper"""
-    network_lr: float = 1e-3
-    """peak learning rate of the rest of the network; the paper's is 1e-4"""
-    code_lr: float = 4e-3
-    """peak learning rate of the codes; the paper's is 1e-3"""
+    network_lr: float = 1e-3  # peak learning rate of the rest of the network; the paper's is 1e-4
+    code_lr: float = 4e-3  # peak learning rate of the codes; the paper's is 1e-3
     whole_image: bool = False
     """as in the paper: rays through any pixel, sampled through the whole box, without visual hulls"""
-    code_prior: float = 1e-4
-    """weight of the squared norm of the codes, 1 / nu^2 in Eq. 4"""
-    empty_space_weight: float = 0.5
-    """of the density found outside the hulls"""
-    mask_weight: float = 0.1
-    """of the squared error of the opacity against the mask, off the mask's border"""
-    ema_decay: float = 0.999
-    """of the moving average of the weights, per step"""
+    code_prior: float = 1e-4  # weight of the squared norm of the codes, 1 / nu^2 in Eq. 4
+    empty_space_weight: float = 0.5  # of the density found outside the hulls
+    mask_weight: float = 0.1  # of the squared error of the opacity against the mask, off the mask's border
+    ema_decay: float = 0.999  # of the moving average of the weights, per step
     seed: int = 0
 
     @property

@@ -32,16 +32,12 @@ from core.runtime.reading import first_line
 
 _PRUNE_AT = (0.08, 0.2, 0.4, 0.7)
 """Fractions of the schedule after which the hulls are pruned to where the field has found the object."""
-_PRUNE_AFTER = 2000
-"""Steps before which nothing is pruned: what the field has not found yet is not empty."""
+_PRUNE_AFTER = 2000  # Steps before which nothing is pruned: what the field has not found yet is not empty.
 _OUTSIDE_INTERVALS = 64  # across the box: the length over which density outside the hulls is penalised
-_MIN_MUON_DIM = 8
-"""A matrix of fewer rows or columns (density's, colour's) is left to AdamW."""
-_WEIGHT_DECAY = 1e-4
-"""of the weights, per step and learning rate"""
+_MIN_MUON_DIM = 8  # A matrix of fewer rows or columns (density's, colour's) is left to AdamW.
+_WEIGHT_DECAY = 1e-4  # of the weights, per step and learning rate
 _WARMUP_STEPS = 500
-_FINAL_LR = 0.01
-"""Learning rates at the end of the schedule, relative to their peaks."""
+_FINAL_LR = 0.01  # Learning rates at the end of the schedule, relative to their peaks.
 
 
 @dataclass(frozen=True)
@@ -51,10 +47,8 @@ class TrainStep:
     step: int
     steps: int
     loss: float
-    psnr: float
-    """dB of this step's rays, which lie on and around the objects"""
-    seconds: float
-    """spent on training, resumed runs included"""
+    psnr: float  # dB of this step's rays, which lie on and around the objects
+    seconds: float  # spent on training, resumed runs included
 
 
 class Trainer:
@@ -80,8 +74,7 @@ class Trainer:
         self.step, self.seconds = 0, 0.0
         on_card = self.device.type == "cuda"
         self._ray_loss = torch.compile(self._evaluate_ray_loss, dynamic=False) if on_card else self._evaluate_ray_loss
-        self.extends: tuple[str, ...] = ()
-        """as :attr:`core.models.model.Model.extends`"""
+        self.extends: tuple[str, ...] = ()  # as :attr:`core.models.model.Model.extends`
 
     def _build_optimisers(self) -> tuple[list[torch.optim.Optimizer], list[float]]:
         """The optimisers of network and codes, and the peak learning rate of each of their parameter groups."""

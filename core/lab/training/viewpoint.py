@@ -15,11 +15,9 @@ from core.geometry.camera import camera_rotation
 from core.lab.datasets.srn import Dataset
 from core.lab.training.augmentation import augment_photo
 
-BATCH_SIZE = 96
-"""images"""
+BATCH_SIZE = 96  # images
 _PEAK_LR = 2e-3
-_KERNEL_WIDTH = math.radians(9)
-"""rad; standard deviation of the target distribution around the true direction"""
+_KERNEL_WIDTH = math.radians(9)  # rad; standard deviation of the target distribution around the true direction
 
 
 class ViewpointDataset(NamedTuple):
@@ -27,8 +25,7 @@ class ViewpointDataset(NamedTuple):
 
     images: Float[Tensor, "images 4 side side"]
     azimuth: Float[Tensor, "images"]
-    elevation: Float[Tensor, "images"]
-    """rad"""
+    elevation: Float[Tensor, "images"]  # rad
 
 
 def viewpoint_dataset(dataset: Dataset) -> ViewpointDataset:

@@ -158,7 +158,7 @@ def settings_with(**sizes: int) -> str:
         ("[]", r"hpam\.json: hpam must be an object"),
         ('{"net_hyperparams": {}}', r"hpam\.json: hpam\.net_hyperparams\.W is missing"),
         (settings_with(shape_blocks=10_000_000), r"hpam\.json: shape_blocks of a field is 1 to 32, got 10000000"),
-        (settings_with(W=32), r"models\.pth: not a checkpoint .*size mismatch"),
+        (settings_with(W=32), r"models\.pth: not a checkpoint .*Error\(s\) in loading state_dict"),
     ],
 )
 def test_settings_of_another_network_or_of_none_are_named(settings: str | None, said: str, tmp_path: Path):

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-_TILE = 64
-"""px; at 128 px images a tile of 0.3 m is seen at some 20 px."""
+_TILE = 64  # px; at 128 px images a tile of 0.3 m is seen at some 20 px.
 
 _WOODS = ("c89b66", "dfc294", "7a4a2b", "96552f", "5b2d1c", "3a2a22", "e6d3b1", "b5793f", "a8663a", "d9a566")
 _METALS = ("c4c6c8", "8d9196", "2a2b2e", "e4e4e0", "b99b5a", "55585c")
@@ -19,8 +18,7 @@ _LEATHERS = ("20201f", "4a2a1a", "7b4526", "a86b3c", "8e1f22", "d8cbb4", "2d3b36
 class Paint:
     """A tile that repeats every ``period`` m on a part."""
 
-    tile: UInt8[np.ndarray, "height width 4"]
-    """sRGB and alpha"""
+    tile: UInt8[np.ndarray, "height width 4"]  # sRGB and alpha
     period: float
 
 

@@ -18,19 +18,16 @@ from core.lab.datasets.rasteriser import Surface
 Given = ParamSpec("Given")
 Points = Float[np.ndarray, "points 3"]
 Point = Float[np.ndarray, "3"]
-_CREASE = math.cos(math.radians(42))
-"""Faces that meet at a sharper angle than this keep an edge between them."""
+_CREASE = math.cos(math.radians(42))  # Faces that meet at a sharper angle than this keep an edge between them.
 
 
 @dataclass(frozen=True)
 class Solid:
     """A closed triangle mesh, faces counter-clockwise from outside."""
 
-    vertices: Points
-    """m"""
+    vertices: Points  # m
     faces: Int[np.ndarray, "faces 3"]
-    local: Points
-    """m, before bending and placing; grain runs along z"""
+    local: Points  # m, before bending and placing; grain runs along z
 
 
 @dataclass(frozen=True)
@@ -39,8 +36,7 @@ class Part:
 
     label: str
     solid: Solid
-    of: str = ""
-    """which of the object's named parts it belongs to: seat, wheels; none: that is its label, or the first"""
+    of: str = ""  # which of the object's named parts it belongs to: seat, wheels; none: that is its label, or the first
 
 
 @dataclass(frozen=True)
@@ -49,8 +45,7 @@ class Shape:
 
     kind: str
     parts: tuple[Part, ...]
-    metre: float
-    """scene units"""
+    metre: float  # scene units
 
 
 def belongs_to(name: str) -> Callable[[Callable[Given, list[Part]]], Callable[Given, list[Part]]]:

@@ -12,8 +12,7 @@ from core.lab.datasets.procedural.cars.windows import windows
 from core.lab.datasets.procedural.carving import inset
 from core.lab.datasets.procedural.solids import Part, Points, Solid, quads, rounded_path
 
-_STEP = 0.135
-"""m along the profile from one section to the next"""
+_STEP = 0.135  # m along the profile from one section to the next
 
 
 def body(g: np.random.Generator, dims: CarDimensions) -> list[Part]:

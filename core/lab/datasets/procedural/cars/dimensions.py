@@ -21,45 +21,27 @@ class CarDimensions:
     width: float
     height: float
     clearance: float
-    wheel: float
-    """radius"""
-    axles: tuple[float, float]
-    """y of the front and the rear one"""
+    wheel: float  # radius
+    axles: tuple[float, float]  # y of the front and the rear one
     corners: tuple[tuple[float, float], ...]
     """(y, z) of the side profile from the front's upper edge over the roof to the rear's, before it is rounded"""
-    nose: float
-    """height of the bonnet's front edge"""
-    cowl: tuple[float, float]
-    """(y, z) where the windscreen begins"""
-    head: float
-    """y where the roof begins"""
-    roof_end: float
-    """y where it ends"""
-    tail: float
-    """height of the boot lid's or tailgate's lower edge, where the rear's lights are"""
-    rear_glass: tuple[float, float] | None
-    """z from and to"""
-    side_glass: float
-    """y where the last side window ends"""
-    pillars: tuple[float, ...]
-    """y of the pillars between side windows"""
+    nose: float  # height of the bonnet's front edge
+    cowl: tuple[float, float]  # (y, z) where the windscreen begins
+    head: float  # y where the roof begins
+    roof_end: float  # y where it ends
+    tail: float  # height of the boot lid's or tailgate's lower edge, where the rear's lights are
+    rear_glass: tuple[float, float] | None  # z from and to
+    side_glass: float  # y where the last side window ends
+    pillars: tuple[float, ...]  # y of the pillars between side windows
     doors: int
-    belt: tuple[float, float]
-    """height of the side windows' lower edge, at the cowl and at the rear"""
-    tumble: float
-    """how far the cabin's sides lean in for each m that they rise"""
-    ledge: float
-    """how far the cabin stands in from the body's side"""
-    crown: float
-    """how much higher the roof is in the middle than at its edges"""
-    cut: float
-    """how round the sections' corners are: the share of each side that a corner takes"""
-    bow: float
-    """how far the middle of front and rear stand out before their corners"""
-    narrow: float
-    """by which share front and rear are narrower than the middle"""
-    bed: tuple[float, float] | None = None
-    """y from and to of a pickup's bed"""
+    belt: tuple[float, float]  # height of the side windows' lower edge, at the cowl and at the rear
+    tumble: float  # how far the cabin's sides lean in for each m that they rise
+    ledge: float  # how far the cabin stands in from the body's side
+    crown: float  # how much higher the roof is in the middle than at its edges
+    cut: float  # how round the sections' corners are: the share of each side that a corner takes
+    bow: float  # how far the middle of front and rear stand out before their corners
+    narrow: float  # by which share front and rear are narrower than the middle
+    bed: tuple[float, float] | None = None  # y from and to of a pickup's bed
 
     @cached_property
     def profile(self) -> Float[np.ndarray, "points 2"]:

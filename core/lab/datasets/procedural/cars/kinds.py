@@ -259,5 +259,4 @@ KINDS: dict[str, tuple[Callable[[np.random.Generator], CarDimensions], float]] =
     "pickup": (_pickup, 0.07),
     "van": (_van, 0.08),
     "coupe": (_coupe, 0.11),
-}
-"""How each kind's dimensions are sampled, and its probability."""
+}  # How each kind's dimensions are sampled, and its probability.

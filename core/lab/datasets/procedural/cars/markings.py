@@ -7,8 +7,7 @@ from core.lab.datasets.procedural.cars.skin import Inside, Skin, between, disc, 
 from core.lab.datasets.procedural.carving import Region, Values
 from core.lab.datasets.procedural.solids import Points
 
-_SEAM = 0.009
-"""m, half the width of the gap around a door"""
+_SEAM = 0.009  # m, half the width of the gap around a door
 
 
 def markings(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:

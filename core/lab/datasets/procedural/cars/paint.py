@@ -36,8 +36,7 @@ LABELS = (
     "plate",
     "tyre",
     "wheel",
-)
-"""Labels that a texture must paint. Any texture fits any car."""
+)  # Labels that a texture must paint. Any texture fits any car.
 
 Colour = Float[np.ndarray, "3"]
 
@@ -51,8 +50,7 @@ _COMMON = {
     "earth": (("6b4f38", "a88f6a", "c9b893", "5a4638"), 0.05),
     "green": (("2a5c42", "2f6b4a", "5a6b45", "8fa88a"), 0.05),
 }
-_VIVID = 0.09
-"""Share of cars in a vivid colour of any hue: yellow cabs, orange, lime, turquoise."""
+_VIVID = 0.09  # Share of cars in a vivid colour of any hue: yellow cabs, orange, lime, turquoise.
 _WHEELS = ("b4b7ba", "c9cbcc", "8b8f93", "55585c", "222325", "d8d8d4")
 
 

@@ -7,8 +7,7 @@ from core.lab.datasets.procedural.cars.skin import Skin, between, over, under
 from core.lab.datasets.procedural.carving import Values
 from core.lab.datasets.procedural.solids import Points
 
-_POST = 0.035
-"""m, half the width of a pillar between side windows"""
+_POST = 0.035  # m, half the width of a pillar between side windows
 
 
 def windows(g: np.random.Generator, dims: CarDimensions, skin: Skin) -> None:

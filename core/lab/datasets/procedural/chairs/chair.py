@@ -142,5 +142,4 @@ _KINDS: dict[str, tuple[Callable[[np.random.Generator], list[Part]], float]] = {
     "lounge": (_lounge, 0.05),
     "bar chair": (_bar_chair, 0.07),
     "stool": (_stool, 0.06),
-}
-"""The builder of each kind, and its probability."""
+}  # The builder of each kind, and its probability.

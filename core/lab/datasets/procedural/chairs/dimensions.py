@@ -14,16 +14,11 @@ class ChairDimensions:
 
     width: float
     depth: float
-    height: float
-    """of the seat's upper side"""
-    thick: float
-    """the seat itself"""
-    back: float
-    """height of the back rest above the seat"""
-    recline: float = 0.15
-    """how far the back rest leans back for each m that it rises"""
-    curve: float = 0.03
-    """how far the back rest's sides come forward of its middle"""
+    height: float  # of the seat's upper side
+    thick: float  # the seat itself
+    back: float  # height of the back rest above the seat
+    recline: float = 0.15  # how far the back rest leans back for each m that it rises
+    curve: float = 0.03  # how far the back rest's sides come forward of its middle
     corner: float = 0.05
     taper: float = 0.0
 
