@@ -1,13 +1,13 @@
 """Generators that end with a result: run to the end, or as a part of a longer one."""
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Any, TypeVar
 
 _Result = TypeVar("_Result")
 
 
-def run_to_end(stream: Generator[Any, None, _Result]) -> _Result:
-    """The result of a generator, whatever it yields before.
+def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], object] = lambda value: None) -> _Result:
+    """Return the result of a generator; ``each`` is called with every value before.
 
     Example:
         >>> def job():
@@ -18,7 +18,7 @@ def run_to_end(stream: Generator[Any, None, _Result]) -> _Result:
     """
     while True:
         try:
-            next(stream)
+            each(next(stream))
         except StopIteration as done:
             return done.value
 

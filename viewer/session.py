@@ -69,7 +69,6 @@ class Session:
         self._generator = torch.Generator()
         self._generator.manual_seed(seed) if seed is not None else self._generator.seed()
         self._words: dict[str, Words] = {}  # by fingerprint, of principal directions
-        self._banks: dict[str, float] = {}  # by fingerprint, which share (0..1) of a model's view bank is made
         for name in dict.fromkeys((*shipped_models(), first)):
             self.models.open(name)
         self._begin(self.models.open(first), ViewSettings())
@@ -168,17 +167,13 @@ class Session:
     @property
     def preparing(self) -> float | None:
         """Which share (0..1) of the view banks is made; None once all are there."""
-        busy = [key for key in self._banks if self.jobs.busy(f"view bank {key}")]
-        return sum(self._banks.values()) / len(self._banks) if busy else None
+        shares = [self.jobs.banks.shares.get(model.fingerprint, 0.0) for model in self.models]
+        busy = self.jobs.busy(*(f"view bank {model.fingerprint}" for model in self.models))
+        return sum(shares) / len(shares) if busy else None
 
     def _build_view_bank(self, model: Model) -> None:
-        key, build = model.fingerprint, self.jobs.backend.view_bank
-        self._banks[key] = 0.0
-
-        def keep(share: float) -> None:
-            self._banks[key] = share
-
-        self.jobs.submit(Job(f"view bank {key}", lambda: build(model), keep, share=BACKGROUND_SHARE))
+        name, banks = f"view bank {model.fingerprint}", self.jobs.banks
+        self.jobs.submit(Job(name, lambda: banks.wait(model), lambda _: None, share=BACKGROUND_SHARE))
 
     def rename(self, name: str, to: str) -> None:
         """Give an added object another name, wherever it is mentioned."""

@@ -95,10 +95,10 @@ def _with_objects(objects: Iterator[ObjectViews], protocol: EvaluationProtocol) 
 def figures(chosen: argparse.Namespace) -> None:
     """``figures``: photos are fitted, one after another, and the paper's figures made of them; prints each path."""
     model = load_model(chosen.model or probable_model(read_cut_out(chosen.images[0])), chosen.device)
-    wait_for_view_bank(model)
-    shown = [load_photo(image, model) for image in chosen.images]
+    bank = wait_for_view_bank(model)
+    shown = [load_photo(image, model, bank) for image in chosen.images]
     chosen.out.mkdir(parents=True, exist_ok=True)
-    fitted = [fit_photo(model, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
+    fitted = [fit_photo(model, bank, photo, chosen.seed) for photo in tqdm(shown, unit="fit", disable=None)]
     for path in write_figures(model, fitted, chosen.out):
         print(path, flush=True)
 

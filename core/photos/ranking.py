@@ -59,7 +59,10 @@ def rank_cameras(
     Args:
         viewpoint: how probable every direction is, as :func:`core.classifiers.viewpoint.predict_viewpoint` has it.
         cropped: the image was moved and perhaps scaled: size and place in it do not count.
+
+    Raises ``ValueError`` for an empty bank.
     """
+    bank.require_prototypes()
     templates = _templates(image)
     scores = _match(bank.silhouettes, bank.luminance, bank.contrast, templates)
     sizes = torch.tensor([template.size for template in templates])

@@ -2,7 +2,7 @@
 
 Prototypes are clouds of surface points, splatted onto small images. Every view is normalised to its own bounding box,
 so a match says from where an object is seen whatever its size in the photo; the ratio of the two sizes then says from
-how far. A bank is made by :func:`build_view_bank`, once per model and user: it is kept in the cache folder.
+how far. :func:`build_view_bank` computes a bank once per model and user, and keeps it in the cache folder.
 """
 
 import math
@@ -24,7 +24,6 @@ from core.models.codes import Codes
 from core.models.model import Model
 from core.models.occupied_cells import pack
 from core.rendering.surface import surface_points
-from core.runtime.caches import CACHE, Kind
 from core.runtime.files import atomic_file
 from core.runtime.folders import VIEW_BANKS, cache_folder
 
@@ -75,52 +74,26 @@ class ViewBank:
         return directions()[1]
 
     @property
-    def size(self) -> int:
-        """bytes"""
-        return sum(getattr(self, name).nbytes for name in _TENSORS)
+    def is_empty(self) -> bool:
+        """The bank has no prototypes, as the model renders nothing."""
+        return not len(self.codes.shape)
 
-
-class EmptyBankError(ValueError):
-    """A model renders nothing that a view bank could hold."""
-
-
-_in_progress: dict[str, Generator[float, None, ViewBank]] = {}
-"""Begun and not finished: the next caller continues from there."""
-
-
-def view_bank(model: Model) -> ViewBank:
-    """The view bank that :func:`build_view_bank` has made, in this process or an earlier one.
-
-    Raises ``ValueError`` where that has not been run, :class:`EmptyBankError` where the model shows no objects.
-    """
-    bank = _kept(model)
-    if bank is None:
-        raise ValueError("this model has no view bank yet: run build_view_bank(model) to its end first")
-    if not len(bank.codes.shape):
-        raise EmptyBankError("the model shows no objects: all of its prototypes are empty")
-    return bank
+    def require_prototypes(self) -> None:
+        """Raise ``ValueError`` if the bank is empty."""
+        if self.is_empty:
+            raise ValueError("the model shows no objects: all of its prototypes are empty")
 
 
 def build_view_bank(model: Model) -> Generator[float, None, ViewBank]:
-    """The job that :func:`core.photos.photo.load_photo` and fits need done: finds the bank of the model (at once), or
-    makes it, a prototype at a time (seconds), and keeps it.
+    """Read the view bank of a model from the cache folder, or compute it (seconds) and keep it there.
 
-    Yields which share (0..1) is done; returns the bank. Two callers in turn share the work. Where the cache folder
-    cannot be written, the bank lasts as long as the process.
+    Yields the finished share (0..1) after each prototype; returns the bank.
     """
-    key = model.fingerprint
-    while (bank := _kept(model)) is None:
-        building = _in_progress.pop(key, None) or _build(model)
-        try:
-            done = next(building)
-        except StopIteration as made:
-            CACHE.put(Kind.BANK, key, made.value, made.value.size)
-            if len(made.value.codes.shape):
-                _save(made.value, _path(key))
-            return made.value
-        else:
-            _in_progress[key] = building
-            yield done
+    path = cache_folder() / VIEW_BANKS / f"{model.fingerprint}.{FORMAT}.safetensors"
+    if (bank := _read(path)) is None:
+        bank = yield from _build(model)
+        if not bank.is_empty:
+            _save(bank, path)
     return bank
 
 
@@ -132,9 +105,9 @@ class SizeRange(NamedTuple):
     max: float
 
 
-def apparent_size(model: Model) -> SizeRange:
-    """How large the model's objects are in images of the training kind. Raises as :func:`view_bank` does."""
-    bank = view_bank(model)
+def apparent_size(bank: ViewBank, model: Model) -> SizeRange:
+    """Return how large objects are in the model's training images. Raises ``ValueError`` for an empty bank."""
+    bank.require_prototypes()
     scale = model.focal / model.image_size
     from_above = (bank.elevation > 0) & (bank.elevation < math.radians(50))
     median = float(bank.sizes[:, from_above].median())
@@ -144,21 +117,8 @@ def apparent_size(model: Model) -> SizeRange:
 # Keeping
 
 
-def _path(key: str) -> Path:
-    return cache_folder() / VIEW_BANKS / f"{key}.{FORMAT}.safetensors"
-
-
-def _kept(model: Model) -> ViewBank | None:
-    """From memory, else from its file; None where there is none, or a damaged one."""
-    key = model.fingerprint
-    bank: ViewBank | None = CACHE.get(Kind.BANK, key)
-    if bank is None and (bank := _read(_path(key))):
-        CACHE.put(Kind.BANK, key, bank, bank.size)
-    return bank
-
-
 def _read(path: Path) -> ViewBank | None:
-    """With memory mapping: what is not looked at is not read."""
+    """Map a file into memory; None if it is missing or damaged."""
     try:
         with safe_open(path, framework="pt") as file:
             codes = Codes(file.get_tensor("shape"), file.get_tensor("texture"))

@@ -1,7 +1,7 @@
 """One byte-limited cache for renders and fits.
 
-Rendering keeps what shapes show from cameras and where shapes are, fits keep the small views that cameras are ranked
-by. How much that is grows with the picture, so it is counted in bytes.
+Rendering keeps what shapes show from cameras and where shapes are. How much that is grows with the picture, so it is
+counted in bytes.
 """
 
 from collections import OrderedDict
@@ -19,7 +19,6 @@ class Kind(IntEnum):
     VIEW = 0  # what a shape shows from a camera: much memory, a fraction of a second
     SHAPE = 1  # the occupied cells of a shape
     DETAIL = 2  # what a photo adds to colours
-    BANK = 3  # the view bank of a model: many seconds
 
 
 class _Entry(NamedTuple):

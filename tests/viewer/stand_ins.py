@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,10 +21,12 @@ from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut
+from core.photos.view_bank import ViewBank
 from core.rendering.background import Background
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob, RenderSettings
 from tests.conftest import random_model
+from tests.core.tiny import tiny_bank
 from viewer.services.backend import frame_photo
 from viewer.values.fit_history import PhotoSource
 
@@ -79,12 +81,18 @@ def small_video(models: OpenModels, views: list[View], path: Path, settings: Vid
     return write_video(models, views, path, replace(settings, size=settings.size // 16))
 
 
-def quick_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+def quick_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
     """The real thing cannot frame a block for a model of mists."""
     if not source.path.stem.startswith("block"):
-        return frame_photo(cut, model, source)
+        return frame_photo(cut, model, bank, source)
     pixels = torch.from_numpy(cut.pixels)[::3, ::3].contiguous()
     return Photo(pixels, pixels.mean(-1) < 0.9)
+
+
+def quick_bank(model: Model) -> Generator[float, None, ViewBank]:
+    """The bank of another model."""
+    yield 1.0
+    return tiny_bank()
 
 
 def quick_pace(model: Model, view: View) -> Iterator[Pace | None]:

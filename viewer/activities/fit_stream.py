@@ -9,7 +9,7 @@ from core.fitting.fit import PRESETS, FitJob, FitSettings, FitStep
 from core.fitting.settings import PaperSettings
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from viewer.services.backend import Backend
+from viewer.services.jobs import Jobs
 from viewer.values.fit_history import FitRequest, FittedPhoto
 
 WINDOW_PRESETS = tuple(name for name, settings in PRESETS.items() if not isinstance(settings, PaperSettings))
@@ -42,14 +42,14 @@ class FitOptions:
 
 
 def fit_stream(
-    backend: Backend, models: OpenModels, here: Model, request: FitRequest, settings: FitSettings
+    jobs: Jobs, here: Model, request: FitRequest, settings: FitSettings
 ) -> Iterator[ChosenModel | Remark | FittedPhoto | FitStep | None]:
     """The model, unless the request names one, the photos that have not been read, then the steps.
 
     Args:
         here: the model of the object on screen, taken where several models are as likely.
     """
-    history, resume_from = request.history, request.resume_from
+    backend, models, history = jobs.backend, jobs.models, request.history
     model = models[history.model] if history.model else None
     photos, first = [fitted.photo for fitted in history.photos], dict[str, float]()
     for source in history.sources[len(photos) :]:
@@ -61,15 +61,13 @@ def fit_stream(
         if model is None:
             model = _choose(models, here, likelier_model(guess) if guess else here.category)
             yield ChosenModel(model, describe_category(guess, model.category))
-        for _ in backend.view_bank(model):  # photos are cropped, and cameras ranked by it
-            yield None
-        photos.append(backend.frame_photo(cut, model, source))
+        bank = yield from jobs.banks.wait(model)
+        photos.append(backend.frame_photo(cut, model, bank, source))
         yield FittedPhoto.of(source, photos[-1])
     assert model is not None, "no photo"
-    for _ in backend.view_bank(model):
-        yield None
+    job = FitJob(tuple(photos), (yield from jobs.banks.wait(model)), settings, resume_from=request.resume_from)
     past = history.steps[-1].seconds if history.steps else 0.0
-    for step in backend.fit(model, FitJob(tuple(photos), settings, resume_from=resume_from)):
+    for step in backend.fit(model, job):
         yield replace(step, seconds=past + step.seconds)
 
 

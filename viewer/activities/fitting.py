@@ -260,7 +260,7 @@ class Fitting:
         if follow:
             self._viewport.follow()
         settings = self.options.settings(resume_from is not None)
-        stream = partial(fit_stream, self._jobs.backend, self._jobs.models, self._editor.model, request, settings)
+        stream = partial(fit_stream, self._jobs, self._editor.model, request, settings)
 
         def ended(error: Exception | None) -> None:
             read = len(self.history.photos)

@@ -12,6 +12,7 @@ from core.models.model import Model
 from core.photos.decode import read_rgba
 from core.photos.photo import Crop, prepare_photo
 from core.photos.segmentation import CutOut, Hints, cut_out
+from core.photos.view_bank import ViewBank
 from viewer.editor import Editor
 from viewer.services.jobs import Jobs
 from viewer.services.messages import error_text
@@ -126,14 +127,13 @@ class Segmenting:
         image, hints, crop, known, model = self._image, self.hints, self.crop, self.result, self._model
         if image is None:
             return
+        banks = self._jobs.banks
 
         def stream() -> Iterator[Segmentation | None]:
             result = known if known and known.hints == hints else _segment(image, hints)
-            waiting: Segmentation | None = result
-            for _ in self._jobs.backend.view_bank(model):  # crop needs it, and it may take seconds
-                yield waiting
-                waiting = None
-            yield _cropped(result, model, crop)
+            if not banks.is_built(model):
+                yield result
+            yield _cropped(result, model, (yield from banks.wait(model)), crop)
 
         def keep(result: Segmentation) -> None:
             self.result, self.problem = result, ""
@@ -162,8 +162,8 @@ def _dimmed(
     return (shown * np.where(inside[..., None], 1, _DIMMED)).astype(np.uint8)
 
 
-def _cropped(result: Segmentation, model: Model, crop: Crop) -> Segmentation:
-    photo = prepare_photo(result.found, model, crop=crop)
+def _cropped(result: Segmentation, model: Model, bank: ViewBank, crop: Crop) -> Segmentation:
+    photo = prepare_photo(result.found, model, bank, crop=crop)
     pixels = to_bytes(photo.pixels)
     return replace(result, cropped=pixels, crop=crop)
 

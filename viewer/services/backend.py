@@ -1,6 +1,6 @@
 """Where values come from: core's streams, or a test's stand-ins."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,16 +21,16 @@ from core.models.open_models import OpenModels
 from core.photos.direction_words import Words, direction_words
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
-from core.photos.view_bank import build_view_bank
+from core.photos.view_bank import ViewBank, build_view_bank
 from core.rendering.baked_field import BakedField
 from core.rendering.progressive import Frame, RenderJob
 from viewer.values.fit_history import PhotoSource
 
 
-def frame_photo(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
+def frame_photo(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
     """The object as a model takes it."""
     with naming(source.path):
-        return prepare_photo(cut, model, read_pose(source.pose) if source.pose else None, source.crop)
+        return prepare_photo(cut, model, bank, read_pose(source.pose) if source.pose else None, source.crop)
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,10 @@ class Backend:
 
     load_model: Callable[[str], Model] = load_model
     cut_out: Callable[[Path, Hints | None], CutOut] = read_cut_out
-    frame_photo: Callable[[CutOut, Model, PhotoSource], Photo] = frame_photo
+    frame_photo: Callable[[CutOut, Model, ViewBank, PhotoSource], Photo] = frame_photo
     frames: Callable[[Model, RenderJob], Iterator[Frame | None]] = render_progressively
     fit: Callable[[Model, FitJob], Iterator[FitStep]] = fit
-    view_bank: Callable[[Model], Iterator[float]] = build_view_bank
+    view_bank: Callable[[Model], Generator[float, None, ViewBank]] = build_view_bank
     pictures: Callable[..., Iterator[Image | None]] = render_frames
     draw: Callable[[BakedField, Camera, int, bool], Image | None] = draw_still
     video: Callable[[OpenModels, list[View], Path, VideoSettings], Iterator[int]] = write_video

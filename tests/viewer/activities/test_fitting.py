@@ -10,6 +10,7 @@ from core.fitting.fit import FitJob, FitStep
 from core.models.model import Model
 from core.photos.photo import Photo
 from core.photos.segmentation import CutOut
+from core.photos.view_bank import ViewBank
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import CheckedFit, broken_fit, endless_fit, quick_fit, quick_photo
 from viewer.editor import Editor
@@ -249,8 +250,8 @@ def test_what_is_only_checked_ends_with_its_result_where_a_photo_goes_first(sess
 
 
 def test_photos_that_may_be_cut_out_wrongly_are_pointed_out_one_after_the_other(session: Session, photo: Path) -> None:
-    def doubted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-        return replace(quick_photo(cut, model, source), mask_confidence=0.2)
+    def doubted(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+        return replace(quick_photo(cut, model, bank, source), mask_confidence=0.2)
 
     session.jobs.backend = replace(session.jobs.backend, frame_photo=doubted)
     for name in ("block a", "block b"):
@@ -360,8 +361,8 @@ def test_a_photo_of_something_else_among_several_is_named_and_so_is_what_lies_be
 
 
 def test_which_of_several_images_in_a_file_is_fitted_is_said(session: Session, photo: Path) -> None:
-    def noted(cut: CutOut, model: Model, source: PhotoSource) -> Photo:
-        return replace(quick_photo(cut, model, source), note="image 2 of the 3 in this file is used")
+    def noted(cut: CutOut, model: Model, bank: ViewBank, source: PhotoSource) -> Photo:
+        return replace(quick_photo(cut, model, bank, source), note="image 2 of the 3 in this file is used")
 
     session.jobs.backend = replace(session.jobs.backend, frame_photo=noted)
     session.fitting.start(photo)

@@ -1,5 +1,5 @@
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,8 @@ from PIL import Image
 from core.models.model import Model
 from core.photos import candidates
 from core.photos.photo import Crop
-from tests.conftest import make_view_bank
-from tests.core.tiny import tiny_model
+from core.photos.view_bank import ViewBank
+from tests.core.tiny import tiny_bank, tiny_model
 from tests.viewer.driver import deliver, finish
 from tests.viewer.stand_ins import no_guess, quick_fit, quick_frames
 from viewer.editor import Editor
@@ -35,16 +35,16 @@ def test_a_image_that_is_segmented_by_hand_must_be_one(
 
 
 def test_a_segmentation_is_shown_before_it_can_be_framed(worker: Worker, photo: Path) -> None:
-    ready, tiny = threading.Event(), tiny_model()
-    make_view_bank(tiny)
+    ready = threading.Event()
 
-    def view_bank(model: Model) -> Iterator[None]:
+    def view_bank(model: Model) -> Generator[float, None, ViewBank]:
         while not ready.is_set():
-            yield None
+            yield 0.5
+        return tiny_bank()
 
     session = Session(
         worker,
-        Backend(lambda name: tiny, frames=quick_frames, view_bank=view_bank, guess_category=no_guess),
+        Backend(lambda name: tiny_model(), frames=quick_frames, view_bank=view_bank, guess_category=no_guess),
         seed=0,
     )
     segmenting = session.segmenting

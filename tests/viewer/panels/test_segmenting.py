@@ -1,8 +1,6 @@
 import importlib.util
 import sys
 import threading
-import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +9,7 @@ import pytest
 from imgui_bundle import imgui
 from PIL import Image
 
-from core.models.model import Model
-from core.photos.photo import read_cut_out
-from tests.conftest import make_view_bank
+from core.photos.photo import Photo, prepare_photo, read_cut_out
 from tests.core.tiny import tiny_model
 from tests.viewer.driver import Drive, Driver
 from viewer.services.backend import Backend
@@ -106,9 +102,7 @@ def test_a_photo_on_busy_background_is_segmented_by_strokes(drive: Drive, backen
         assert segmenting.hints == before_zoom
         window.click("Cut out###segment/**/###cancel segmentation")
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def _room(names: tuple[str, ...], seed: int) -> tuple[Image.Image, list[np.ndarray]]:
@@ -158,9 +152,7 @@ def test_one_click_finds_each_of_several_objects(
                 assert (found & place).sum() / (found | place).sum() > 0.8
             window.click("Cut out###segment/**/###cancel segmentation")
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend: Backend, busy: Path) -> None:
@@ -192,9 +184,7 @@ def test_a_fitted_photo_is_segmented_again_with_its_hints(drive: Drive, backend:
         window.wait()
         assert not segmenting.active
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: Backend, busy: Path) -> None:
@@ -213,21 +203,19 @@ def test_a_photo_dropped_on_the_dialog_waits_for_its_end(drive: Drive, backend: 
         assert not segmenting.active
         assert session.editor.objects.own == ["busy"]
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
-    drive: Drive, backend: Backend, photo: Path
+    drive: Drive, backend: Backend, photo: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     may_end = threading.Event()
-    may_end.set()
 
-    def slow(model: Model) -> Iterator[None]:
-        while not may_end.is_set():
-            time.sleep(0.01)
-            yield None
+    def slow(*args: object, **options: object) -> Photo:
+        may_end.wait(60)
+        return prepare_photo(*args, **options)
+
+    monkeypatch.setattr("viewer.activities.segmenting.prepare_photo", slow)
 
     def act(window: Driver) -> None:
         segmenting, rebuild = window.session.segmenting, "Cut out###segment/**/###fit segmentation"
@@ -235,9 +223,9 @@ def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
         def enabled() -> bool:
             return not window.ctx.item_info(f"//{rebuild}").item_flags & imgui.ItemFlags_.disabled
 
-        may_end.clear()
         segmenting.open((PhotoSource(photo),), 0)
-        window.wait(lambda: segmenting.result is not None)
+        window.wait(lambda: segmenting.plain is not None)
+        window.ctx.yield_(2)
         assert not enabled()
         may_end.set()
         window.wait(lambda: segmenting.settled)
@@ -252,9 +240,7 @@ def test_rebuild_waits_until_the_photo_is_cut_out_as_was_pointed_out(
         window.wait(lambda: not window.session.fitting.running)
         assert window.session.editor.objects.own == ["block"]
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny, view_bank=slow))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
 
 
 def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_path: Path) -> None:
@@ -282,6 +268,4 @@ def test_a_soft_edge_is_moved_by_a_slider(drive: Drive, backend: Backend, tmp_pa
         assert area() == before
         window.click("Cut out###segment/**/###cancel segmentation")
 
-    tiny = tiny_model()
-    make_view_bank(tiny)
-    drive(act, replace(backend, load_model=lambda name: tiny))
+    drive(act, replace(backend, load_model=lambda name: tiny_model()))
