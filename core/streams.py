@@ -23,8 +23,10 @@ def run_to_end(stream: Generator[Any, None, _Result], each: Callable[[Any], obje
             return done.value
 
 
-def subprogress(stream: Generator[float, None, _Result], begin: float, end: float) -> Generator[float, None, _Result]:
-    """A stream of shares that are done as a part of a longer one, from ``begin`` to ``end``.
+def subprogress(
+    stream: Generator[float | None, None, _Result], begin: float, end: float
+) -> Generator[float, None, _Result]:
+    """A stream of shares that are done as a part of a longer one, from ``begin`` to ``end``; None counts as 0.
 
     Example:
         >>> def job():
@@ -38,4 +40,4 @@ def subprogress(stream: Generator[float, None, _Result], begin: float, end: floa
             share = next(stream)
         except StopIteration as done:
             return done.value
-        yield begin + (end - begin) * share
+        yield begin + (end - begin) * (share or 0.0)

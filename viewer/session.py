@@ -9,7 +9,7 @@ from core.models.library import DEFAULT_MODEL, sample_images, shipped_models
 from core.models.model import Model
 from core.models.open_models import OpenModels
 from core.models.scene import open_scene, scene_model
-from core.photos.direction_words import Words
+from core.rendering.direction_words import Words
 from core.runtime.folders import THUMBNAILS, cache_folder
 from viewer.activities.exporting import Exporting
 from viewer.activities.fit_stream import FitOptions

@@ -15,12 +15,12 @@ from core.lab.benchmarks import (
     ablations,
     architectures,
     charts,
+    detail_gains,
     drawing,
     films,
     fits,
     gate,
     model_sizes,
-    photo_detail,
     photos,
     rendering,
     rendering_charts,
@@ -174,8 +174,8 @@ def bench_detail(chosen: argparse.Namespace) -> None:
     wait_for_view_bank(model)
     entries = evenly_spaced(_index_entries(model, chosen.datasets), chosen.objects)
     about = {"machine": describe_machine(model.device)}
-    done = {row.key for row in read_records(path, photo_detail.DetailView)}
-    rows = photo_detail.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
+    done = {row.key for row in read_records(path, detail_gains.DetailView)}
+    rows = detail_gains.measure_detail(model, entries, chosen.renderer, chosen.input_view, chosen.view_stride, done)
     for view in _said(rows):
         append_record(path, about, view)
     print(charts.draw(chosen.out, "photo_detail"), flush=True)

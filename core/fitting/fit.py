@@ -16,7 +16,7 @@ from core.fitting.category_check import category_likelihood
 from core.fitting.confidence import witness_odds
 from core.fitting.hypotheses import DivergedError, Hypothesis, HypothesisBatch, concatenate
 from core.fitting.initial import combine_views, initial_hypotheses, local_hypotheses, resume_from
-from core.fitting.photo_detail import with_photo_detail
+from core.fitting.photo_views import with_photo_detail
 from core.fitting.problem import FitJob, Problem, told_direction
 from core.fitting.schedule import Schedule, build_schedule, stage_numbers
 from core.fitting.search import SearchResult, assess, better_of, is_doubtful, optimise, refine, score, select
@@ -32,7 +32,7 @@ def fit(model: Model, job: FitJob) -> Iterator[FitStep]:
 
     The search is of the field without contrast (:attr:`core.models.model.Model.soft`), the result is shown with it.
     The model stays as it is; the same seed gives the same steps; to stop, ask for no more, and of the last step take
-    :func:`core.fitting.photo_detail.with_photo_detail`. Raises ``ValueError`` where a photo shows nothing, or where
+    :func:`core.fitting.photo_views.with_photo_detail`. Raises ``ValueError`` where a photo shows nothing, or where
     every hypothesis diverged.
     """
     if type(job.settings) is PaperSettings:

@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from core.fitting.fit import FitStep, Hypothesis
-from core.fitting.photo_detail import with_photo_detail
+from core.fitting.photo_views import with_photo_detail
 from core.models.model import Model
 from core.photos.photo import DOUBTFUL_MASK
 from core.photos.plain_background import NoBackgroundError

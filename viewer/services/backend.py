@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from core.detail.frames import bake, render_progressively
+from core.detail.rendering import bake, render_progressively
 from core.export.frames import Image, draw_still, render_frames
 from core.export.framing import filling_distance
 from core.export.keyframes import View
@@ -18,11 +18,11 @@ from core.models.codes import Codes
 from core.models.library import load_model
 from core.models.model import Model
 from core.models.open_models import OpenModels
-from core.photos.direction_words import Words, direction_words
 from core.photos.photo import Photo, naming, prepare_photo, read_cut_out
 from core.photos.segmentation import CutOut, Hints
 from core.photos.view_bank import ViewBank, build_view_bank
 from core.rendering.baked_field import BakedField
+from core.rendering.direction_words import Words, direction_words
 from core.rendering.progressive import Frame, RenderJob
 from viewer.values.fit_history import PhotoSource
 
