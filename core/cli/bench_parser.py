@@ -1,4 +1,4 @@
-"""The words of ``bench``. Imports no torch, so that ``--help`` answers at once."""
+"""The command line of ``bench``. Imports no torch, so that ``--help`` answers at once."""
 
 import argparse
 from pathlib import Path
@@ -8,7 +8,7 @@ from core.cli.options import add_command, add_model, add_seed
 
 
 def add_bench(commands: argparse._SubParsersAction) -> None:
-    """``bench`` and its kinds."""
+    """Add ``bench`` and its kinds."""
     kinds = commands.add_parser("bench", help="measure on this machine and plot charts").add_subparsers(
         required=True, metavar="KIND"
     )
@@ -74,7 +74,7 @@ def add_bench(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_training(kinds: argparse._SubParsersAction) -> list[argparse.ArgumentParser]:
-    """The kinds that train models."""
+    """Add the kinds that train models."""
     size = add_command(
         kinds, "model-size", "measure.bench_model_size", "the effect of network and code sizes; trains a model for each"
     )

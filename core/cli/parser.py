@@ -1,4 +1,4 @@
-"""The words of the command line. Imports no torch, so that ``--help`` answers at once. Degrees here, radians inside."""
+"""The command line. Imports no torch, so that ``--help`` answers at once. Options in degrees become radians."""
 
 import argparse
 import sys
@@ -15,7 +15,7 @@ from core.lab.training.recipes import RECIPES
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
         print(f"{self.prog}: {message}", file=sys.stderr)
@@ -23,15 +23,15 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
-    """The options of one command; ``run`` names the function that executes it, as ``module.function`` of core.cli.
+    """Parse one command; ``run`` of the result names the function to execute, as ``module.function`` of core.cli.
 
-    Exits with status 2 and one line on stderr where the words are wrong.
+    Exits with status 2 and one line on stderr for wrong arguments.
     """
     return build_parser().parse_args(arguments)
 
 
 def build_parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+    """Build the parser of all commands."""
     top = _Parser(prog="python -m core", description="CodeNeRF without a window.", allow_abbrev=False)
     commands = top.add_subparsers(required=True, metavar="COMMAND")
     _add_render(commands)

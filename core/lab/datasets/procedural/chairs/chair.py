@@ -17,7 +17,7 @@ LABELS = ("seat", "back", "legs", "arms", "cushion", "metal")
 
 
 def chair(seed: int) -> Shape:
-    """The chair of a seed, always the same."""
+    """Build the chair of a seed, deterministically."""
     generator = np.random.default_rng([seed, 7])
     kind = str(generator.choice(list(_KINDS), p=[share for _, share in _KINDS.values()]))
     parts = _KINDS[kind][0](generator)
