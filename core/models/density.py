@@ -1,4 +1,4 @@
-r"""Density from the network's logit: a scaled softplus, then contrast.
+"""Density from the network's logit: a scaled softplus, then contrast.
 
 Contrast makes surfaces crisp. Training images show an edge as a mean over pixels, so a softplus there is neither empty
 nor opaque. :math:`\\sigma' = \\sigma \\min(\\sigma / \\sigma_0, g)` thins densities below :math:`\\sigma_0` and

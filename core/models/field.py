@@ -14,7 +14,7 @@ from core.models.field_config import FieldConfig
 
 
 def encode(values: Float[Tensor, "*batch 3"], frequencies: int) -> Float[Tensor, "*batch encoded"]:
-    r"""Positional encoding :math:`\\gamma`: the values, then sin, then cos of every frequency :math:`2^k x`.
+    """Positional encoding :math:`\\gamma`: the values, then sin, then cos of every frequency :math:`2^k x`.
 
     As in the authors' code there is no factor pi; the order is frequency by frequency, three axes each.
     """
