@@ -67,7 +67,7 @@ def chair_direction(corners: Float[np.ndarray, "9 2"], aspect: float) -> tuple[f
 
 
 def _crop(image: Image.Image, box: Box) -> tuple[Image.Image, float, float, float]:
-    """Return a square around a box at the network's size, its corner in the image (px), and image px per network px.
+    """Return a square around a box at the network's size, its corner (px), and image px per network px.
 
     Border pixels are repeated beyond the image.
     """

@@ -259,7 +259,7 @@ def _apply_strokes(
 
 
 def _without_specks(mask: Bool[np.ndarray, "height width"], far: bool) -> Bool[np.ndarray, "height width"]:
-    """Keep the largest piece, pieces of at least a fifth of it, and of a hundredth if near it or ``far``."""
+    """Keep the largest piece, pieces over a fifth of it, and over a hundredth if near it or ``far``."""
     pieces, count = label(mask, np.ones((3, 3)))
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
     areas[0] = 0

@@ -31,7 +31,7 @@ _MARGIN = 1.1  # half sizes of the scene's box covered by the position table: sa
 
 
 class AxisLookup(NamedTuple):
-    """A linear layer of a positional encoding, tabulated as a function of x, plus one of y, plus one of z."""
+    """A tabulated linear layer of a positional encoding: a function of x, plus one of y, plus one of z."""
 
     scale: Float[Tensor, "3"]  # entries per unit of each axis
     origin_index: Float[Tensor, "3"]  # index of the origin on each axis

@@ -75,5 +75,4 @@ RECIPES = {
     ),
     "M1": TrainSettings(field=FieldConfig(architecture="M1")),
     "M2": TrainSettings(field=FieldConfig(architecture="M2")),
-}
-"""The default; the paper's network, loss, samples and rates; the default with the paper's other architectures."""
+}  # the default; the paper's network, loss, samples and rates; the default with the paper's other architectures

@@ -1,4 +1,4 @@
-"""Cut open or closed meshes along curves, so that a window, a lamp or a wheel arch has a crisp outline.
+"""Cut open or closed meshes along curves, for crisp outlines of windows, lamps and wheel arches.
 
 A region is a list of functions of the points; a point is inside if all of them are positive.
 """
@@ -31,7 +31,7 @@ def carve(solid: Solid, region: Region) -> tuple[Solid, Solid]:
 
 
 def inset(piece: Solid, move: Callable[[Points], Points]) -> Solid:
-    """Move a piece cut out of a half mesh (x >= 0) and build walls between its old and its new border."""
+    """Move a piece cut out of a half mesh (x >= 0) and connect its old and new borders by walls."""
     rim = _border(piece)
     rim = rim[(np.abs(piece.vertices[rim, 0]) > 1e-6).any(1)]
     count = len(piece.vertices)

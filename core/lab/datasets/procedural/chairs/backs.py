@@ -27,7 +27,7 @@ def _posts(g: np.random.Generator, dims: ChairDimensions) -> tuple[float, list[S
 
 
 def _supports(dims: ChairDimensions, x: float, top: float, out: float) -> list[Part]:
-    """Build two flat bars at -x and x that carry a back rest, ``out`` m in front of its middle layer."""
+    """Build two flat bars at -x and x behind a back rest, ``out`` m in front of its middle."""
     paths = [line((s * x, -dims.thick, out), (s * x, top, out), 6) for s in (-1, 1)]
     return _flat(dims, "legs", [bar(path, 0.03, 0.02) for path in paths])
 
